@@ -30,6 +30,7 @@ COMMANDS = {
     "fetch": "Download the mission or a flight log from the vehicle",
     "fill": "Say how much liquid to fill for a day, and how that changes with air and battery",
     "fleet": "Show which aircraft of a season to look at first, and why",
+    "forecast": "Say before take-off whether a plan can be flown with a fill",
     "identify": "Find what a rotor speed model lacks",
     "ingest": "Take logs into the store of a season",
     "inspect": "Show what a log holds",
@@ -45,7 +46,7 @@ COMMANDS = {
 #: the same name. `airframe` has a room of its own.
 ROOMS = {
     "flight": ("demo", "fetch", "inspect", "monitor", "replay", "report", "stream"),
-    "load": ("cover", "fill", "match"),
+    "load": ("cover", "fill", "forecast", "match"),
     "loop": ("identify", "train"),
     "season": ("fleet", "ingest"),
 }

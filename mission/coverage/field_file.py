@@ -51,7 +51,8 @@ def read_field(
         data = path.read_bytes()
     except OSError as error:
         raise PlanError(f"{path} cannot be read: {error.strerror}") from error
-    found = list(_polygons(data, path))
+    with np.errstate(invalid="ignore"):  # corners that are no numbers are refused later
+        found = list(_polygons(data, path))
     if not found:
         raise PlanError(f"{name} has no polygon; draw the field's outline and save it again")
     chosen = _chosen(found, parts, name) if parts else found

@@ -153,6 +153,7 @@ def test_fields_far_apart_are_listed(tmp_path: Path):
 BOMB = '<!DOCTYPE k [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><kml>&b;</kml>'
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -1,0 +1,206 @@
+"""`thrustmargin forecast`: may a plan be flown with this fill, before take-off."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.load.cover import pump_of
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    STDOUT,
+    Output,
+    UsageError,
+    check_outputs,
+    check_utilisation,
+)
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from thrustmargin.mission.ahead.battery import FlightBattery
+    from thrustmargin.mission.ahead.plan_forecast import PlanForecast
+
+PLANS = (".plan", ".mission", ".waypoints", ".txt")
+ZERO_CELSIUS = 273.15
+
+
+def forecast(
+    plan: Annotated[Positional[Path], tyro.conf.arg(metavar="PLAN|LOG")],
+    *,
+    fill: str,
+    model: Path | None = None,
+    airframe: str | None = None,
+    parameters: Path | None = None,
+    air_temperature: float | None = None,
+    altitude: float | None = None,
+    wind: float = 0.0,
+    wind_from: float | None = None,
+    flow: float | None = None,
+    rate: float | None = None,
+    swath: float | None = None,
+    pump: str | None = None,
+    voltage: float | None = None,
+    capacity: float | None = None,
+    resistance: float | None = None,
+    max_utilisation: float = 0.5,
+    json: Path | None = None,
+) -> None:
+    """Say before take-off whether a plan can be flown with a fill, and where it is weakest.
+
+    The plan is flown in time by the autopilot's own limits: legs, turns at line ends, climbs, wind,
+    the tank and the voltage falling. Of a log its mission and parameters are taken alone.
+
+    Example: thrustmargin forecast sitl_logs/campaign/v4_m16_q2.5.tlog --fill 16 --flow 2.5
+
+    Args:
+        plan: Plan (.plan, .waypoints, .mission) or a log that holds the mission.
+        fill: In the tank at take-off: kg, or litres as 16L.
+        model: Rotor speed model file of this aircraft.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
+        parameters: Parameter file of the autopilot (.param, .parm, .params); of a log, its own.
+        air_temperature: °C at the field; without it that of the standard atmosphere.
+        altitude: m of the field above the sea; without it that of the plan's home.
+        wind: m/s of wind.
+        wind_from: ° where the wind comes from, 0 is north; without it the worst of all directions.
+        flow: L/min with the pump on, at the speed of the line.
+        rate: L/ha, instead of --flow; needs --swath.
+        swath: m between lines, for --rate.
+        pump: What switches the pump: sprayer (DO_SPRAYER), servo:NUMBER:ON:OFF, or relay:NUMBER.
+        voltage: V of the battery at rest; without it a full one.
+        capacity: Ah of the battery; without it that of the parameters.
+        resistance: mOhm of the battery.
+        max_utilisation: Largest share of a rotor's maximum thrust that may last.
+        json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
+            else.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
+    from thrustmargin.gcs_plugin.logs.plan_source import read_plan
+    from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
+    from thrustmargin.mission.ahead import plan_forecast
+
+    check_utilisation(max_utilisation)
+    for name, value, low, high, unit in (
+        ("--air-temperature", air_temperature, -60.0, 60.0, "°C"),
+        ("--altitude", altitude, -430.0, 9000.0, "m"),
+        ("--wind", wind, 0.0, 60.0, "m/s"),
+        ("--wind-from", wind_from, -360.0, 360.0, "°"),
+        ("--flow", flow, 0.0, 200.0, "L/min"),
+        ("--rate", rate, 0.0, 2000.0, "L/ha"),
+        ("--swath", swath, 0.1, 100.0, "m"),
+        ("--capacity", capacity, 0.1, 1000.0, "Ah"),
+        ("--resistance", resistance, 0.0, 1000.0, "mOhm"),
+    ):
+        if value is not None and not (math.isfinite(value) and low <= value <= high):
+            raise UsageError(f"{name} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
+    if rate is not None and (swath is None or flow is not None):
+        raise UsageError("--rate needs --swath, and goes without --flow")
+    check_outputs(
+        [Output("--json", json, endings=(".json",))], inputs=[plan, model, airframe, parameters]
+    )
+    rotor_model = chosen_model(model, airframe)
+    craft = rotor_model.airframe
+    liquid = craft.liquid_density
+    kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
+    found = read_plan(plan)
+    known = _parameters(plan, parameters)
+    made = plan_forecast.forecast(
+        found,
+        rotor_model,
+        plan_forecast.TakeOff(
+            fill_kg=kg,
+            air_temperature=_or_nan(air_temperature) + ZERO_CELSIUS,
+            altitude=_or_nan(altitude),
+            wind=wind,
+            wind_from_deg=_or_nan(wind_from),
+            flow=_or_nan(flow) * liquid / 60.0,
+            flow_per_metre=_or_nan(rate) * liquid * _or_nan(swath) / 1e4,
+            battery=_battery(known, voltage, capacity, resistance, craft.nominal_voltage),
+        ),
+        parameters=known,
+        pump=None if pump is None else pump_of(pump),
+        limit=max_utilisation,
+    )
+    console = Terminal(soft_wrap=True, quiet=json == STDOUT)
+    _show(made, console)
+    if json == STDOUT:
+        sys.stdout.write(json_text(made))
+    elif json is not None:
+        with whole_file(json) as draft:
+            draft.write_text(json_text(made), encoding="utf-8")
+        console.print(f"wrote {json}")
+
+
+def _show(made: PlanForecast, console: Terminal) -> None:
+    from thrustmargin.gcs_plugin.wording import forecast_words as words
+
+    for line in words.plan_faults(made):
+        console.print(line)
+    console.print(words.verdict(made), style="bold")
+    console.print(words.weakest_words(made.weakest))
+    console.print(words.fill_words(made))
+    console.print(words.survivable_words(made))
+    for line in words.sortie_words(made):
+        console.print(line)
+    console.print("Assumed:")
+    for line in words.assumed_words(made):
+        console.print(f"  {line}")
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
+    found = re.fullmatch(r"\s*(\d{1,4}(?:\.\d+)?)\s*(kg|l)?\s*", words, re.IGNORECASE)
+    if not found:
+        raise UsageError(f"--fill {words!r:.40} is no amount; give kg as 16, or litres as 16L")
+    kg = float(found[1]) * (liquid if (found[2] or "").lower() == "l" else 1.0)
+    if kg > capacity_kg + 1e-6:
+        raise UsageError(f"--fill {words} is more than the tank holds ({capacity_kg:g} kg)")
+    return kg
+
+
+def _parameters(plan: Path, file: Path | None) -> dict[str, float]:
+    """The autopilot's parameters: of the file, else of the log that the plan is in, else none."""
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
+
+    if file is not None:
+        return read_parameters(file)
+    if plan.suffix.lower() in PLANS:
+        return {}
+    try:
+        return dict(read_log(plan).parameters)
+    except LogError:
+        return {}  # a log without a flight still holds its mission; the defaults are said
+
+
+def _battery(
+    known: dict[str, float],
+    voltage: float | None,
+    capacity: float | None,
+    resistance: float | None,
+    nominal: float,
+) -> FlightBattery:
+    """By the options, else by the parameters; refuses a voltage that such a battery never has."""
+    from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
+    from thrustmargin.models.checks.plausible import POSSIBLE_VOLTAGE
+
+    low, high = (share * nominal for share in POSSIBLE_VOLTAGE)
+    if voltage is not None and not low <= voltage <= high:
+        raise UsageError(
+            f"--voltage {voltage:g} V cannot be: a battery of {nominal:g} V nominal stays within "
+            f"{low:.1f} and {high:.1f} V"
+        )
+    return FlightBattery(
+        voltage=_or_nan(voltage),
+        capacity_ah=stated_capacity(known) if capacity is None else capacity,
+        resistance=_or_nan(resistance) / 1e3,
+    )

@@ -1,0 +1,1 @@
+"""A plan before take-off as a file."""

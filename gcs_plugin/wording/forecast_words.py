@@ -1,0 +1,173 @@
+"""A plan before take-off in words: may it be flown, its weakest place, fill, sorties, what was
+assumed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from thrustmargin.gcs_plugin.wording.fill_words import amount
+from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, percent_within
+from thrustmargin.gcs_plugin.wording.plans.forecast_parts import ForecastParts, WeakestPlace
+from thrustmargin.gcs_plugin.wording.plans.plan_words import fault_words, not_understood_words
+from thrustmargin.models.model.advice import FlightLevel
+
+NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
+#: What was taken for what is not known; {0} is filled in with it.
+ASSUMED: Mapping[str, str] = {
+    "limits": "defaults of the autopilot for {0}: give its parameters with --parameters",
+    "full battery": "battery full, {0} V at rest: give --voltage",
+    "no capacity": "battery held at {0} V, its capacity is not known: give --capacity",
+    "resistance": "battery resistance usual for lithium polymer packs: give --resistance",
+    "no wind": "no wind: give --wind",
+    "worst wind": "wind from {0}°, the worst of all directions: give --wind-from",
+    "standard air": "air at {0} °C, the standard for the height: give --air-temperature",
+    "sea level": "field at sea level: give --altitude",
+    "no flow": "nothing is sprayed, so the tank stays full: give --flow or --rate",
+    "level ground": "heights above the ground as above home: no terrain is known",
+    "PX4 corners": "corners cut by ArduPilot's rule: that of PX4 is not modelled",
+    "pump by speed": "the flow falls with the speed over ground in turns",
+    "no forward flight": "drag and lift of forward flight are not known of this aircraft",
+    "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
+    "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
+}
+LEFT_OUT = "gusts, turbulence and the ways to and from a refill are not in it"
+_KINDS: Mapping[str, str] = {
+    "leg": "on the way to item {0}",
+    "turn": "in the turn at item {0}",
+    "climb": "in climb or descent to item {0}",
+    "wait": "while it waits at item {0}",
+}
+_SHORT: Mapping[str, str] = {
+    "tank": "one line alone takes more than the tank holds: fill more, or shorten the lines",
+    "battery": "one line alone takes more than the battery gives: shorten the lines",
+}
+LEAST_SHARE = 0.005  # of utilisation, worth a word
+
+
+def verdict(made: ForecastParts) -> str:
+    """The first line: may it take off with this, and why."""
+    advice = made.advised.advice
+    use, limit = advice.use, percent(advice.limit)
+    fill = amount(_fill(made), _liquid(made))
+    lasting = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
+    no = f"DO NOT TAKE OFF WITH {fill}:"
+    if made.too_heavy:
+        return f"{no} over the maker's maximum take-off mass"
+    level = made.level
+    if level is FlightLevel.UNKNOWN:
+        return NO_VERDICT
+    if level is FlightLevel.BATTERY:
+        return f"{no} the battery does not last"
+    if level is FlightLevel.NO_THRUST:
+        return f"{no} no thrust is left for {duration(use.spent_s)}"
+    if level is FlightLevel.CRITICAL:
+        return f"{no} for {duration(advice.lost.not_survivable_s)} a lost rotor brings it down"
+    if level is FlightLevel.OVER:
+        return f"{no} lasting use of thrust {lasting}, above the {limit} limit"
+    if level is FlightLevel.NEAR:
+        return f"TOO CLOSE TO TELL WITH {fill}: lasting use {lasting}, limit {limit}"
+    if level is FlightLevel.UNDER:
+        return f"MAY TAKE OFF WITH {fill}: lasting use of thrust {lasting}, limit {limit}"
+    return f"{no} control would be lost"
+
+
+def weakest_words(weakest: WeakestPlace | None) -> str:
+    """The place with the largest utilisation, and what makes it so."""
+    if weakest is None:
+        return "Weakest place unknown."
+    parts = [
+        (
+            weakest.manoeuvre,
+            "by the turn" if weakest.kind == "turn" else "by turning and speeding up",
+        ),
+        (weakest.load, f"by {number(weakest.tank_kg, 'kg')} in the tank"),
+        (weakest.wind, "by the wind"),
+        (weakest.battery, "by the fallen voltage"),
+    ]
+    named = [
+        f"{number(100.0 * share, 'points', 0)} {why}" for share, why in sorted(parts, reverse=True)
+        if share >= LEAST_SHARE
+    ]  # fmt: skip
+    use = percent_within(weakest.utilisation, *weakest.interval)
+    beyond = "; more than the rotors can give" if weakest.utilisation > 1.0 else ""
+    where = _KINDS[weakest.kind].format(weakest.item)
+    return f"Weakest {where}: {use} of a rotor's thrust{beyond} ({', '.join(named)})."
+
+
+def fill_words(made: ForecastParts) -> str:
+    """The largest fill that keeps the limit all along."""
+    liquid, limit = _liquid(made), percent(made.advised.advice.limit)
+    if not math.isfinite(made.largest_fill_kg):
+        return "Largest fill unknown."
+    if made.largest_fill_kg <= 0.0:
+        return f"No fill keeps the {limit} limit and survives a lost rotor all along."
+    fill = amount(made.largest_fill_kg, liquid)
+    return f"Fill at most {fill}: keeps the {limit} limit and survives a lost rotor all along."
+
+
+def survivable_words(made: ForecastParts) -> str:
+    """From which litre on a lost rotor is survived."""
+    below = made.survivable_below_kg
+    if not math.isfinite(below):
+        return "Whether a lost rotor is survivable is unknown."
+    if below <= 0.0:
+        return "A lost rotor is never survivable, not even with an empty tank."
+    track = made.flight.track
+    after = track.time_s[track.tank_kg > below + 1e-9]
+    if not after.size:
+        return "A lost rotor is survivable all along, spinning."
+    words = f"A lost rotor is survivable from {amount(below, _liquid(made))} down, spinning"
+    if track.tank_kg[-1] > below:
+        return f"{words}: the plan never gets there."
+    return f"{words}: after {duration(float(after[-1]))}."
+
+
+def sortie_words(made: ForecastParts) -> tuple[str, ...]:
+    """Time, liquid and energy; and where to refill."""
+    sorties, liquid = made.needs.sorties, _liquid(made)
+    sprayed = sum(s.kg for s in sorties)
+    energy = float(made.flight.energy_wh[-1])
+    track = made.flight.track
+    found = [
+        f"Flight {duration(track.duration)}, sprays {number(sprayed, 'kg')}, "
+        f"{number(energy, 'Wh', 0)}, lands with {amount(float(track.tank_kg[-1]), liquid)}."
+    ]
+    if made.needs.short_of:
+        found.append(f"No split is possible: {_SHORT[made.needs.short_of]}.")
+    if len(sorties) > 1:
+        places = [str(s.last_item) for s in sorties[:-1]]
+        more = f" and {len(places) - 8} more" if len(places) > 8 else ""
+        found.append(f"{len(sorties)} sorties: refill after item {', '.join(places[:8])}{more}.")
+    return tuple(found)
+
+
+def plan_faults(made: ForecastParts) -> tuple[str, ...]:
+    """What is wrong with the plan or not understood of it, first."""
+    wrong = [f"Plan: {fault_words(f.fault, f.items)}." for f in made.findings]
+    unknown = [
+        f"Not reckoned: {not_understood_words(n.item, n.command, n.why, n.touches)}."
+        for n in made.not_understood
+    ]
+    return (*_cut(wrong), *_cut(unknown))
+
+
+def assumed_words(made: ForecastParts) -> tuple[str, ...]:
+    """What was taken for what is not known."""
+    return (
+        *(ASSUMED[key].format(", ".join(values)) for key, values in made.assumed.items()),
+        LEFT_OUT,
+    )
+
+
+def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
+    rest = len(lines) - most
+    return [*lines[:most], *([f"... and {rest} more of these."] if rest > 0 else [])]
+
+
+def _fill(made: ForecastParts) -> float:
+    return float(made.flight.track.tank_kg[0])
+
+
+def _liquid(made: ForecastParts) -> float:
+    return made.advised.analysis.model.airframe.liquid_density

@@ -1,0 +1,102 @@
+"""Voltage and energy of a battery along a flight.
+
+    V = n V_cell(charge) - n r I      I = P/V      P = sum of torque x rotor speed / efficiency
+
+Lithium polymer cells; without a capacity the voltage is held, and that is said.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
+
+#: Charge of a cell -> V at rest, of lithium polymer.
+_CHARGE = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+_AT_REST = (3.30, 3.68, 3.74, 3.77, 3.80, 3.84, 3.88, 3.94, 4.01, 4.09, 4.20)
+CELL = 3.7  # V, nominal
+FULL = 4.2  # V a cell
+#: Ohm x Ah of a cell: usual for packs of sprayers (about 1.5 mOhm at 16 Ah).
+RESISTANCE = 0.025
+#: Of motor and speed controller together at work.
+EFFICIENCY = 0.85
+UNSET = 3300.0  # mAh of ArduPilot's BATT_CAPACITY where nobody has set it
+LEAST = 0.05  # of a charge below which nothing is known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightBattery:
+    """A battery before take-off; NaN is unknown."""
+
+    voltage: float = math.nan  # V at rest; with no capacity: V under load, held
+    capacity_ah: float = math.nan
+    resistance: float = math.nan  # ohm of the whole pack
+
+    @property
+    def falls(self) -> bool:
+        """Whether its voltage can be followed."""
+        return self.capacity_ah > 0.0
+
+
+UNKNOWN = FlightBattery()
+
+
+def since(total: Floats, changed: NDArray[np.intp]) -> Floats:
+    """(T,) of what adds up to `total` (T,), what came since the last of the rows `changed`."""
+    begun = np.zeros(total.size)
+    begun[changed] = total[changed]
+    return total - np.maximum.accumulate(begun)
+
+
+def stated_capacity(parameters: Mapping[str, float]) -> float:
+    """Ah that an autopilot has of its battery; NaN where it is not, or left at its default."""
+    for name, scale in (("BATT_CAPACITY", 1e-3), ("BAT1_CAPACITY", 1e-3)):
+        value = parameters.get(name, 0.0)
+        if value > 0.0 and value != UNSET:
+            return value * scale
+    return math.nan
+
+
+def rotor_power(airframe: Airframe, thrust: Floats, speed_rpm: Floats) -> Floats:
+    """(T,) W that the battery gives for thrusts N and speeds rpm (T, R) of the rotors."""
+    shaft = airframe.torque_ratio * thrust * speed_rpm * (2.0 * math.pi / 60.0)
+    return np.sum(shaft, axis=1) / EFFICIENCY
+
+
+def discharge(
+    battery: FlightBattery,
+    airframe: Airframe,
+    power: Floats,
+    seconds: Floats,
+    changed: NDArray[np.intp],
+) -> tuple[Floats, Floats]:
+    """Voltage (T,) under load and energy (T,) Wh given so far, at a power (T,) W for (T,) s.
+
+    In the rows `changed` a fresh battery goes in. NaN volts where the charge is used up.
+    """
+    energy = np.cumsum(np.nan_to_num(power) * seconds) / 3600.0
+    cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
+    if not battery.falls or not cells:
+        held = battery.voltage if battery.voltage > 0.0 else airframe.nominal_voltage
+        return np.full(power.size, held), energy
+    start = battery.voltage if battery.voltage > 0.0 else FULL * cells
+    full = float(np.interp(start / cells, _AT_REST, _CHARGE))
+    resistance = battery.resistance
+    if not resistance >= 0.0:
+        resistance = cells * RESISTANCE / battery.capacity_ah
+    # Charge goes with the current, which goes with the voltage: energy over nominal is near enough
+    # to start from, and one turn more settles it.
+    volts = np.full(power.size, start)
+    for _ in range(3):
+        drawn = since(np.cumsum(power / volts * seconds), changed) / 3600.0
+        charge = full - drawn / battery.capacity_ah
+        rest = cells * np.interp(charge, _CHARGE, _AT_REST)
+        inside = np.maximum(rest**2 - 4.0 * resistance * power, 0.0)
+        volts = 0.5 * (rest + np.sqrt(inside))
+    return np.where(charge > LEAST, volts, np.nan), energy

@@ -1,0 +1,129 @@
+"""Speed along one straight leg from rest to rest, limited in speed, acceleration, jerk and snap.
+
+That is how ArduPilot plans each leg of a mission (AP_Math, SCurve): jerk goes up and down as a
+raised cosine. A pulse of acceleration A with jerk J and ramps of t_j rises in A/J + t_j and adds
+
+    V = A (A/J + t_j + t_flat)      in T = 2 (A/J + t_j) + t_flat,      over V T / 2
+
+and braking is the same pulse backwards.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+
+SAMPLES = 257  # of a pulse, over which it is summed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LegProfile:
+    """A leg in time; tables of the pulse of acceleration have (SAMPLES,) rows."""
+
+    length: float  # m
+    top_speed: float  # m/s that is reached
+    pulse_s: float  # s of speeding up, and of braking
+    cruise_s: float  # s between them
+    at_s: Floats  # s since the pulse began
+    way: Floats  # m
+    speed: Floats  # m/s
+    acceleration: Floats  # m/s²
+
+    @property
+    def seconds(self) -> float:
+        return 2.0 * self.pulse_s + self.cruise_s
+
+    def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Way m, speed m/s and acceleration m/s² so many s (N,) after the start."""
+        left = self.seconds - time_s
+        first, last = time_s < self.pulse_s, left < self.pulse_s
+        near = np.where(first, time_s, left)
+        way, speed, gained = self.pulse(near)
+        between = (time_s - self.pulse_s) * self.top_speed + self.way[-1]
+        return (
+            np.where(first, way, np.where(last, self.length - way, between)),
+            np.where(first | last, speed, self.top_speed),
+            np.where(first, gained, np.where(last, -gained, 0.0)),
+        )
+
+    def pulse(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """The same while it speeds up; with s before the end, of braking, backwards."""
+        inside = np.clip(time_s, 0.0, self.pulse_s)
+        gained = np.interp(inside, self.at_s, self.acceleration)
+        return (
+            np.interp(inside, self.at_s, self.way),
+            np.interp(inside, self.at_s, self.speed),
+            np.where((time_s < 0.0) | (time_s > self.pulse_s), 0.0, gained),
+        )
+
+
+@lru_cache(maxsize=4096)
+def leg_profile(
+    length: float, speed: float, acceleration: float, jerk: float, snap: float
+) -> LegProfile:
+    """The profile of a leg of `length` m; the top speed is lower where the leg is too short."""
+    low, high = 0.0, speed
+    if _pulse_seconds(speed, acceleration, jerk, snap) * speed > length:
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            short = _pulse_seconds(middle, acceleration, jerk, snap) * middle > length
+            low, high = (low, middle) if short else (middle, high)
+        speed = max(low, 1e-6)
+    peak, steep, ramp, held, flat = _pulse(speed, acceleration, jerk, snap)
+    seconds = 2.0 * (2.0 * ramp + held) + flat
+    at_s = np.linspace(0.0, seconds, SAMPLES)
+    rise = np.minimum(at_s, seconds - at_s)
+    gained = _rise(rise, steep, ramp, held)
+    # The sums are those of the pulse to the last digit, so that legs end where they should.
+    step = at_s[1]
+    gain = np.append(0.0, np.cumsum(0.5 * (gained[1:] + gained[:-1]) * step))
+    gain *= speed / gain[-1]
+    way = np.append(0.0, np.cumsum(0.5 * (gain[1:] + gain[:-1]) * step))
+    return LegProfile(
+        length=length,
+        top_speed=speed,
+        pulse_s=seconds,
+        cruise_s=max(length - 2.0 * float(way[-1]), 0.0) / speed,
+        at_s=at_s,
+        way=way,
+        speed=gain,
+        acceleration=np.minimum(gained, peak),
+    )
+
+
+def _pulse_seconds(speed: float, acceleration: float, jerk: float, snap: float) -> float:
+    _, _, ramp, held, flat = _pulse(speed, acceleration, jerk, snap)
+    return 2.0 * (2.0 * ramp + held) + flat
+
+
+def _pulse(
+    speed: float, acceleration: float, jerk: float, snap: float
+) -> tuple[float, float, float, float, float]:
+    """Peak acceleration, jerk, and s of a ramp of jerk, of held jerk and of held acceleration."""
+    ramp = jerk * math.pi / (2.0 * snap)
+    root = math.sqrt(ramp**2 + 4.0 * speed / jerk)
+    peak = min(acceleration, jerk * (root - ramp) / 2.0)
+    if peak < jerk * ramp:  # jerk is not reached either
+        ramp = min(
+            (speed * math.pi / (4.0 * snap)) ** (1.0 / 3.0),
+            math.sqrt(acceleration * math.pi / (2.0 * snap)),
+        )
+        jerk = 2.0 * snap * ramp / math.pi
+        peak = jerk * ramp
+    held = peak / jerk - ramp
+    return peak, jerk, ramp, held, max(speed / peak - peak / jerk - ramp, 0.0)
+
+
+def _rise(time_s: Floats, jerk: float, ramp: float, held: float) -> Floats:
+    """(N,) m/s² so many s after acceleration began to rise."""
+    up = np.clip(time_s, 0.0, ramp)
+    down = np.clip(time_s - ramp - held, 0.0, ramp)
+    bent = ramp / (2.0 * math.pi)
+    first = 0.5 * jerk * (up - 2.0 * bent * np.sin(0.5 * up / bent))
+    last = 0.5 * jerk * (down + 2.0 * bent * np.sin(0.5 * down / bent))
+    return first + jerk * np.clip(time_s - ramp, 0.0, held) + last

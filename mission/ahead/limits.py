@@ -1,0 +1,144 @@
+"""How fast a vehicle flies a mission by its own parameters: speeds, accelerations, jerk, yaw.
+
+Names and defaults are those of ArduPilot's Copter 4.6 and before (cm, centidegrees), of 4.7 (m,
+degrees), and of PX4 1.16. What no parameter says has its default, and `assumed` names it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+CENTI = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightLimits:
+    """How the vehicle flies from place to place."""
+
+    speed: float  # m/s over ground where the plan orders none
+    climb_speed: float  # m/s
+    descent_speed: float
+    acceleration: float  # m/s², horizontal
+    corner_acceleration: float  # m/s² in the middle of a corner
+    climb_acceleration: float  # m/s²
+    jerk: float  # m/s³
+    climb_jerk: float  # m/s³ of take-off
+    snap: float  # m/s⁴
+    radius: float  # m from a place within which its corner is cut
+    take_off_speed: float  # m/s
+    land_speed: float  # m/s near the ground
+    land_below: float  # m above home
+    return_height: float  # m above home
+    yaw_rate: float  # rad/s
+    yaw_acceleration: float  # rad/s²
+    yaw_time: float  # s in which a small error of heading is turned away
+    nose_ahead: bool  # the nose follows the way flown
+    sprays_by_speed: bool  # the pump's flow follows the speed over ground
+    spray_speed: float = 0.0  # m/s below which the pump rests
+    assumed: tuple[str, ...] = ()  # parameters that were not known
+
+
+#: field of FlightLimits -> parameter of 4.6, of 4.7, what a unit of the former is, default.
+_ARDUPILOT: Mapping[str, tuple[str, str, float, float]] = {
+    "speed": ("WPNAV_SPEED", "WP_SPD", CENTI, 10.0),
+    "climb_speed": ("WPNAV_SPEED_UP", "WP_SPD_UP", CENTI, 2.5),
+    "descent_speed": ("WPNAV_SPEED_DN", "WP_SPD_DN", CENTI, 1.5),
+    "acceleration": ("WPNAV_ACCEL", "WP_ACC", CENTI, 2.5),
+    "corner_acceleration": ("WPNAV_ACCEL_C", "WP_ACC_CNR", CENTI, 0.0),
+    "climb_acceleration": ("WPNAV_ACCEL_Z", "WP_ACC_Z", CENTI, 1.0),
+    "jerk": ("WPNAV_JERK", "WP_JERK", 1.0, 1.0),
+    "climb_jerk": ("PSC_JERK_Z", "PSC_JERK_D", 1.0, 5.0),
+    "radius": ("WPNAV_RADIUS", "WP_RADIUS_M", CENTI, 2.0),
+    "land_speed": ("LAND_SPEED", "LAND_SPD_MS", CENTI, 0.5),
+    "land_below": ("LAND_ALT_LOW", "LAND_ALT_LOW_M", CENTI, 10.0),
+    "return_height": ("RTL_ALT", "RTL_ALT_M", CENTI, 15.0),
+    "slew_deg": ("ATC_SLEW_YAW", "ATC_RATE_WPY_MAX", CENTI, 60.0),
+    "yaw_rate_deg": ("ATC_RATE_Y_MAX", "ATC_RATE_Y_MAX", 1.0, 0.0),
+    "yaw_acceleration_deg": ("ATC_ACCEL_Y_MAX", "ATC_ACC_Y_MAX", CENTI, 270.0),
+    "yaw_time": ("ATC_INPUT_TC", "ATC_INPUT_TC", 1.0, 0.15),
+    "yaw_behaviour": ("WP_YAW_BEHAVIOR", "WP_YAW_BEHAVIOR", 1.0, 2.0),
+    "spray_speed": ("SPRAY_SPEED_MIN", "SPRAY_SPEED_MIN", CENTI, 1.0),
+}
+_PX4: Mapping[str, tuple[str, str, float, float]] = {
+    "speed": ("MPC_XY_CRUISE", "MPC_XY_CRUISE", 1.0, 5.0),
+    "climb_speed": ("MPC_Z_V_AUTO_UP", "MPC_Z_V_AUTO_UP", 1.0, 3.0),
+    "descent_speed": ("MPC_Z_V_AUTO_DN", "MPC_Z_V_AUTO_DN", 1.0, 1.5),
+    "acceleration": ("MPC_ACC_HOR", "MPC_ACC_HOR", 1.0, 3.0),
+    "climb_acceleration": ("MPC_ACC_UP_MAX", "MPC_ACC_UP_MAX", 1.0, 4.0),
+    "jerk": ("MPC_JERK_AUTO", "MPC_JERK_AUTO", 1.0, 4.0),
+    "climb_jerk": ("MPC_JERK_AUTO", "MPC_JERK_AUTO", 1.0, 4.0),
+    "radius": ("NAV_ACC_RAD", "NAV_ACC_RAD", 1.0, 10.0),
+    "take_off_speed": ("MPC_TKO_SPEED", "MPC_TKO_SPEED", 1.0, 1.5),
+    "land_speed": ("MPC_LAND_SPEED", "MPC_LAND_SPEED", 1.0, 0.7),
+    "land_below": ("MPC_LAND_ALT2", "MPC_LAND_ALT2", 1.0, 5.0),
+    "return_height": ("RTL_RETURN_ALT", "RTL_RETURN_ALT", 1.0, 60.0),
+    "yaw_rate_deg": ("MPC_YAWRAUTO_MAX", "MPC_YAWRAUTO_MAX", 1.0, 60.0),
+    "yaw_acceleration_deg": ("MPC_YAWRAUTO_ACC", "MPC_YAWRAUTO_ACC", 1.0, 20.0),
+    "yaw_behaviour": ("MPC_YAW_MODE", "MPC_YAW_MODE", 1.0, 0.0),
+}
+PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
+
+
+@dataclass(slots=True)
+class _Values:
+    parameters: Mapping[str, float]
+    assumed: list[str] = field(default_factory=list)
+
+    def of(self, table: Mapping[str, tuple[str, str, float, float]]) -> dict[str, float]:
+        return {name: self._one(*entry) for name, entry in table.items()}
+
+    def _one(self, old: str, new: str, unit: float, default: float) -> float:
+        for name, scale in ((old, unit), (new, 1.0)):
+            value = self.parameters.get(name)
+            if value is not None and math.isfinite(value):
+                return value * scale
+        self.assumed.append(f"{new} {default:g}")
+        return default
+
+
+def flight_limits(parameters: Mapping[str, float], *, px4: bool = False) -> FlightLimits:
+    """The limits of a vehicle with these parameters, by name; none at all are all defaults."""
+    values = _Values(parameters)
+    return (_px4 if px4 else _ardupilot)(values)
+
+
+def _ardupilot(values: _Values) -> FlightLimits:
+    found: dict[str, Any] = values.of(_ARDUPILOT)
+    slew = math.radians(found.pop("slew_deg"))
+    rate = math.radians(found.pop("yaw_rate_deg"))
+    behaviour = found.pop("yaw_behaviour")
+    turning = math.radians(found.pop("yaw_acceleration_deg"))
+    found["corner_acceleration"] = found["corner_acceleration"] or 2.0 * found["acceleration"]
+    return FlightLimits(
+        **found,
+        # Half of what leaning takes in the time of the attitude controller (AC_WPNav).
+        snap=found["jerk"] * math.pi / (4.0 * max(found["yaw_time"], 0.1)),
+        take_off_speed=found["climb_speed"],
+        yaw_rate=min(slew, rate) if rate > 0.0 else slew,
+        yaw_acceleration=turning,
+        nose_ahead=behaviour in (1.0, 2.0, 3.0),
+        sprays_by_speed=values.parameters.get("SPRAY_ENABLE", 1.0) > 0.0,
+        assumed=tuple(values.assumed),
+    )
+
+
+def _px4(values: _Values) -> FlightLimits:
+    found: dict[str, Any] = values.of(_PX4)
+    behaviour = found.pop("yaw_behaviour")
+    rate, turning = (
+        math.radians(found.pop(name)) for name in ("yaw_rate_deg", "yaw_acceleration_deg")
+    )
+    return FlightLimits(
+        **found,
+        corner_acceleration=found["acceleration"],
+        snap=found["jerk"] * math.pi / (4.0 * PX4_YAW_TIME),
+        yaw_rate=rate,
+        yaw_acceleration=turning,
+        yaw_time=PX4_YAW_TIME,
+        nose_ahead=behaviour in (0.0, 3.0),
+        sprays_by_speed=False,
+        assumed=tuple(values.assumed),
+    )
