@@ -69,7 +69,8 @@ def verdict(made: ForecastParts) -> str:
     if level is FlightLevel.NEAR:
         return f"TOO CLOSE TO TELL WITH {fill}: lasting use {lasting}, limit {limit}"
     if level is FlightLevel.UNDER:
-        return f"MAY TAKE OFF WITH {fill}{_as_far(made)}: lasting use of thrust {lasting}, limit {limit}"
+        with_it = f"{fill}{_as_far(made)}"
+        return f"MAY TAKE OFF WITH {with_it}: lasting use of thrust {lasting}, limit {limit}"
     return f"{no} control would be lost"
 
 
