@@ -29,6 +29,7 @@ ASSUMED: Mapping[str, str] = {
     "pump by speed": "the flow falls with the speed over ground in turns",
     "no forward flight": "drag and lift of forward flight are not known of this aircraft",
     "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
+    "first part": "only the first {0} of {1} min are flown in detail: later lines as these",
     "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
 }
 LEFT_OUT = "gusts, turbulence and the ways to and from a refill are not in it"
@@ -68,7 +69,8 @@ def verdict(made: ForecastParts) -> str:
     if level is FlightLevel.NEAR:
         return f"TOO CLOSE TO TELL WITH {fill}: lasting use {lasting}, limit {limit}"
     if level is FlightLevel.UNDER:
-        return f"MAY TAKE OFF WITH {fill}: lasting use of thrust {lasting}, limit {limit}"
+        with_it = f"{fill}{_as_far(made)}"
+        return f"MAY TAKE OFF WITH {with_it}: lasting use of thrust {lasting}, limit {limit}"
     return f"{no} control would be lost"
 
 
@@ -127,11 +129,11 @@ def sortie_words(made: ForecastParts) -> tuple[str, ...]:
     """Time, liquid and energy; and where to refill."""
     sorties, liquid = made.needs.sorties, _liquid(made)
     sprayed = sum(s.kg for s in sorties)
-    energy = float(made.flight.energy_wh[-1])
-    track = made.flight.track
+    energy = sum(s.energy_wh for s in sorties)
+    last = _fill(made) - (sorties[-1].kg if sorties else 0.0)
     found = [
-        f"Flight {duration(track.duration)}, sprays {number(sprayed, 'kg')}, "
-        f"{number(energy, 'Wh', 0)}, lands with {amount(float(track.tank_kg[-1]), liquid)}."
+        f"Flight {duration(made.flight_s)}, sprays {number(sprayed, 'kg')}, "
+        f"{number(energy, 'Wh', 0)}, lands with {amount(max(last, 0.0), liquid)}."
     ]
     if made.needs.short_of:
         found.append(f"No split is possible: {_SHORT[made.needs.short_of]}.")
@@ -155,9 +157,22 @@ def plan_faults(made: ForecastParts) -> tuple[str, ...]:
 def assumed_words(made: ForecastParts) -> tuple[str, ...]:
     """What was taken for what is not known."""
     return (
-        *(ASSUMED[key].format(", ".join(values)) for key, values in made.assumed.items()),
+        *(_assumed(key, values) for key, values in made.assumed.items()),
         LEFT_OUT,
     )
+
+
+def _as_far(made: ForecastParts) -> str:
+    """What the answer does not reach: said in it, for it is read alone."""
+    parts = [", AS FAR AS THE PLAN IS UNDERSTOOD"] if made.not_understood else []
+    if "first part" in made.assumed:
+        parts.append(f", FIRST {made.assumed['first part'][0]} MIN")
+    return "".join(parts)
+
+
+def _assumed(key: str, values: Sequence[str]) -> str:
+    listed = values if key == "first part" else [", ".join(values)]
+    return ASSUMED[key].format(*listed)
 
 
 def _cut(lines: Sequence[str], most: int = 6) -> list[str]:

@@ -16,6 +16,7 @@ from thrustmargin.models.model.predict import flown_airframe
 
 TURNS = 6  # of the search for the largest fill
 STEP_KG = 0.1  # by which a fill is rounded down
+NUDGE_KG = 0.02  # to the safe side of a limit, so that the search closes in on it from both
 
 
 def survivable_below(analysis: FlightAnalysis) -> float:
@@ -47,19 +48,24 @@ def largest_fill(
     kg, answer = given.fill_kg, advised
     if not math.isfinite(answer.advice.use.lasting_most) or not math.isfinite(most):
         return math.nan
-    good = 0.0
-    bad = math.inf
+    good, bad = 0.0, math.inf
+    before: tuple[float, float] | None = None
     for _ in range(TURNS):
         if answer.advice.level is FlightLevel.UNDER:
             good = max(good, kg)
         else:
             bad = min(bad, kg)
-        if good >= most or bad - good <= STEP_KG:
+        room = _room(answer, limit)
+        close = answer.advice.level is FlightLevel.UNDER and room < STEP_KG
+        if close or good >= most or bad - good <= STEP_KG:
             break
-        step = kg + _room(answer, limit)
-        middle = 0.5 * (good + min(bad, most))
-        inside = good < step < min(bad, most + STEP_KG)
-        kg = min(step if inside else middle if math.isfinite(bad) else most, most)
+        slope = -1.0  # kg of room that a kg more in the tank takes
+        if before is not None and kg != before[0]:
+            slope = min((room - before[1]) / (kg - before[0]), -0.2)
+        before = (kg, room)
+        step = kg - room / slope - NUDGE_KG
+        ceiling = min(bad, most + STEP_KG)
+        kg = min(step if good < step < ceiling else 0.5 * (good + min(ceiling, most)), most)
         answer = flown(replace(given, fill_kg=kg))
     return math.floor(good / STEP_KG + 1e-6) * STEP_KG
 
@@ -72,4 +78,4 @@ def _room(advised: Advised, limit: float) -> float:
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
     by_use = mass * limit / (use.lasting + reach) - mass
     found = np.concatenate([by_use, mass * sure - mass])
-    return float(np.nanmin(found)) - 0.02
+    return float(np.nanmin(found))

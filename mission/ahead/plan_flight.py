@@ -62,6 +62,7 @@ class PlanFlight:
     track: FlightTrack
     density: Floats  # (T,) kg/m³
     spans: tuple[Span, ...]
+    rotor_speed_rpm: Floats  # (T, R) predicted
     energy_wh: Floats  # (T,) given so far, of all batteries
     sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
     active: NDArray[np.intp]  # (T,) number of the leg being flown, from 0
@@ -138,6 +139,7 @@ def fly_plan(
         track=track,
         density=density,
         spans=_spans(timed, time_s, off),
+        rotor_speed_rpm=speed,
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
         active=active,

@@ -1,6 +1,7 @@
 """What the model says of a plan: the same answer as of a flight."""
 
 import math
+import time
 from dataclasses import replace
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from tests.mission.plans_made import TWO_LINES, plan_of, spot
 from thrustmargin.mission.ahead.battery import FlightBattery
 from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
+from thrustmargin.models.errors import PlanError
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_file import shipped_model
 
@@ -104,3 +106,61 @@ def test_a_climb_is_a_climb():
     assert kinds[0] == "climb"
     assert kinds[-1] == "climb"
     assert math.isclose(sum(leg.seconds for leg in made.legs), made.flight.track.duration)
+
+
+def test_a_nose_that_asks_for_more_than_the_rotors_have_gives_way():
+    """270 °/s² is ArduPilot's default, and no sprayer has the moment for it."""
+    made = forecast(plan_of(*TWO_LINES), MODEL, replace(DAY, fill_kg=12.0))
+    assert made.weakest is not None
+    assert made.weakest.utilisation <= 1.0
+    assert made.limits.yaw_acceleration < math.radians(200.0)
+    assert "nose gives way" in made.assumed
+    assert "nose gives way" not in outlook().assumed
+
+
+def lines(count):
+    rows = [*TWO_LINES[:2]]
+    for k in range(count):
+        ends = (48.0005, 48.0015) if k % 2 == 0 else (48.0015, 48.0005)
+        east = 11.0 + k * 5e-5
+        rows += [(16, spot(ends[0], east)), (216, 1.0), (16, spot(ends[1], east)), (216, 0.0)]
+    return [*rows, (20,)]
+
+
+def test_of_a_long_plan_the_first_part_is_flown_and_the_rest_is_counted():
+    short, double, long = (outlook(*lines(count)) for count in (10, 20, 100))
+    assert "first part" not in short.assumed
+    assert "first part" in long.assumed
+    assert 800.0 < long.flight.track.duration < 1000.0
+    sprayed, ten_lines = short.flight.sprayed_kg[-1], double.flight_s - short.flight_s
+    assert sum(s.kg for s in long.needs.sorties) == pytest.approx(10 * sprayed, rel=0.04)
+    assert long.flight_s == pytest.approx(short.flight_s + 9 * ten_lines, rel=0.04)
+    assert long.needs.sorties[-1].last_item == len(lines(100))
+
+
+def test_a_thousand_lines_take_seconds():
+    begun = time.process_time()
+    made = outlook(*lines(1000))
+    assert time.process_time() - begun < 8.0
+    assert len(made.needs.sorties) > 50
+
+
+@pytest.mark.parametrize(
+    "row",
+    [(16, 1e6, spot(48.0005, 11.0)), (16, spot(-48.0, -169.0)), (178, 1.0, 0.001, -1.0)],
+    ids=["waits for days", "on the other side of the Earth", "hardly moves"],
+)
+def test_what_no_battery_lasts_is_refused_at_once(row):
+    begun = time.process_time()
+    with pytest.raises(
+        PlanError, match=r"the way to item \d+ with its wait takes|item 2 is \d+ km"
+    ):
+        outlook(TWO_LINES[0], row, (16, spot(48.001, 11.0)), (20,))
+    assert time.process_time() - begun < 1.0
+
+
+def test_a_peak_is_no_surer_than_flights_were_flown():
+    """5 % of it, and 1.645 of that to either side."""
+    for leg in outlook().legs:
+        half = 0.5 * (leg.interval[1] - leg.interval[0])
+        assert half >= 1.645 * 0.05 * leg.utilisation_peak - 1e-9
