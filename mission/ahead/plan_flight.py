@@ -96,7 +96,7 @@ def fly_plan(
     seconds = np.diff(time_s, append=time_s[-1])
     refills = np.flatnonzero(np.isin(active[:-1], list(refill_after)) & (np.diff(active) > 0)) + 1
     pump = np.array([t.leg.pump for t in timed], dtype=np.bool_)[active]
-    line_speed = np.array([t.leg.speed for t in timed])[active]
+    line_speed = np.array([t.leg.level_speed for t in timed])[active]
     sprayed = np.append(0.0, np.cumsum(_flow(velocity, pump, line_speed, limits, given) * seconds))
     tank = np.maximum(given.fill_kg - since(sprayed[:-1], refills), 0.0)
     wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
