@@ -20,13 +20,19 @@ SETTLED = 1e-3  # rad and rad/s that are nothing
 
 
 def heading(
-    time_s: Floats, velocity_ned: Floats, ordered: Floats, limits: FlightLimits, start: float
+    time_s: Floats,
+    velocity_ned: Floats,
+    gained_ned: Floats,
+    ordered: Floats,
+    limits: FlightLimits,
+    start: float,
 ) -> tuple[Floats, Floats]:
     """Yaw (T,) rad, going on beyond a full turn, and how far (T,) rad it has still to turn.
 
-    `ordered` (T,) rad is what the plan orders, NaN where the nose is free.
+    The way is that of a target with velocity m/s and acceleration m/s² (T, 3) NED. `ordered` (T,)
+    rad is what the plan orders, NaN where the nose is free.
     """
-    wanted, turning = _wanted(time_s, velocity_ned, ordered, limits, start)
+    wanted, turning = _wanted(velocity_ned, gained_ned, ordered, limits, start)
     yaw = np.empty_like(time_s)
     at, rate = start, 0.0
     most, gain = limits.yaw_rate, limits.yaw_acceleration
@@ -54,17 +60,17 @@ def heading(
 
 
 def _wanted(
-    time_s: Floats, velocity_ned: Floats, ordered: Floats, limits: FlightLimits, start: float
+    velocity: Floats, gained: Floats, ordered: Floats, limits: FlightLimits, start: float
 ) -> tuple[Floats, Floats]:
     """Heading wanted (T,) rad without leaps of a full turn, and its rate (T,) rad/s."""
-    speed = np.hypot(velocity_ned[:, 0], velocity_ned[:, 1])
-    way = np.arctan2(velocity_ned[:, 1], velocity_ned[:, 0])
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    way = np.arctan2(velocity[:, 1], velocity[:, 0])
     free = np.isnan(ordered)
     known = np.where(free, (speed > SLOW * limits.speed) & limits.nose_ahead, True)
     goal = np.where(free, way, ordered)
-    last = np.maximum.accumulate(np.where(known, np.arange(time_s.size), -1))
+    last = np.maximum.accumulate(np.where(known, np.arange(speed.size), -1))
     goal = np.where(last >= 0, goal[np.maximum(last, 0)], start)
-    goal = np.unwrap(np.append(start, goal))[1:]
-    turning = np.gradient(goal, time_s) if time_s.size > 1 else np.zeros_like(goal)
+    across = velocity[:, 0] * gained[:, 1] - velocity[:, 1] * gained[:, 0]
+    turning = across / np.maximum(speed, 1e-9) ** 2
     turning[~known | ~free | (np.abs(turning) < SETTLED)] = 0.0
-    return goal, turning
+    return np.unwrap(np.append(start, goal))[1:], turning

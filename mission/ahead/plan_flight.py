@@ -92,7 +92,7 @@ def fly_plan(
     ordered = np.array([np.nan if t.leg.heading is None else t.leg.heading for t in timed])[active]
     first = next((x.vector for x in legs if not x.vertical), legs[0].vector)
     start = float(np.arctan2(first[1], first[0]))
-    yaw, off = heading(time_s, velocity, ordered, limits, start)
+    yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
     seconds = np.diff(time_s, append=time_s[-1])
     refills = np.flatnonzero(np.isin(active[:-1], list(refill_after)) & (np.diff(active) > 0)) + 1
     pump = np.array([t.leg.pump for t in timed], dtype=np.bool_)[active]

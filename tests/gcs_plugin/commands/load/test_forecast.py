@@ -1,0 +1,99 @@
+"""`thrustmargin forecast` as it is called."""
+
+import json
+
+import pytest
+
+from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.mission.plan import write_plan
+
+FIELD = ("--fill", "6", "--flow", "2.4", "--capacity", "16", "--wind", "2", "--wind-from", "90")
+
+
+@pytest.fixture(scope="module")
+def field(tmp_path_factory):
+    path = tmp_path_factory.mktemp("plans") / "field.plan"
+    write_plan(plan_of(*TWO_LINES), path)
+    return path
+
+
+def said(capsys, *words):
+    code = run(["forecast", *map(str, words)])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_one_screen_in_the_order_that_is_asked(field, capsys):
+    code, out, _ = said(capsys, field, *FIELD)
+    lines = out.splitlines()
+    assert code == 0
+    assert len(lines) <= 24
+    order = ("MAY TAKE OFF", "Weakest", "Fill at most", "A lost rotor", "Flight", "Assumed")
+    at = [next(k for k, line in enumerate(lines) if line.startswith(word)) for word in order]
+    assert at == sorted(at)
+
+
+def test_json_has_the_schema_and_agrees_with_the_screen(field, capsys):
+    code, out, err = said(capsys, field, *FIELD, "--json", "-")
+    made = json.loads(out)
+    assert code == 0
+    assert not err
+    assert made["schema"] == "thrustmargin.forecast/1"
+    assert made["verdict"]["level"] == "under"
+    assert set(made["weakest"]) >= {"item", "what", "utilisation"}
+    assert set(made["legs"][0]) == {
+        *("item", "kind", "seconds", "utilisation_mean", "utilisation_peak", "interval"),
+        "tank_end_kg",
+    }
+    assert {leg["kind"] for leg in made["legs"]} >= {"leg", "turn", "climb"}
+    assert made["tank_end_kg"] < 6.0
+    assert sum(leg["seconds"] for leg in made["legs"]) == pytest.approx(made["flight_s"], abs=0.1)
+    assert made["sorties"][-1]["refill"] is None
+
+
+def test_litres_are_those_of_the_liquid(field, capsys):
+    kg = json.loads(said(capsys, field, *FIELD, "--json", "-")[1])
+    words = ("--fill", "6L", *FIELD[2:])
+    assert json.loads(said(capsys, field, *words, "--json", "-")[1]) == kg
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (("--fill", "a lot"), "no amount"),
+        (("--fill", "17"), "more than the tank holds"),
+        (("--fill", "6", "--rate", "15"), "--rate needs --swath"),
+        (("--fill", "6", "--wind", "99"), "--wind 99"),
+        (("--fill", "6", "--voltage", "12"), "cannot be"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(field, capsys, words, answer):
+    code, out, err = said(capsys, field, *words)
+    assert (code, out) == (2, "")
+    assert answer in err
+    assert err.count("\n") == 1
+
+
+def test_a_file_that_is_no_plan_is_one_line(tmp_path, capsys):
+    nothing = tmp_path / "nothing.plan"
+    nothing.write_text("{}")
+    code, _, err = said(capsys, nothing, "--fill", "6")
+    assert code == 1
+    assert err.count("\n") == 1
+
+
+def test_parameters_of_a_file_are_flown_by(field, tmp_path, capsys):
+    slow = tmp_path / "slow.param"
+    slow.write_text("WPNAV_ACCEL,50\nWPNAV_SPEED_UP,50\n")
+    usual = json.loads(said(capsys, field, *FIELD, "--json", "-")[1])
+    other = json.loads(said(capsys, field, *FIELD, "--parameters", slow, "--json", "-")[1])
+    assert other["flight_s"] > usual["flight_s"] + 10.0
+
+
+def test_of_a_log_the_plan_and_the_parameters_are_taken(capsys):
+    log = "sitl_logs/campaign/v4_m16_q2.5.tlog"
+    made = json.loads(said(capsys, log, "--fill", "16", "--flow", "2.5", "--json", "-")[1])
+    assert made["verdict"]["level"] == "critical"
+    assert made["flight_s"] == pytest.approx(200.0, abs=4.0)
+    assert not any("WP_SPD " in words for words in made["assumed"])

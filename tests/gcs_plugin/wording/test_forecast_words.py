@@ -1,0 +1,56 @@
+"""A plan before take-off in words."""
+
+import pytest
+
+from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.wording.forecast_words import (
+    ASSUMED,
+    assumed_words,
+    fill_words,
+    plan_faults,
+    sortie_words,
+    survivable_words,
+    verdict,
+    weakest_words,
+)
+from thrustmargin.mission.ahead.battery import Battery
+from thrustmargin.mission.ahead.outlook import Day, forecast
+from thrustmargin.models.model.model_file import shipped_model
+
+MODEL = shipped_model()
+
+
+def made(**day):
+    given = {"fill_kg": 6.0, "flow": 0.04, "battery": Battery(capacity_ah=16.0)} | day
+    return forecast(plan_of(*TWO_LINES), MODEL, Day(**given))
+
+
+@pytest.mark.parametrize(
+    ("day", "starts", "has"),
+    [
+        ({}, "MAY TAKE OFF WITH 6.0 kg (6.0 L)", "limit 50 %"),
+        ({"fill_kg": 16.0}, "DO NOT TAKE OFF WITH 16.0 kg", "a lost rotor brings it down"),
+        ({"battery": Battery(capacity_ah=1.0)}, "DO NOT TAKE OFF", "the battery does not last"),
+    ],
+)
+def test_the_verdict_comes_with_its_reason(day, starts, has):
+    words = verdict(made(**day))
+    assert words.startswith(starts)
+    assert has in words
+
+
+def test_the_other_lines_say_what_they_know():
+    light, heavy = made(), made(fill_kg=16.0)
+    assert weakest_words(light.weakest).startswith("Weakest in the turn at item")
+    assert fill_words(light).startswith("Fill at most ")
+    assert survivable_words(light) == "A lost rotor is survivable all along, spinning."
+    assert "survivable from" in survivable_words(heavy)
+    assert sortie_words(light)[0].startswith("Flight ")
+    assert "2 sorties: refill after item 5." in sortie_words(made(fill_kg=1.5))
+    assert plan_faults(light) == ()
+
+
+def test_whatever_is_assumed_has_words():
+    for outlook in (made(), made(wind=5.0), forecast(plan_of(*TWO_LINES), MODEL, Day(fill_kg=6.0))):
+        assert set(outlook.assumed) <= set(ASSUMED)
+        assert all("{" not in words for words in assumed_words(outlook))

@@ -1,0 +1,104 @@
+"""What the model says of a plan: the same answer as of a flight."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from tests.mission.plans_made import TWO_LINES, plan_of, spot
+from thrustmargin.mission.ahead.battery import Battery
+from thrustmargin.mission.ahead.outlook import Day, forecast
+from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.model_file import shipped_model
+
+MODEL = shipped_model()
+PARAMETERS = {"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0, "WP_ACC": 1.5}
+DAY = Day(fill_kg=6.0, flow=0.04, battery=Battery(capacity_ah=16.0), air_temperature=288.0)
+
+
+def outlook(*rows, day=DAY, **options):
+    plan = plan_of(*(rows or TWO_LINES))
+    return forecast(plan, MODEL, day, parameters=PARAMETERS, **options)
+
+
+def test_light_may_fly_and_full_may_not():
+    assert outlook().level is FlightLevel.UNDER
+    heavy = outlook(day=replace(DAY, fill_kg=16.0))
+    assert heavy.level.gravity <= FlightLevel.OVER.gravity
+
+
+def test_the_largest_fill_keeps_the_limit_and_more_does_not():
+    most = outlook().largest_fill_kg
+    assert 8.0 < most < 16.0
+    assert outlook(day=replace(DAY, fill_kg=most)).level is FlightLevel.UNDER
+    assert outlook(day=replace(DAY, fill_kg=most + 0.4)).level is not FlightLevel.UNDER
+
+
+def test_the_weakest_place_is_a_turn_and_its_parts_are_told():
+    weakest = outlook().weakest
+    assert weakest is not None
+    assert weakest.kind == "turn"
+    assert weakest.manoeuvre > 0.1
+    assert weakest.load > 0.05
+    assert weakest.wind == pytest.approx(0.0, abs=1e-9)
+    windy = outlook(day=replace(DAY, wind=12.0, wind_from_deg=0.0)).weakest
+    assert windy is not None
+    assert windy.wind != 0.0
+
+
+def test_a_wind_from_nowhere_is_the_worst_of_all():
+    any_way = outlook(day=replace(DAY, wind=8.0))
+    assert "worst wind" in any_way.assumed
+    told = [outlook(day=replace(DAY, wind=8.0, wind_from_deg=d)) for d in (0.0, 90.0, 180.0)]
+    peaks = [made.weakest.utilisation for made in told if made.weakest]
+    assert any_way.weakest is not None
+    assert any_way.weakest.utilisation >= max(peaks) - 1e-9
+
+
+def test_thin_air_and_a_weak_battery_take_from_the_fill():
+    most = outlook().largest_fill_kg
+    assert outlook(day=replace(DAY, altitude=2500.0)).largest_fill_kg < most - 1.0
+    weak = replace(DAY, battery=Battery(voltage=50.0, capacity_ah=16.0))
+    assert outlook(day=weak).largest_fill_kg < most - 1.0
+
+
+def test_a_tank_that_does_not_last_is_refilled_at_a_line_end():
+    made = outlook(day=replace(DAY, fill_kg=1.5))
+    assert [s.last_item for s in made.needs.sorties] == [5, 11]
+    assert made.needs.short_of == ""
+    assert sum(s.kg for s in made.needs.sorties) == pytest.approx(made.flight.sprayed_kg[-1])
+    assert outlook(day=replace(DAY, fill_kg=0.3)).needs.short_of == "tank"
+
+
+def test_a_battery_that_does_not_last_is_no_answer_but_that():
+    made = outlook(day=replace(DAY, battery=Battery(capacity_ah=1.0)))
+    assert made.level is FlightLevel.BATTERY
+
+
+def test_what_is_not_known_is_said():
+    bare = forecast(plan_of(*TWO_LINES), MODEL, Day(fill_kg=6.0))
+    assert {"limits", "no capacity", "no wind", "no flow", "standard air"} <= set(bare.assumed)
+    assert "limits" in outlook().assumed
+    assert not {"no capacity", "no flow", "standard air"} & set(outlook().assumed)
+
+
+def test_what_is_not_understood_is_kept_with_its_number():
+    rows = [*TWO_LINES[:3], (4711, 1.0), *TWO_LINES[3:]]
+    assert [n.item for n in outlook(*rows).not_understood] == [4]
+
+
+def test_the_loss_of_a_rotor_is_survivable_below_what_the_answer_needs():
+    heavy = outlook(day=replace(DAY, fill_kg=14.0, flow=0.1))
+    below = heavy.survivable_below_kg
+    assert 5.0 < below < 14.0
+    track, lost = heavy.flight.track, heavy.advised.analysis.redundancy_yaw_uncontrolled
+    assert (lost[track.tank_kg < below] >= 1.0).all()
+    assert (lost[track.tank_kg > below + 1.0] < 1.0).any()
+
+
+def test_a_climb_is_a_climb():
+    made = outlook((22, spot(48.0, 11.0, 20.0)), (16, spot(48.0005, 11.0, 20.0)), (21,))
+    kinds = [leg.kind for leg in made.legs]
+    assert kinds[0] == "climb"
+    assert kinds[-1] == "climb"
+    assert math.isclose(sum(leg.seconds for leg in made.legs), made.flight.track.duration)
