@@ -10,6 +10,7 @@ from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, percent_within
 from thrustmargin.gcs_plugin.wording.plans.plan_words import fault_words, not_understood_words
 from thrustmargin.mission.ahead.outlook import PlanForecast, Weakest
+from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT
 from thrustmargin.models.model.advice import FlightLevel
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
@@ -31,7 +32,7 @@ ASSUMED: Mapping[str, str] = {
     "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
     "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
 }
-LEFT_OUT = "gusts, turbulence and the ways to and from a refill are not in it"
+LEFT_OUT = "gusts and turbulence are not in it, nor the time of ways to and from a refill"
 _KINDS: Mapping[str, str] = {
     "leg": "on the way to item {0}",
     "turn": "in the turn at item {0}",
@@ -140,6 +141,19 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
         more = f" and {len(places) - 8} more" if len(places) > 8 else ""
         found.append(f"{len(sorties)} sorties: refill after item {', '.join(places[:8])}{more}.")
     return tuple(found)
+
+
+def way_back_words(made: PlanForecast) -> str:
+    """From where on home is out of the battery's reach, the reserve kept."""
+    back = made.way_back
+    kept = f"with {percent(CHARGE_KEPT)} of the battery kept"
+    if not math.isfinite(back.spare_wh):
+        return "Point of no return unknown: give --capacity."
+    at = f"on the way to item {back.item}, {number(back.distance, 'm', 0)} from home"
+    if math.isfinite(back.time_s):
+        return f"Point of no return after {duration(back.time_s)}, {at}, {kept}."
+    spare = number(back.spare_wh, "Wh", 0)
+    return f"Home is in reach all along, {kept}: least to spare {spare}, {at}."
 
 
 def plan_faults(made: PlanForecast) -> tuple[str, ...]:

@@ -13,11 +13,12 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, Battery
+from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, Battery, since
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import Conditions, PlanFlight, Span, SpanKind, fly_plan
 from thrustmargin.mission.ahead.plan_legs import above_ground, plan_legs
 from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT, Needs, needs
+from thrustmargin.mission.ahead.way_back import WayBack, energy_back, way_back
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
 from thrustmargin.mission.sortie_plans import line_ends
@@ -104,6 +105,7 @@ class PlanForecast:
     largest_fill_kg: float  # that keeps the limit all along; NaN unknown
     survivable_below_kg: float  # in the tank, with which one lost rotor is survived all along
     needs: Needs
+    way_back: WayBack
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
@@ -186,9 +188,14 @@ def forecast(
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
     cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
     usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
-    needed = needs(once, ends, fill_kg=given.fill_kg, usable_wh=usable)
+    back = energy_back(once, limits, model, given.wind_ned)
+    needed = needs(once, ends, fill_kg=given.fill_kg, usable_wh=usable, back_wh=back)
     refills = needed.refill_after if refilled else ()
-    flight = fly(given, refills, limits) if refills else once
+    flight = once
+    if refills:
+        flight = fly(given, refills, limits)
+        back = energy_back(flight, limits, model, given.wind_ned)
+    used = since(flight.energy_wh, flight.refilled)
     analysis = _analysis(flight, model)
     advised = advise(analysis, limit=limit)
     if limits.assumed:
@@ -216,6 +223,7 @@ def forecast(
         ),
         survivable_below_kg=_survivable(analysis),
         needs=needed,
+        way_back=way_back(flight, used, back, usable),
         findings=check_plan(plan, steps, sprays=sprays),
         not_understood=steps.not_understood,
         assumed=assumed,

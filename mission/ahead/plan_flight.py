@@ -65,6 +65,7 @@ class PlanFlight:
     energy_wh: Floats  # (T,) given so far, of all batteries
     sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
     active: NDArray[np.intp]  # (T,) number of the leg being flown, from 0
+    refilled: NDArray[np.intp]  # rows from which tank and battery are fresh
     legs: tuple[TimedLeg, ...]
 
 
@@ -141,6 +142,7 @@ def fly_plan(
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
         active=active,
+        refilled=refills,
         legs=timed,
     )
 

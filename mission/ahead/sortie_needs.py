@@ -23,7 +23,7 @@ class Sortie:
     last_item: int  # and of the last: the refill is there
     kg: float  # sprayed
     seconds: float
-    energy_wh: float
+    energy_wh: float  # with the ways to and from a refill
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,22 +36,35 @@ class Needs:
 
 
 def needs(
-    flight: PlanFlight, line_ends: Sequence[int], *, fill_kg: float, usable_wh: float
+    flight: PlanFlight,
+    line_ends: Sequence[int],
+    *,
+    fill_kg: float,
+    usable_wh: float,
+    back_wh: Floats,
 ) -> Needs:
     """The sorties of a plan flown without a refill; `line_ends` are item numbers, in any order.
 
-    `usable_wh` NaN: the battery is not known, and does not decide.
+    `usable_wh` NaN: the battery is not known, and does not decide. Each sortie but the last one
+    ends with the way home, and each but the first starts with as much: `back_wh` (T,) Wh.
     """
-    ends, used, given = _at_ends(flight)
+    ends, used, given, back = _at_ends(flight, back_wh)
     at_line_end = np.isin([t.leg.item for t in flight.legs], list(line_ends))
     most = (1.0 - TANK_KEPT) * fill_kg
     refills: list[int] = []
     short, before, last = "", -1, -1
+
+    def taken(a: int, b: int) -> float:
+        """Wh from the end of leg `a` (-1: take-off) to that of `b`, ways there and home too."""
+        out = float(given[a] - back[a]) if a >= 0 else 0.0
+        home = float(back[b]) if b + 1 < len(flight.legs) else 0.0
+        return float(given[b]) - out + home
+
     for k in range(len(flight.legs)):
         over = ""
         if used[k] - (used[before] if before >= 0 else 0.0) > most + 1e-6:
             over = "tank"
-        elif given[k] - (given[before] if before >= 0 else 0.0) > usable_wh:
+        elif taken(before, k) > usable_wh:
             over = "battery"
         if over and last > before:
             refills.append(last)
@@ -67,7 +80,7 @@ def needs(
             last_item=flight.legs[b].leg.item,
             kg=float(used[b] - (used[a] if a >= 0 else 0.0)),
             seconds=float(ends[b] - (ends[a] if a >= 0 else 0.0)),
-            energy_wh=float(given[b] - (given[a] if a >= 0 else 0.0)),
+            energy_wh=taken(a, b),
         )
         for a, b in pairwise(cuts)
         if b > a
@@ -75,8 +88,9 @@ def needs(
     return Needs(refill_after=tuple(refills), sorties=tuple(sorties), short_of=short)
 
 
-def _at_ends(flight: PlanFlight) -> tuple[Floats, Floats, Floats]:
-    """(L,) s, kg sprayed and Wh given by the end of each leg."""
+def _at_ends(flight: PlanFlight, back_wh: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """(L,) s, kg sprayed and Wh given by the end of each leg, and Wh of the way home from there."""
     rows = np.searchsorted(flight.active, np.arange(1, len(flight.legs) + 1)) - 1
     rows = np.maximum(rows, 0)
-    return flight.track.time_s[rows], flight.sprayed_kg[rows], flight.energy_wh[rows]
+    flown = flight.track.time_s[rows], flight.sprayed_kg[rows], flight.energy_wh[rows]
+    return *flown, back_wh[rows]
