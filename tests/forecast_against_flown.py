@@ -17,8 +17,8 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.plan_source import read_plan
-from thrustmargin.mission.ahead.battery import Battery, stated_capacity
-from thrustmargin.mission.ahead.outlook import Day, PlanForecast, forecast
+from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
+from thrustmargin.mission.ahead.plan_forecast import PlanForecast, TakeOff, forecast
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model
@@ -79,18 +79,18 @@ class Compared:
 def compare(file: str, model: RotorModel) -> Compared:
     """The forecast of a flight of the manifest, and the flight."""
     manifest = tomllib.loads((LOGS / "manifest.toml").read_text("utf-8"))
-    told = next(f for f in manifest["flight"] if f["file"] == file)
+    listed = next(f for f in manifest["flight"] if f["file"] == file)
     log = read_log(LOGS / file, airframe=model.airframe)
     made = forecast(
         read_plan(LOGS / file),
         model,
-        Day(
-            fill_kg=told["payload_start_kg"],
-            altitude=told["home_altitude_m"],
-            wind=told["wind_m_s"],
-            wind_from_deg=told["wind_from_deg"],
-            flow=told["flow_l_min"] / 60.0,
-            battery=Battery(capacity_ah=stated_capacity(log.parameters)),
+        TakeOff(
+            fill_kg=listed["payload_start_kg"],
+            altitude=listed["home_altitude_m"],
+            wind=listed["wind_m_s"],
+            wind_from_deg=listed["wind_from_deg"],
+            flow=listed["flow_l_min"] / 60.0,
+            battery=FlightBattery(capacity_ah=stated_capacity(log.parameters)),
         ),
         parameters=log.parameters,
         refilled=False,
@@ -104,21 +104,21 @@ def compare(file: str, model: RotorModel) -> Compared:
         stretches=_stretches(made, flown, use),
         flight_s=(made.flight.track.duration, flown.duration),
         tank_end_kg=(float(made.flight.track.tank_kg[-1]), float(flown.tank_kg[-1])),
-        fill_kg=told["payload_start_kg"],
+        fill_kg=listed["payload_start_kg"],
     )
 
 
 def _stretches(made: PlanForecast, flown: FlightTrack, use: Floats) -> tuple[Stretch, ...]:
     planned, real = _share_flown(made.flight.track), _share_flown(flown)
     real = real + 1e-9 * np.arange(real.size)  # in hover it stands still
-    foretold = 100.0 * np.max(made.advised.analysis.utilisation_predicted, axis=1)
+    forecast_use = 100.0 * np.max(made.advised.analysis.utilisation_predicted, axis=1)
     found = []
     for span in made.flight.spans:
         ends = planned[[span.first, span.last - 1]]
         first, last = np.searchsorted(real, ends)
         if span.kind not in ("leg", "turn") or last - first < LEAST_ROWS:
             continue
-        ours, theirs = foretold[span.first : span.last], 100.0 * use[first:last]
+        ours, theirs = forecast_use[span.first : span.last], 100.0 * use[first:last]
         found.append(
             Stretch(
                 item=span.item,

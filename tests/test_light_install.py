@@ -19,6 +19,7 @@ WITHOUT_TORCH = {
     "fetch": ["mission", "--help"],
     "fill": ["--airframe", "topxgun-f16"],
     "fleet": ["season"],
+    "forecast": [FLIGHT, "--fill", "4"],
     "identify": [FLIGHT],
     "ingest": [FLIGHT, "--store", "season"],
     "inspect": [FLIGHT],

@@ -8,9 +8,8 @@ from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, percent_within
+from thrustmargin.gcs_plugin.wording.plans.forecast_parts import ForecastParts, WeakestPlace
 from thrustmargin.gcs_plugin.wording.plans.plan_words import fault_words, not_understood_words
-from thrustmargin.mission.ahead.outlook import PlanForecast, Weakest
-from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT
 from thrustmargin.models.model.advice import FlightLevel
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
@@ -30,6 +29,7 @@ ASSUMED: Mapping[str, str] = {
     "pump by speed": "the flow falls with the speed over ground in turns",
     "no forward flight": "drag and lift of forward flight are not known of this aircraft",
     "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
+    "first part": "only the first {0} of {1} min are flown in detail: later lines as these",
     "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
 }
 LEFT_OUT = "gusts and turbulence are not in it, nor the time of ways to and from a refill"
@@ -46,7 +46,7 @@ _SHORT: Mapping[str, str] = {
 LEAST_SHARE = 0.005  # of utilisation, worth a word
 
 
-def verdict(made: PlanForecast) -> str:
+def verdict(made: ForecastParts) -> str:
     """The first line: may it take off with this, and why."""
     advice = made.advised.advice
     use, limit = advice.use, percent(advice.limit)
@@ -73,7 +73,7 @@ def verdict(made: PlanForecast) -> str:
     return f"{no} control would be lost"
 
 
-def weakest_words(weakest: Weakest | None) -> str:
+def weakest_words(weakest: WeakestPlace | None) -> str:
     """The place with the largest utilisation, and what makes it so."""
     if weakest is None:
         return "Weakest place unknown."
@@ -86,17 +86,17 @@ def weakest_words(weakest: Weakest | None) -> str:
         (weakest.wind, "by the wind"),
         (weakest.battery, "by the fallen voltage"),
     ]
-    told = [
+    named = [
         f"{number(100.0 * share, 'points', 0)} {why}" for share, why in sorted(parts, reverse=True)
         if share >= LEAST_SHARE
     ]  # fmt: skip
     use = percent_within(weakest.utilisation, *weakest.interval)
     beyond = "; more than the rotors can give" if weakest.utilisation > 1.0 else ""
     where = _KINDS[weakest.kind].format(weakest.item)
-    return f"Weakest {where}: {use} of a rotor's thrust{beyond} ({', '.join(told)})."
+    return f"Weakest {where}: {use} of a rotor's thrust{beyond} ({', '.join(named)})."
 
 
-def fill_words(made: PlanForecast) -> str:
+def fill_words(made: ForecastParts) -> str:
     """The largest fill that keeps the limit all along."""
     liquid, limit = _liquid(made), percent(made.advised.advice.limit)
     if not math.isfinite(made.largest_fill_kg):
@@ -107,7 +107,7 @@ def fill_words(made: PlanForecast) -> str:
     return f"Fill at most {fill}: keeps the {limit} limit and survives a lost rotor all along."
 
 
-def survivable_words(made: PlanForecast) -> str:
+def survivable_words(made: ForecastParts) -> str:
     """From which litre on a lost rotor is survived."""
     below = made.survivable_below_kg
     if not math.isfinite(below):
@@ -124,15 +124,15 @@ def survivable_words(made: PlanForecast) -> str:
     return f"{words}: after {duration(float(after[-1]))}."
 
 
-def sortie_words(made: PlanForecast) -> tuple[str, ...]:
+def sortie_words(made: ForecastParts) -> tuple[str, ...]:
     """Time, liquid and energy; and where to refill."""
     sorties, liquid = made.needs.sorties, _liquid(made)
     sprayed = sum(s.kg for s in sorties)
-    energy = float(made.flight.energy_wh[-1])
-    track = made.flight.track
+    energy = sum(s.energy_wh for s in sorties)
+    last = _fill(made) - (sorties[-1].kg if sorties else 0.0)
     found = [
-        f"Flight {duration(track.duration)}, sprays {number(sprayed, 'kg')}, "
-        f"{number(energy, 'Wh', 0)}, lands with {amount(float(track.tank_kg[-1]), liquid)}."
+        f"Flight {duration(made.flight_s)}, sprays {number(sprayed, 'kg')}, "
+        f"{number(energy, 'Wh', 0)}, lands with {amount(max(last, 0.0), liquid)}."
     ]
     if made.needs.short_of:
         found.append(f"No split is possible: {_SHORT[made.needs.short_of]}.")
@@ -143,10 +143,10 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
     return tuple(found)
 
 
-def way_back_words(made: PlanForecast) -> str:
+def way_back_words(made: ForecastParts) -> str:
     """From where on home is out of the battery's reach, the reserve kept."""
     back = made.way_back
-    kept = f"with {percent(CHARGE_KEPT)} of the battery kept"
+    kept = f"with {percent(back.charge_kept)} of the battery kept"
     if not math.isfinite(back.spare_wh):
         return "Point of no return unknown: give --capacity."
     at = f"on the way to item {back.item}, {number(back.distance, 'm', 0)} from home"
@@ -156,7 +156,7 @@ def way_back_words(made: PlanForecast) -> str:
     return f"Home is in reach all along, {kept}: least to spare {spare}, {at}."
 
 
-def plan_faults(made: PlanForecast) -> tuple[str, ...]:
+def plan_faults(made: ForecastParts) -> tuple[str, ...]:
     """What is wrong with the plan or not understood of it, first."""
     wrong = [f"Plan: {fault_words(f.fault, f.items)}." for f in made.findings]
     unknown = [
@@ -166,12 +166,17 @@ def plan_faults(made: PlanForecast) -> tuple[str, ...]:
     return (*_cut(wrong), *_cut(unknown))
 
 
-def assumed_words(made: PlanForecast) -> tuple[str, ...]:
+def assumed_words(made: ForecastParts) -> tuple[str, ...]:
     """What was taken for what is not known."""
     return (
-        *(ASSUMED[key].format(", ".join(values)) for key, values in made.assumed.items()),
+        *(_assumed(key, values) for key, values in made.assumed.items()),
         LEFT_OUT,
     )
+
+
+def _assumed(key: str, values: Sequence[str]) -> str:
+    listed = values if key == "first part" else [", ".join(values)]
+    return ASSUMED[key].format(*listed)
 
 
 def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
@@ -179,9 +184,9 @@ def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
     return [*lines[:most], *([f"... and {rest} more of these."] if rest > 0 else [])]
 
 
-def _fill(made: PlanForecast) -> float:
+def _fill(made: ForecastParts) -> float:
     return float(made.flight.track.tank_kg[0])
 
 
-def _liquid(made: PlanForecast) -> float:
+def _liquid(made: ForecastParts) -> float:
     return made.advised.analysis.model.airframe.liquid_density

@@ -31,7 +31,7 @@ LEAST = 0.05  # of a charge below which nothing is known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Battery:
+class FlightBattery:
     """A battery before take-off; NaN is unknown."""
 
     voltage: float = math.nan  # V at rest; with no capacity: V under load, held
@@ -44,7 +44,7 @@ class Battery:
         return self.capacity_ah > 0.0
 
 
-UNKNOWN = Battery()
+UNKNOWN = FlightBattery()
 
 
 def since(total: Floats, changed: NDArray[np.intp]) -> Floats:
@@ -55,7 +55,7 @@ def since(total: Floats, changed: NDArray[np.intp]) -> Floats:
 
 
 def stated_capacity(parameters: Mapping[str, float]) -> float:
-    """Ah that an autopilot is told of its battery; NaN where it is not, or left at its default."""
+    """Ah that an autopilot has of its battery; NaN where it is not, or left at its default."""
     for name, scale in (("BATT_CAPACITY", 1e-3), ("BAT1_CAPACITY", 1e-3)):
         value = parameters.get(name, 0.0)
         if value > 0.0 and value != UNSET:
@@ -70,7 +70,7 @@ def rotor_power(airframe: Airframe, thrust: Floats, speed_rpm: Floats) -> Floats
 
 
 def discharge(
-    battery: Battery,
+    battery: FlightBattery,
     airframe: Airframe,
     power: Floats,
     seconds: Floats,

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from thrustmargin.mission.ahead.beside import Beside, Pair, StretchBeside, mean_off
-from thrustmargin.mission.ahead.plan_flight import Conditions
+from thrustmargin.mission.ahead.plan_flight import PlanConditions
 
 Assumption = Literal["wind", "fill", "density", "flow", "battery", "model"]
 #: Differences that a good forecast has too: share of thrust, share of a fill, and V.
@@ -47,7 +47,7 @@ class ShownDay:
 
 
 def which_was_off(
-    fly: Callable[[Conditions], Beside], given: Conditions, found: ShownDay
+    fly: Callable[[PlanConditions], Beside], given: PlanConditions, found: ShownDay
 ) -> tuple[Off, ...]:
     """The assumptions in `given` that were off, the one that explains most first; () where none.
 
@@ -57,7 +57,7 @@ def which_was_off(
     made = fly(given)
     far = distance(made.stretches, given.fill_kg)
     while far > 1.0:
-        best: tuple[float, Off, Conditions, Beside] | None = None
+        best: tuple[float, Off, PlanConditions, Beside] | None = None
         for one, changed in _candidates(given, found, made.stretches):
             if any(one.what == known.what for known in off):
                 continue
@@ -101,10 +101,10 @@ def distance(stretches: Sequence[StretchBeside], fill_kg: float) -> float:
 
 
 def _candidates(
-    given: Conditions, found: ShownDay, stretches: Sequence[StretchBeside]
-) -> list[tuple[Off, Conditions]]:
+    given: PlanConditions, found: ShownDay, stretches: Sequence[StretchBeside]
+) -> list[tuple[Off, PlanConditions]]:
     """Each assumption of which the flight shows something, replaced by it."""
-    made: list[tuple[Off, Conditions]] = []
+    made: list[tuple[Off, PlanConditions]] = []
     if all(map(math.isfinite, found.wind_ned[:2])):
         speeds = Pair(math.hypot(*given.wind_ned[:2]), math.hypot(*found.wind_ned[:2]))
         changed = replace(given, wind_ned=found.wind_ned)
@@ -132,7 +132,9 @@ def _candidates(
     return made
 
 
-def _used(given: Conditions, found: ShownDay, stretches: Sequence[StretchBeside]) -> Pair | None:
+def _used(
+    given: PlanConditions, found: ShownDay, stretches: Sequence[StretchBeside]
+) -> Pair | None:
     """kg used until the last moment at which neither tank was empty; None of next to nothing."""
     ends = [s.tank_kg for s in stretches if math.isfinite(s.tank_kg.flown)]
     last = next((p for p in reversed(ends) if min(p) > LEAST_USED), None)

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.mission.ahead.battery import UNKNOWN, Battery, discharge, rotor_power, since
+from thrustmargin.mission.ahead.battery import UNKNOWN, FlightBattery, discharge, rotor_power, since
 from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.mission.ahead.nose import heading
 from thrustmargin.mission.ahead.way import TimedLeg, WayLeg, target, timed_legs
@@ -34,7 +34,7 @@ FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=("from 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
+class PlanConditions:
     """What a plan is flown with."""
 
     fill_kg: float
@@ -42,7 +42,7 @@ class Conditions:
     flow: float = 0.0  # kg/s with the pump on at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of way sprayed, instead of `flow`
     wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, the way the air moves
-    battery: Battery = UNKNOWN
+    battery: FlightBattery = UNKNOWN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +62,7 @@ class PlanFlight:
     track: FlightTrack
     density: Floats  # (T,) kg/m³
     spans: tuple[Span, ...]
+    rotor_speed_rpm: Floats  # (T, R) predicted
     energy_wh: Floats  # (T,) given so far, of all batteries
     sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
     active: NDArray[np.intp]  # (T,) number of the leg being flown, from 0
@@ -74,7 +75,7 @@ def fly_plan(
     legs: Sequence[WayLeg],
     limits: FlightLimits,
     model: RotorModel,
-    given: Conditions,
+    given: PlanConditions,
     *,
     origin: Origin | None = None,
     refill_after: Collection[int] = (),
@@ -139,6 +140,7 @@ def fly_plan(
         track=track,
         density=density,
         spans=_spans(timed, time_s, off),
+        rotor_speed_rpm=speed,
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
         active=active,
@@ -148,7 +150,7 @@ def fly_plan(
 
 
 def _flow(
-    velocity: Floats, pump: Bools, line_speed: Floats, limits: FlightLimits, given: Conditions
+    velocity: Floats, pump: Bools, line_speed: Floats, limits: FlightLimits, given: PlanConditions
 ) -> Floats:
     """(T,) kg/s that the pump gives."""
     speed = np.hypot(velocity[:, 0], velocity[:, 1])

@@ -20,7 +20,7 @@ from thrustmargin.models.flight import Floats
 #: ArduPilot's cone about home, in which a return climbs no higher than so many times the distance.
 CONE = 3.0
 RETURN_WAIT_S = 5.0  # s over home before it lands (RTL_LOIT_TIME)
-LOW = 0.2  # m above home: on the ground
+FARTHEST = 100_000.0  # m from home, to which no multirotor flies
 #: Kinds of step that a leg leads on from without a stop.
 _ON = ("fly", "spline")
 
@@ -73,7 +73,7 @@ class _Way:
 def plan_legs(plan: MissionPlan, steps: PlanSteps, limits: FlightLimits) -> tuple[WayLeg, ...]:
     """The legs of `plan`, flown as `steps`; heights above the ground count as above home.
 
-    Raises PlanError when the plan flies nowhere.
+    Raises PlanError when the plan flies nowhere, or to where no aircraft of this kind does.
     """
     way = _Way(limits, np.zeros(3))
     flown = steps.steps
@@ -82,7 +82,7 @@ def plan_legs(plan: MissionPlan, steps: PlanSteps, limits: FlightLimits) -> tupl
         assert step is not None
         speed = step.speed
         height = -float(place[2])
-        there = np.array([*place[:2], place[2]]) if np.isfinite(place).all() else way.at
+        there = np.where(np.isfinite(place), place, way.at)
         if step.kind == "take-off":
             way.lift(step, height if math.isfinite(height) else limits.return_height)
         elif step.kind == "land":
@@ -121,9 +121,15 @@ def _places(plan: MissionPlan, steps: Sequence[Step]) -> Floats:
         raise PlanError(
             "heights above the sea need that of home; give it with --altitude, or plan above home"
         )
-    north, east, _ = pymap3d.geodetic2ned(
+    north, east, down = pymap3d.geodetic2ned(
         degrees[:, 0], degrees[:, 1], np.zeros(len(degrees)), home[0], home[1], 0.0
     )
+    away = np.linalg.norm([north, east, down], axis=0)
+    for step, distance in zip(steps, away.tolist(), strict=True):
+        if distance > FARTHEST:
+            raise PlanError(
+                f"item {step.item} is {distance / 1e3:.0f} km from home; check its place and home"
+            )
     up = degrees[:, 2] - np.where(amsl, ground, 0.0)
     return np.column_stack([north, east, -up])
 

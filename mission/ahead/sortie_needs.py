@@ -7,9 +7,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from thrustmargin.mission.ahead.plan_flight import PlanFlight
+from thrustmargin.mission.ahead.limits import FlightLimits
+from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight
+from thrustmargin.mission.ahead.way import TimedLeg
+from thrustmargin.mission.ahead.way_back import energy_home
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Of a battery's charge, and of a tank, that a sortie brings home.
 CHARGE_KEPT, TANK_KEPT = 0.25, 0.0
@@ -35,36 +40,75 @@ class Needs:
     short_of: str = ""  # "tank" or "battery": one line alone takes more
 
 
-def needs(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LegEnds:
+    """What all L legs of a plan have taken by the end of each, without a refill."""
+
+    items: NDArray[np.intp]  # (L,) numbers of the mission items flown to
+    time_s: Floats  # (L,)
+    sprayed_kg: Floats  # (L,)
+    energy_wh: Floats  # (L,)
+    home_wh: Floats  # (L,) that the way home takes from there with a full tank
+
+
+def leg_ends(
     flight: PlanFlight,
-    line_ends: Sequence[int],
-    *,
-    fill_kg: float,
-    usable_wh: float,
-    back_wh: Floats,
-) -> Needs:
-    """The sorties of a plan flown without a refill; `line_ends` are item numbers, in any order.
+    legs: Sequence[TimedLeg],
+    given: PlanConditions,
+    limits: FlightLimits,
+    model: RotorModel,
+) -> LegEnds:
+    """Those of `legs`, of which `flight` has the first; the others by speed and way alone, with the
+    power of the flight."""
+    count = len(flight.legs)
+    rows = np.maximum(np.searchsorted(flight.active, np.arange(1, count + 1)) - 1, 0)
+    parts = [flight.track.time_s[rows], flight.sprayed_kg[rows], flight.energy_wh[rows]]
+    rest = legs[count:]
+    if rest:
+        starts = np.array([t.active_s for t in legs[count:]])
+        last = rest[-1]
+        end = np.append(starts[1:], last.end_s + last.leg.wait_s)
+        way = np.array([np.hypot(*t.leg.vector[:2]) * t.leg.pump for t in rest])
+        speed = np.array([t.leg.level_speed for t in rest])
+        rate = given.flow_per_metre if given.flow_per_metre > 0.0 else given.flow / speed
+        power = flight.energy_wh[-1] / flight.track.time_s[-1]
+        parts = [
+            np.append(parts[0], end),
+            np.append(parts[1], flight.sprayed_kg[-1] + np.cumsum(rate * way)),
+            np.append(parts[2], flight.energy_wh[-1] + power * (end - flight.track.time_s[-1])),
+        ]
+    items = np.array([t.leg.item for t in legs], dtype=np.intp)
+    place = np.array([t.leg.end_ned for t in legs])
+    full, density = np.full(len(legs), given.fill_kg), np.full(len(legs), given.density)
+    home = energy_home(place, full, density, limits, model, given.wind_ned)
+    return LegEnds(
+        items=items, time_s=parts[0], sprayed_kg=parts[1], energy_wh=parts[2], home_wh=home
+    )
+
+
+def needs(taken: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh: float) -> Needs:
+    """The sorties of a plan; `line_ends` are item numbers, in any order.
 
     `usable_wh` NaN: the battery is not known, and does not decide. Each sortie but the last one
-    ends with the way home, and each but the first starts with as much: `back_wh` (T,) Wh.
+    ends with the way home, and each but the first starts with as much.
     """
-    ends, used, given, back = _at_ends(flight, back_wh)
-    at_line_end = np.isin([t.leg.item for t in flight.legs], list(line_ends))
+    ends, used, given = taken.time_s, taken.sprayed_kg, taken.energy_wh
+    at_line_end = np.isin(taken.items, list(line_ends))
     most = (1.0 - TANK_KEPT) * fill_kg
     refills: list[int] = []
     short, before, last = "", -1, -1
 
-    def taken(a: int, b: int) -> float:
+    def energy(a: int, b: int) -> float:
         """Wh from the end of leg `a` (-1: take-off) to that of `b`, ways there and home too."""
-        out = float(given[a] - back[a]) if a >= 0 else 0.0
-        home = float(back[b]) if b + 1 < len(flight.legs) else 0.0
+        out = float(given[a] - taken.home_wh[a]) if a >= 0 else 0.0
+        home = float(taken.home_wh[b]) if b + 1 < ends.size else 0.0
         return float(given[b]) - out + home
 
-    for k in range(len(flight.legs)):
+    for k in range(ends.size):
         over = ""
         if used[k] - (used[before] if before >= 0 else 0.0) > most + 1e-6:
             over = "tank"
-        elif taken(before, k) > usable_wh:
+        elif energy(before, k) > usable_wh:
             over = "battery"
         if over and last > before:
             refills.append(last)
@@ -73,24 +117,16 @@ def needs(
             short = short or over
         if at_line_end[k]:
             last = k
-    cuts = [-1, *refills, len(flight.legs) - 1]
+    cuts = [-1, *refills, ends.size - 1]
     sorties = [
         Sortie(
-            first_item=flight.legs[a + 1].leg.item,
-            last_item=flight.legs[b].leg.item,
+            first_item=int(taken.items[a + 1]),
+            last_item=int(taken.items[b]),
             kg=float(used[b] - (used[a] if a >= 0 else 0.0)),
             seconds=float(ends[b] - (ends[a] if a >= 0 else 0.0)),
-            energy_wh=taken(a, b),
+            energy_wh=energy(a, b),
         )
         for a, b in pairwise(cuts)
         if b > a
     ]
     return Needs(refill_after=tuple(refills), sorties=tuple(sorties), short_of=short)
-
-
-def _at_ends(flight: PlanFlight, back_wh: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """(L,) s, kg sprayed and Wh given by the end of each leg, and Wh of the way home from there."""
-    rows = np.searchsorted(flight.active, np.arange(1, len(flight.legs) + 1)) - 1
-    rows = np.maximum(rows, 0)
-    flown = flight.track.time_s[rows], flight.sprayed_kg[rows], flight.energy_wh[rows]
-    return *flown, back_wh[rows]

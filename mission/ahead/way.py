@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -137,6 +138,7 @@ def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, 
         overlap = 0.0
         if following is not None and not leg.stops:
             overlap = _overlap(leg, following, most=timed.end_s - active)
+        overlap = min(overlap, timed.end_s - active)
         begun = timed.end_s + leg.wait_s - overlap
         active = begun + 0.5 * overlap
     return tuple(made)
@@ -146,19 +148,53 @@ def _overlap(leg: WayLeg, following: WayLeg, *, most: float) -> float:
     """s before the end of a leg at which the next starts."""
     here, there = leg.profile, following.profile
     longest = min(here.pulse_s, there.pulse_s, most)
+    one, two = (x.vector / np.linalg.norm(x.vector) for x in (leg, following))
+    level = one[:2] @ two[:2], one[0] * two[1] - one[1] * two[0]
+    bend = math.atan2(level[1], level[0])
+    # Fields have thousands of corners alike: to a hundredth of a degree, millimetre and second.
+    return _overlap_of(
+        (round(bend, 4), round(float(one[2]), 4), round(float(two[2]), 4)),
+        tuple(_pulse_key(x) for x in (leg, following)),
+        round(longest, 2),
+        (leg.radius, leg.corner_acceleration, leg.climb_acceleration),
+    )
+
+
+def _pulse_key(leg: WayLeg) -> tuple[float, ...]:
+    """What a leg's speeding up hangs on: a length that its full speed just needs, or less."""
+    profile = leg.profile
+    enough = math.ceil(2.0 * float(profile.way[-1]) + 1.0)
+    short = profile.top_speed < leg.speed - 1e-9
+    length = profile.length if short else float(min(enough, profile.length))
+    return (round(length, 2), leg.speed, leg.acceleration, leg.jerk, leg.snap)
+
+
+@lru_cache(maxsize=4096)
+def _overlap_of(
+    angles: tuple[float, float, float],
+    legs: tuple[tuple[float, ...], ...],
+    longest: float,
+    limits: tuple[float, float, float],
+) -> float:
+    bend, down_one, down_two = angles
+    radius, corner_acceleration, climb_acceleration = limits
+    here, there = (leg_profile(*leg) for leg in legs)
+    speeds = [leg[1] for leg in legs]
     left = np.arange(longest, 0.0, -TRIED_S)
     if not left.size:
         return 0.0
-    one, two = (x.vector / np.linalg.norm(x.vector) for x in (leg, following))
+    flat_one, flat_two = (math.sqrt(max(1.0 - d**2, 0.0)) for d in (down_one, down_two))
+    one = np.array([flat_one, 0.0, down_one])
+    two = np.array([flat_two * math.cos(bend), flat_two * math.sin(bend), down_two])
     (way, speed, gained), (on, faster, gaining) = (p.pulse(0.5 * left) for p in (here, there))
     turn = on[:, None] * two - way[:, None] * one
     moved = faster[:, None] * two + speed[:, None] * one
     pushed = gaining[:, None] * two - gained[:, None] * one
     fits = (
-        (np.linalg.norm(turn, axis=1) < leg.radius)
-        & (np.linalg.norm(moved, axis=1) < min(leg.speed, following.speed))
-        & (np.hypot(pushed[:, 0], pushed[:, 1]) < leg.corner_acceleration)
-        & (np.abs(pushed[:, 2]) < leg.climb_acceleration)
+        (np.linalg.norm(turn, axis=1) < radius)
+        & (np.linalg.norm(moved, axis=1) < min(speeds))
+        & (np.hypot(pushed[:, 0], pushed[:, 1]) < corner_acceleration)
+        & (np.abs(pushed[:, 2]) < climb_acceleration)
     )
     return float(left[np.argmax(fits)]) if fits.any() else 0.0
 

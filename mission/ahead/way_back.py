@@ -20,6 +20,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.predict import flown_airframe, predict
 from thrustmargin.models.model.rotor_model import RotorModel
 
+ON_GROUND = 0.1  # m
 EVERY_S = 2.0  # between the moments that are worked out
 APART_S = 2.0  # between rows of steady flight, more than any effect looks around itself
 
@@ -31,6 +32,7 @@ class WayBack:
     item: int  # flown to at that moment, else at the moment with least to spare
     time_s: float  # after take-off
     distance: float  # m from home at that moment
+    charge_kept: float  # share of the battery that is the reserve
     spare_wh: float  # least energy that is left at home, beyond the reserve; NaN unknown
 
 
@@ -44,22 +46,34 @@ def energy_back(
     track = flight.track
     every = np.arange(0.0, track.time_s[-1] + EVERY_S, EVERY_S)
     rows = np.unique(np.clip(np.searchsorted(track.time_s, every), 0, track.time_s.size - 1))
-    place, tank, density = track.position_ned[rows], track.tank_kg[rows], flight.density[rows]
-    away = np.hypot(place[:, 0], place[:, 1])
-    home = -place[:, :2] / np.maximum(away, 1e-9)[:, None]
+    place, tank = track.position_ned[rows], track.tank_kg[rows]
+    taken = energy_home(place, tank, flight.density[rows], limits, model, wind_ned)
+    return np.interp(track.time_s, track.time_s[rows], taken)
+
+
+def energy_home(
+    place_ned: Floats,
+    tank_kg: Floats,
+    density: Floats,
+    limits: FlightLimits,
+    model: RotorModel,
+    wind_ned: tuple[float, float, float],
+) -> Floats:
+    """(N,) Wh that the way home takes from places (N, 3) m about home, with so much in the tank."""
+    away = np.hypot(place_ned[:, 0], place_ned[:, 1])
+    home = -place_ned[:, :2] / np.maximum(away, 1e-9)[:, None]
     airspeed = np.linalg.norm(home * limits.speed - np.asarray(wind_ned)[:2], axis=1)
-    height = -place[:, 2]
+    height = -place_ned[:, 2]
     up = np.maximum(height, np.minimum(limits.return_height, CONE * away))
-    hovers = np.full(rows.size, math.hypot(*wind_ned[:2]))
     vertical = (
         (up - height) / limits.climb_speed
         + np.maximum(up - limits.land_below, 0.0) / limits.descent_speed
         + np.minimum(up, limits.land_below) / limits.land_speed
         + RETURN_WAIT_S
     )
-    over = away / limits.speed * _power(model, density, tank, airspeed)
-    taken = np.where(height > 0.1, over + vertical * _power(model, density, tank, hovers), 0.0)
-    return np.interp(track.time_s, track.time_s[rows], taken) / 3600.0
+    over = away / limits.speed * _power(model, density, tank_kg, airspeed)
+    hover = _power(model, density, tank_kg, np.full(away.size, math.hypot(*wind_ned[:2])))
+    return np.where(height > ON_GROUND, over + vertical * hover, 0.0) / 3600.0
 
 
 def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats) -> Floats:
@@ -75,8 +89,15 @@ def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats
     return rotor_power(flown_airframe(model), made.thrust, made.rotor_speed_rpm)
 
 
-def way_back(flight: PlanFlight, used_wh: Floats, back_wh: Floats, usable_wh: float) -> WayBack:
-    """Where home gets out of reach of a battery that gives `usable_wh`, the reserve kept back.
+def way_back(
+    flight: PlanFlight,
+    used_wh: Floats,
+    back_wh: Floats,
+    usable_wh: float,
+    *,
+    charge_kept: float = 0.0,
+) -> WayBack:
+    """Where home gets out of reach of a battery that gives `usable_wh`, `charge_kept` kept back.
 
     `used_wh` (T,) Wh is what its present battery has given, `back_wh` (T,) what the way home takes.
     """
@@ -90,5 +111,6 @@ def way_back(flight: PlanFlight, used_wh: Floats, back_wh: Floats, usable_wh: fl
         item=flight.legs[flight.active[row]].leg.item,
         time_s=float(track.time_s[row]) if out.size else math.nan,
         distance=float(np.hypot(*track.position_ned[row, :2])),
+        charge_kept=charge_kept,
         spare_wh=least if math.isfinite(least) else math.nan,
     )

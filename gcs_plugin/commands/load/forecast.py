@@ -24,8 +24,8 @@ from thrustmargin.models.errors import LogError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from thrustmargin.mission.ahead.battery import Battery
-    from thrustmargin.mission.ahead.outlook import PlanForecast
+    from thrustmargin.mission.ahead.battery import FlightBattery
+    from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 
 PLANS = (".plan", ".mission", ".waypoints", ".txt")
 ZERO_CELSIUS = 273.15
@@ -83,7 +83,7 @@ def forecast(
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
-    from thrustmargin.mission.ahead import outlook
+    from thrustmargin.mission.ahead import plan_forecast
 
     check_utilisation(max_utilisation)
     for name, value, low, high, unit in (
@@ -110,10 +110,10 @@ def forecast(
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
     found = read_plan(plan)
     known = _parameters(plan, parameters)
-    made = outlook.forecast(
+    made = plan_forecast.forecast(
         found,
         rotor_model,
-        outlook.Day(
+        plan_forecast.TakeOff(
             fill_kg=kg,
             air_temperature=_or_nan(air_temperature) + ZERO_CELSIUS,
             altitude=_or_nan(altitude),
@@ -188,9 +188,9 @@ def _battery(
     capacity: float | None,
     resistance: float | None,
     nominal: float,
-) -> Battery:
+) -> FlightBattery:
     """By the options, else by the parameters; refuses a voltage that such a battery never has."""
-    from thrustmargin.mission.ahead.battery import Battery, stated_capacity
+    from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
     from thrustmargin.models.checks.plausible import POSSIBLE_VOLTAGE
 
     low, high = (share * nominal for share in POSSIBLE_VOLTAGE)
@@ -199,7 +199,7 @@ def _battery(
             f"--voltage {voltage:g} V cannot be: a battery of {nominal:g} V nominal stays within "
             f"{low:.1f} and {high:.1f} V"
         )
-    return Battery(
+    return FlightBattery(
         voltage=_or_nan(voltage),
         capacity_ah=stated_capacity(known) if capacity is None else capacity,
         resistance=_or_nan(resistance) / 1e3,

@@ -15,14 +15,14 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT, VehicleSt
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
-from thrustmargin.mission.forecast import (
+from thrustmargin.mission.plan import MissionPlan, plan_from_items
+from thrustmargin.mission.rest_of_route import (
     Conditions,
     Forecast,
     forecast,
     margin_at_fill,
     route_ahead,
 )
-from thrustmargin.mission.plan import MissionPlan, plan_from_items
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from thrustmargin.gcs_plugin.wording.forecast_words import assumed_words, verdict
-from thrustmargin.mission.ahead.outlook import PlanForecast
+from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 
 
 def json_text(made: PlanForecast) -> str:
@@ -16,9 +16,9 @@ def json_text(made: PlanForecast) -> str:
     content: dict[str, Any] = {
         "schema": "thrustmargin.forecast/1",
         "verdict": {"level": made.level.value, "words": verdict(made)},
-        "flight_s": made.flight.track.duration,
+        "flight_s": made.flight_s,
         "tank_end_kg": float(made.flight.track.tank_kg[-1]),
-        "energy_wh": float(made.flight.energy_wh[-1]),
+        "energy_wh": sum(s.energy_wh for s in made.needs.sorties),
         "utilisation": {
             "typical": use.lasting_most,
             "peak": use.peak,

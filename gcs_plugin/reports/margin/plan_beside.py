@@ -14,12 +14,12 @@ from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
 from thrustmargin.gcs_plugin.wording.plans.beside_words import beside_words, off_words
-from thrustmargin.mission.ahead.battery import Battery
+from thrustmargin.mission.ahead.battery import FlightBattery
 from thrustmargin.mission.ahead.beside import Beside, Pair, StretchBeside, beside, flown_way
 from thrustmargin.mission.ahead.blame import Off, ShownDay, which_was_off
 from thrustmargin.mission.ahead.limits import flight_limits
-from thrustmargin.mission.ahead.outlook import PLANNED
-from thrustmargin.mission.ahead.plan_flight import Conditions, fly_plan
+from thrustmargin.mission.ahead.plan_flight import PlanConditions, fly_plan
+from thrustmargin.mission.ahead.plan_forecast import PLANNED
 from thrustmargin.mission.ahead.plan_legs import plan_legs
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
 from thrustmargin.mission.steps import plan_steps, pump_output
@@ -41,7 +41,7 @@ def plan_beside(analysis: FlightAnalysis, log: FlightLog, plan: MissionPlan) -> 
     found = _found(analysis)
     given = _before(log, plan, model.airframe, found.fill_kg)
 
-    def fly(given: Conditions) -> Beside:
+    def fly(given: PlanConditions) -> Beside:
         flight = fly_plan("the plan", legs, limits, model, given)
         return beside(flight, analyse(flight.track, model, flight.density, claim=PLANNED), way)
 
@@ -90,7 +90,9 @@ def _mean_wind(track: FlightTrack) -> tuple[float, float]:
     )
 
 
-def _before(log: FlightLog, plan: MissionPlan, airframe: Airframe, fill_kg: float) -> Conditions:
+def _before(
+    log: FlightLog, plan: MissionPlan, airframe: Airframe, fill_kg: float
+) -> PlanConditions:
     """What is known before take-off."""
     height = plan.home[2]
     if not math.isfinite(height):
@@ -98,12 +100,12 @@ def _before(log: FlightLog, plan: MissionPlan, airframe: Airframe, fill_kg: floa
     pump = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
     rate = parameter(log.parameters, "SPRAY_PUMP_RATE")  # % of the pump's most at 1 m/s
     capacity = parameter(log.parameters, "BATT_CAPACITY") / 1000.0
-    return Conditions(
+    return PlanConditions(
         fill_kg=fill_kg if math.isfinite(fill_kg) else airframe.tank_capacity_kg,
         density=float(isa_density(height)),
         flow=0.0 if rate > 0.0 else pump,
         flow_per_metre=pump * rate / 100.0 if rate > 0.0 else math.nan,
-        battery=Battery(capacity_ah=capacity if capacity > 0.0 else math.nan),
+        battery=FlightBattery(capacity_ah=capacity if capacity > 0.0 else math.nan),
     )
 
 

@@ -15,8 +15,8 @@ ROOT = Path(__file__).resolve().parents[3]
 SLOW = {"identify"}
 
 
-def test_the_public_names_are_these_seven():
-    names = ["LiveMonitor", "analyse", "identify", "load_model"]
+def test_the_public_names_are_these():
+    names = ["LiveMonitor", "advise", "analyse", "forecast", "identify", "load_model"]
     names += ["read_log", "read_plan", "read_sorties"]
     assert tm.__all__ == names
     assert dir(tm) == tm.__all__

@@ -13,16 +13,16 @@ from thrustmargin.gcs_plugin.wording.forecast_words import (
     verdict,
     weakest_words,
 )
-from thrustmargin.mission.ahead.battery import Battery
-from thrustmargin.mission.ahead.outlook import Day, forecast
+from thrustmargin.mission.ahead.battery import FlightBattery
+from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 
 MODEL = shipped_model()
 
 
 def made(**day):
-    given = {"fill_kg": 6.0, "flow": 0.04, "battery": Battery(capacity_ah=16.0)} | day
-    return forecast(plan_of(*TWO_LINES), MODEL, Day(**given))
+    given = {"fill_kg": 6.0, "flow": 0.04, "battery": FlightBattery(capacity_ah=16.0)} | day
+    return forecast(plan_of(*TWO_LINES), MODEL, TakeOff(**given))
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,11 @@ def made(**day):
     [
         ({}, "MAY TAKE OFF WITH 6.0 kg (6.0 L)", "limit 50 %"),
         ({"fill_kg": 16.0}, "DO NOT TAKE OFF WITH 16.0 kg", "a lost rotor brings it down"),
-        ({"battery": Battery(capacity_ah=1.0)}, "DO NOT TAKE OFF", "the battery does not last"),
+        (
+            {"battery": FlightBattery(capacity_ah=1.0)},
+            "DO NOT TAKE OFF",
+            "the battery does not last",
+        ),
     ],
 )
 def test_the_verdict_comes_with_its_reason(day, starts, has):
@@ -51,6 +55,10 @@ def test_the_other_lines_say_what_they_know():
 
 
 def test_whatever_is_assumed_has_words():
-    for outlook in (made(), made(wind=5.0), forecast(plan_of(*TWO_LINES), MODEL, Day(fill_kg=6.0))):
+    for outlook in (
+        made(),
+        made(wind=5.0),
+        forecast(plan_of(*TWO_LINES), MODEL, TakeOff(fill_kg=6.0)),
+    ):
         assert set(outlook.assumed) <= set(ASSUMED)
         assert all("{" not in words for words in assumed_words(outlook))

@@ -5,7 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from thrustmargin.mission.ahead.battery import Battery, discharge, rotor_power, stated_capacity
+from thrustmargin.mission.ahead.battery import (
+    FlightBattery,
+    discharge,
+    rotor_power,
+    stated_capacity,
+)
 from thrustmargin.models.physics.airframe import load_airframe
 
 CRAFT = load_airframe("topxgun-f16-sitl")  # 14 cells
@@ -17,32 +22,34 @@ def drained(battery, power=4000.0, seconds=600, changed=NEVER):
 
 
 def test_without_a_capacity_the_voltage_is_held():
-    volts, energy = drained(Battery(voltage=55.0))
+    volts, energy = drained(FlightBattery(voltage=55.0))
     assert np.all(volts == 55.0)
     assert energy[-1] == pytest.approx(4000.0 * 600.0 / 3600.0)
-    assert np.all(drained(Battery())[0] == 51.8)
+    assert np.all(drained(FlightBattery())[0] == 51.8)
 
 
 def test_under_load_it_falls_by_resistance_times_current():
-    volts, _ = drained(Battery(capacity_ah=1e6, resistance=0.02))
+    volts, _ = drained(FlightBattery(capacity_ah=1e6, resistance=0.02))
     assert volts[0] == pytest.approx(58.8 - 0.02 * 4000.0 / volts[0], abs=1e-3)
 
 
 def test_charge_is_the_sum_of_current():
     """Half of a charge gone: 3.84 V a cell at rest."""
-    volts, _ = drained(Battery(capacity_ah=16.0, resistance=0.0), power=16.0 * 55.0, seconds=1800)
+    volts, _ = drained(
+        FlightBattery(capacity_ah=16.0, resistance=0.0), power=16.0 * 55.0, seconds=1800
+    )
     assert volts[-1] == pytest.approx(14 * 3.84, abs=0.4)
 
 
 def test_a_battery_that_is_used_up_has_no_voltage():
-    volts, _ = drained(Battery(capacity_ah=10.0), seconds=900)
+    volts, _ = drained(FlightBattery(capacity_ah=10.0), seconds=900)
     assert np.isnan(volts[-1])
     assert np.isfinite(volts[0])
 
 
 def test_a_fresh_one_is_as_at_the_start():
     changed = np.array([300])
-    volts, _ = drained(Battery(capacity_ah=16.0), changed=changed)
+    volts, _ = drained(FlightBattery(capacity_ah=16.0), changed=changed)
     assert volts[300] == pytest.approx(volts[0], abs=0.05)
     assert volts[299] < volts[0] - 1.0
 

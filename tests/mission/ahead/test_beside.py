@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from tests.mission.plans_made import HOME, TWO_LINES, plan_of
-from thrustmargin.mission.ahead.battery import Battery
+from thrustmargin.mission.ahead.battery import FlightBattery
 from thrustmargin.mission.ahead.beside import Beside, FlownWay, beside, flown_way
 from thrustmargin.mission.ahead.blame import ShownDay, which_was_off
 from thrustmargin.mission.ahead.limits import flight_limits
-from thrustmargin.mission.ahead.plan_flight import Conditions, PlanFlight, fly_plan
+from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.flight import Origin
@@ -28,11 +28,11 @@ LIMITS = flight_limits({"WPNAV_ACCEL": 150.0})
 PLAN = plan_of(*TWO_LINES)
 LEGS = plan_legs(PLAN, plan_steps(PLAN), LIMITS)
 CLAIM = AirframeClaim(words="made by hand")
-TRUE = Conditions(fill_kg=8.0, density=1.15, flow=0.05, battery=Battery(voltage=54.0))
+TRUE = PlanConditions(fill_kg=8.0, density=1.15, flow=0.05, battery=FlightBattery(voltage=54.0))
 FOUND = ShownDay(wind_ned=(0.0, 0.0, 0.0), fill_kg=8.0, density=1.15)
 
 
-def flown_by(given: Conditions) -> PlanFlight:
+def flown_by(given: PlanConditions) -> PlanFlight:
     return fly_plan("made", LEGS, LIMITS, MODEL, given)
 
 
@@ -56,12 +56,12 @@ def flight(speed_factor: float = 1.0, seconds: float = 1e9, east: float = 0.0) -
     return flown_way(analyse(track, MODEL, density, claim=CLAIM), HOME)
 
 
-def put_beside(given: Conditions, way: FlownWay) -> Beside:
+def put_beside(given: PlanConditions, way: FlownWay) -> Beside:
     made = flown_by(given)
     return beside(made, forecast_of(made), way)
 
 
-def off(given: Conditions, way: FlownWay, found: ShownDay = FOUND) -> list[str]:
+def off(given: PlanConditions, way: FlownWay, found: ShownDay = FOUND) -> list[str]:
     return [one.what for one in which_was_off(lambda c: put_beside(c, way), given, found)]
 
 
@@ -86,12 +86,12 @@ def test_a_flight_as_forecast_differs_in_nothing():
     [
         ("fill", replace(TRUE, fill_kg=6.0), 6.0, 8.0),
         ("flow", replace(TRUE, flow=0.08), None, None),
-        ("battery", replace(TRUE, battery=Battery(voltage=48.0)), 48.0, 54.0),
+        ("battery", replace(TRUE, battery=FlightBattery(voltage=48.0)), 48.0, 54.0),
         ("wind", replace(TRUE, wind_ned=(5.0, 0.0, 0.0)), 5.0, 0.0),
     ],
 )
 def test_the_one_assumption_that_was_off_is_named_with_its_amounts(
-    what: str, wrong: Conditions, forecast: float | None, flown: float | None
+    what: str, wrong: PlanConditions, forecast: float | None, flown: float | None
 ):
     (one,) = which_was_off(lambda c: put_beside(c, flight()), wrong, FOUND)
     assert one.what == what
@@ -109,7 +109,7 @@ def test_a_wind_that_takes_no_thrust_is_said_to_have_taken_none():
 
 
 def test_two_that_were_off_are_both_named():
-    wrong = replace(TRUE, fill_kg=5.0, battery=Battery(voltage=48.0))
+    wrong = replace(TRUE, fill_kg=5.0, battery=FlightBattery(voltage=48.0))
     assert set(off(wrong, flight())) == {"fill", "battery"}
 
 

@@ -23,10 +23,10 @@ def test_what_no_parameter_says_has_its_default_and_is_named():
     assert not any(name.startswith("WP_SPD ") for name in made.assumed)
 
 
-def test_a_corner_accelerates_twice_as_a_leg_unless_told():
+def test_a_corner_accelerates_twice_as_a_leg_unless_named():
     assert flight_limits({"WPNAV_ACCEL": 150.0}).corner_acceleration == 3.0
-    told = flight_limits({"WPNAV_ACCEL": 150.0, "WPNAV_ACCEL_C": 100.0})
-    assert told.corner_acceleration == 1.0
+    named = flight_limits({"WPNAV_ACCEL": 150.0, "WPNAV_ACCEL_C": 100.0})
+    assert named.corner_acceleration == 1.0
 
 
 def test_the_lower_of_two_yaw_rates_holds():

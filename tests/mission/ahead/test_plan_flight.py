@@ -8,7 +8,7 @@ import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.mission.ahead.limits import flight_limits
-from thrustmargin.mission.ahead.plan_flight import Conditions, fly_plan
+from thrustmargin.mission.ahead.plan_flight import PlanConditions, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
 from thrustmargin.mission.ahead.way import way_leg
 from thrustmargin.mission.steps import plan_steps
@@ -19,7 +19,7 @@ from thrustmargin.models.model.predict import predict
 
 LIMITS = flight_limits({"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0, "WP_ACC": 1.5})
 MODEL = shipped_model()
-GIVEN = Conditions(fill_kg=10.0, density=1.225)
+GIVEN = PlanConditions(fill_kg=10.0, density=1.225)
 
 
 def flown(*rows, limits=LIMITS, given=GIVEN, refill_after=(), **plan):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tests.mission.plans_made import HOME, plan_of, spot
-from thrustmargin.mission.ahead.battery import Battery, rotor_power
+from thrustmargin.mission.ahead.battery import FlightBattery, rotor_power
 from thrustmargin.mission.ahead.limits import flight_limits
-from thrustmargin.mission.ahead.outlook import Day, forecast
-from thrustmargin.mission.ahead.plan_flight import Conditions, PlanFlight, fly_plan
+from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan
+from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.mission.ahead.plan_legs import plan_legs
 from thrustmargin.mission.ahead.way_back import energy_back, way_back
 from thrustmargin.mission.steps import plan_steps
@@ -29,7 +29,7 @@ FAR = plan_of(
 @cache
 def flight(north: float = 0.0) -> PlanFlight:
     legs = plan_legs(FAR, plan_steps(FAR), LIMITS)
-    given = Conditions(fill_kg=8.0, density=1.225, wind_ned=(north, 0.0, 0.0))
+    given = PlanConditions(fill_kg=8.0, density=1.225, wind_ned=(north, 0.0, 0.0))
     return fly_plan("far", legs, LIMITS, MODEL, given)
 
 
@@ -81,7 +81,7 @@ def test_a_sortie_that_ends_at_a_refill_has_energy_for_the_way_there_and_home():
     plan = plan_of(*rows, (216, 0.0), (20,))
 
     def asked(capacity_ah: float):
-        day = Day(fill_kg=8.0, flow=0.001, battery=Battery(capacity_ah=capacity_ah))
+        day = TakeOff(fill_kg=8.0, flow=0.001, battery=FlightBattery(capacity_ah=capacity_ah))
         return forecast(plan, MODEL, day, parameters=PARAMETERS).needs
 
     whole = asked(100.0)

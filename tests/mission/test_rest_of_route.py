@@ -5,8 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from thrustmargin.mission.forecast import Conditions, Leg, forecast, margin_at_fill, route_ahead
 from thrustmargin.mission.plan import MissionPlan, PlanItem
+from thrustmargin.mission.rest_of_route import (
+    Conditions,
+    Leg,
+    forecast,
+    margin_at_fill,
+    route_ahead,
+)
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe

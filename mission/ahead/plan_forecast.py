@@ -6,32 +6,45 @@ and cannot be had.
 
 from __future__ import annotations
 
+import bisect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, Battery, since
+from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, FlightBattery, since
+from thrustmargin.mission.ahead.fill_along import largest_fill, survivable_below
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
-from thrustmargin.mission.ahead.plan_flight import Conditions, PlanFlight, Span, SpanKind, fly_plan
+from thrustmargin.mission.ahead.plan_flight import (
+    PlanConditions,
+    PlanFlight,
+    fly_plan,
+)
 from thrustmargin.mission.ahead.plan_legs import above_ground, plan_legs
-from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT, Needs, needs
+from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT, Needs, leg_ends, needs
+from thrustmargin.mission.ahead.utilisation_along import (
+    LegForecast,
+    Weakest,
+    leg_forecast,
+    weakest_place,
+)
+from thrustmargin.mission.ahead.way import TimedLeg, WayLeg, timed_legs
 from thrustmargin.mission.ahead.way_back import WayBack, energy_back, way_back
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
 from thrustmargin.mission.sortie_plans import line_ends
 from thrustmargin.mission.steps import PumpOutput, plan_steps, pump_output
-from thrustmargin.models.flight import Floats, Origin
+from thrustmargin.models.errors import PlanError
+from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse, worst_rotor
-from thrustmargin.models.model.fill_limits import steady_flight
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.predict import Basis, flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure, isa_temperature
+from thrustmargin.models.physics.margin import ceiling, utilisation
 
 #: A plan is no flight: there is nothing in it that could speak against the airframe.
 PLANNED = AirframeClaim(words="a plan")
@@ -40,18 +53,19 @@ DIRECTIONS = 8
 #: Times that the nose turns by 0.7 slower where the rotors have no moment for what is asked: an
 #: autopilot gives up yaw before roll, pitch and thrust.
 SLOWER = 6
-TURNS = 6  # of the search for the largest fill
-STEP_KG = 0.1  # by which a fill is rounded down
+#: s of a plan that are flown in detail: some sorties; the rest by time, way and litres alone.
+IN_DETAIL_S, WIND_TRIED_S = 900.0, 240.0
+LONGEST_LEG_S = 7200.0  # with its wait, more than any battery of a multirotor lasts
 
 Assumption = Literal[
     "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
     "sea level", "no flow", "level ground", "PX4 corners", "pump by speed", "no forward flight",
-    "extrapolated", "nose gives way",
+    "extrapolated", "nose gives way", "first part",
 ]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Day:
+class TakeOff:
     """What a plan is asked with; None or NaN is not known, and what is taken for it is said."""
 
     fill_kg: float
@@ -61,35 +75,7 @@ class Day:
     wind_from_deg: float = math.nan  # NaN with wind: the worst of all directions
     flow: float = math.nan  # kg/s at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of line
-    battery: Battery = UNKNOWN
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LegForecast:
-    """One stretch of the flight."""
-
-    item: int
-    kind: SpanKind
-    seconds: float
-    utilisation_mean: float
-    utilisation_peak: float
-    interval: tuple[float, float]  # 90 %, of the peak
-    tank_end_kg: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Weakest:
-    """The place with the largest utilisation, and what of it could be otherwise, as shares."""
-
-    item: int
-    kind: SpanKind
-    utilisation: float
-    interval: tuple[float, float]
-    tank_kg: float
-    manoeuvre: float  # more than straight and level
-    load: float  # more than with an empty tank
-    wind: float  # more than in still air
-    battery: float  # more than with the battery as at the start
+    battery: FlightBattery = UNKNOWN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,9 +92,10 @@ class PlanForecast:
     survivable_below_kg: float  # in the tank, with which one lost rotor is survived all along
     needs: Needs
     way_back: WayBack
+    flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
-    assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
+    assumed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def level(self) -> FlightLevel:
@@ -136,24 +123,26 @@ class PlanForecast:
 def forecast(
     plan: MissionPlan,
     model: RotorModel,
-    day: Day,
+    take_off: TakeOff | float,
     *,
     parameters: Mapping[str, float] | None = None,
     pump: PumpOutput | None = None,
     limit: float = 0.5,
     refilled: bool = True,
 ) -> PlanForecast:
-    """What `plan` takes of an aircraft of `model` on that `day`, before it is flown.
+    """What `plan` takes of an aircraft of `model`, before it is flown.
+
+    `take_off` is what it takes off with, or kg in the tank alone.
 
     `parameters` are the autopilot's by name; their defaults are taken for those that are missing.
     `limit` is the share of a rotor's largest thrust that may last. Not `refilled`, it is flown on
     with an empty tank. Raises PlanError when the plan flies nowhere.
 
-        >>> log = "sitl_logs/campaign/v4_m16_q2.5.tlog"
-        >>> made = forecast(read_plan(log), load_model(), Day(fill_kg=16.0))
-        >>> made.level
-        <FlightLevel.CRITICAL: 'critical'>
+        >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
+        >>> forecast(plan, load_model(), 6.0).level.value
+        'under'
     """
+    day = take_off if isinstance(take_off, TakeOff) else TakeOff(fill_kg=float(take_off))
     known = {} if parameters is None else parameters
     px4 = plan.firmware == FIRMWARE_PX4
     limits = flight_limits(known, px4=px4)
@@ -166,13 +155,21 @@ def forecast(
     given, assumed = _conditions(day, altitude, craft.nominal_voltage)
     origin = Origin(latitude_deg=home[0], longitude_deg=home[1], altitude=altitude)
 
+    timed = timed_legs(legs)
+    legs = legs[: _within(timed, IN_DETAIL_S)]
+    _refuse_endless(timed[: len(legs)])
+
     def fly(
-        given: Conditions, refills: tuple[int, ...] = (), limits: FlightLimits = limits
+        given: PlanConditions,
+        refills: tuple[int, ...] = (),
+        limits: FlightLimits = limits,
+        legs: Sequence[WayLeg] = legs,
     ) -> PlanFlight:
         return fly_plan("the plan", legs, limits, model, given, origin=origin, refill_after=refills)
 
     if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
-        given = _worst_wind(given, day.wind, model, fly)
+        first = legs[: _within(timed, WIND_TRIED_S)]
+        given = _worst_wind(given, day.wind, model, lambda g: fly(g, legs=first))
         assumed["worst wind"] = (f"{_from_deg(given):.0f}",)
     once = fly(given)
     peak = _peak(once, model)
@@ -188,14 +185,18 @@ def forecast(
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
     cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
     usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
-    back = energy_back(once, limits, model, given.wind_ned)
-    needed = needs(once, ends, fill_kg=given.fill_kg, usable_wh=usable, back_wh=back)
+    taken = leg_ends(once, timed, given, limits, model)
+    needed = needs(taken, ends, fill_kg=given.fill_kg, usable_wh=usable)
     refills = needed.refill_after if refilled else ()
-    flight = once
-    if refills:
-        flight = fly(given, refills, limits)
-        back = energy_back(flight, limits, model, given.wind_ned)
+    refills = tuple(k for k in refills if k < len(legs) - 1)
+    flight = fly(given, refills, limits) if refills else once
+    back = energy_back(flight, limits, model, given.wind_ned)
     used = since(flight.energy_wh, flight.refilled)
+    if len(legs) < len(timed):
+        assumed["first part"] = (
+            f"{once.track.duration / 60.0:.0f}",
+            f"{taken.time_s[-1] / 60.0:.0f}",
+        )
     analysis = _analysis(flight, model)
     advised = advise(analysis, limit=limit)
     if limits.assumed:
@@ -216,18 +217,36 @@ def forecast(
         flight=flight,
         advised=advised,
         limits=limits,
-        legs=tuple(_leg(span, analysis) for span in flight.spans),
-        weakest=_weakest(flight, analysis),
-        largest_fill_kg=_largest_fill(
+        legs=tuple(leg_forecast(span, analysis) for span in flight.spans),
+        weakest=weakest_place(flight, analysis),
+        largest_fill_kg=largest_fill(
             advised, given, limit, lambda g: _advise(fly(g, refills, limits), model, limit)
         ),
-        survivable_below_kg=_survivable(analysis),
+        survivable_below_kg=survivable_below(analysis),
         needs=needed,
-        way_back=way_back(flight, used, back, usable),
+        way_back=way_back(flight, used, back, usable, charge_kept=CHARGE_KEPT),
+        flight_s=float(taken.time_s[-1]),
         findings=check_plan(plan, steps, sprays=sprays),
         not_understood=steps.not_understood,
         assumed=assumed,
     )
+
+
+def _refuse_endless(timed: Sequence[TimedLeg]) -> None:
+    """Raise PlanError for a leg or a wait that no battery lasts."""
+    for leg in timed:
+        took = leg.end_s + leg.leg.wait_s - leg.active_s
+        if not took <= LONGEST_LEG_S:
+            raise PlanError(
+                f"the way to item {leg.leg.item} with its wait takes {took / 3600.0:.1f} h; check "
+                "its place, the speed and the wait"
+            )
+
+
+def _within(timed: Sequence[TimedLeg], seconds: float) -> int:
+    """How many legs are flown until then, at least; all where not many more are."""
+    ends = [leg.end_s for leg in timed]
+    return len(timed) if ends[-1] <= 1.5 * seconds else bisect.bisect(ends, seconds) + 1
 
 
 def _analysis(flight: PlanFlight, model: RotorModel) -> FlightAnalysis:
@@ -236,7 +255,8 @@ def _analysis(flight: PlanFlight, model: RotorModel) -> FlightAnalysis:
 
 def _peak(flight: PlanFlight, model: RotorModel) -> float:
     """The largest utilisation on the way; NaN where nothing is predicted."""
-    use = _analysis(flight, model).utilisation_predicted
+    limits = ceiling(flown_airframe(model), flight.density, flight.track.voltage)
+    use = utilisation(flight.rotor_speed_rpm, limits.max_rotor_speed_rpm)
     return float(np.nanmax(use)) if np.isfinite(use).any() else math.nan
 
 
@@ -245,8 +265,8 @@ def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
 
 
 def _conditions(
-    day: Day, altitude: float, nominal: float
-) -> tuple[Conditions, dict[Assumption, tuple[str, ...]]]:
+    day: TakeOff, altitude: float, nominal: float
+) -> tuple[PlanConditions, dict[Assumption, tuple[str, ...]]]:
     """The conditions of the day, and what was taken for what is not known."""
     assumed: dict[Assumption, tuple[str, ...]] = {}
     if not math.isfinite(day.altitude) and altitude == 0.0:
@@ -268,7 +288,7 @@ def _conditions(
             assumed["full battery"] = (f"{FULL * round(nominal / CELL):.1f}",)
         if not battery.resistance >= 0.0:
             assumed["resistance"] = ()
-    given = Conditions(
+    given = PlanConditions(
         fill_kg=day.fill_kg,
         density=float(air_density(isa_pressure(altitude), warm)),
         flow=day.flow if day.flow > 0.0 else 0.0,
@@ -284,126 +304,19 @@ def _wind(speed: float, from_deg: float) -> tuple[float, float, float]:
     return (-speed * math.cos(way), -speed * math.sin(way), 0.0)
 
 
-def _from_deg(given: Conditions) -> float:
+def _from_deg(given: PlanConditions) -> float:
     return math.degrees(math.atan2(-given.wind_ned[1], -given.wind_ned[0])) % 360.0
 
 
 def _worst_wind(
-    given: Conditions, speed: float, model: RotorModel, fly: Callable[[Conditions], PlanFlight]
-) -> Conditions:
+    given: PlanConditions,
+    speed: float,
+    model: RotorModel,
+    fly: Callable[[PlanConditions], PlanFlight],
+) -> PlanConditions:
     """The conditions with the wind from where it takes most thrust."""
     tried = [
         replace(given, wind_ned=_wind(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
     ]
     peaks = [_peak(fly(one), model) for one in tried]
     return tried[int(np.argmax(peaks))]
-
-
-def _leg(span: Span, analysis: FlightAnalysis) -> LegForecast:
-    rows = slice(span.first, span.last)
-    use, reach = _use(analysis, rows)
-    top = int(np.argmax(np.where(np.isfinite(use), use, -1.0)))
-    track = analysis.track
-    end = track.time_s[min(span.last, track.time_s.size - 1)]
-    return LegForecast(
-        item=span.item,
-        kind=span.kind,
-        seconds=float(end - track.time_s[span.first]),
-        utilisation_mean=float(np.mean(use)),
-        utilisation_peak=float(use[top]),
-        interval=(float(use[top] - reach[top]), float(use[top] + reach[top])),
-        tank_end_kg=float(track.tank_kg[span.last - 1]),
-    )
-
-
-def _use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
-    """(N,) utilisation of the worst rotor and half of its 90 % interval."""
-    use = analysis.utilisation_predicted[rows]
-    worst, which = worst_rotor(use)
-    error = analysis.utilisation_error[rows]
-    at = np.nan_to_num(which).astype(int)
-    return worst, INTERVAL * error[np.arange(worst.size), at]
-
-
-def _weakest(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:
-    use, reach = _use(analysis, slice(None))
-    if not np.isfinite(use).any():
-        return None
-    row = int(np.nanargmax(use))
-    span = next(s for s in flight.spans if s.first <= row < s.last)
-    track, model = flight.track, analysis.model
-    speed = float(np.linalg.norm(track.velocity_ned[row]))
-    tank, volts = float(track.tank_kg[row]), float(track.voltage[row])
-    known = track.voltage[np.isfinite(track.voltage)]
-    fresh = float(known.max()) if known.size else math.nan
-
-    def level(kg: float, airspeed: float, voltage: float) -> float:
-        made = steady_flight(model, flight.density[row], voltage, airspeed, np.array([kg]))
-        return float(np.max(made.utilisation_predicted))
-
-    steady = level(tank, float(track.airspeed[row]), volts)
-    return Weakest(
-        item=span.item,
-        kind=span.kind,
-        utilisation=float(use[row]),
-        interval=(float(use[row] - reach[row]), float(use[row] + reach[row])),
-        tank_kg=tank,
-        manoeuvre=float(use[row]) - steady,
-        load=steady - level(0.0, float(track.airspeed[row]), volts),
-        wind=steady - level(tank, speed, volts),
-        battery=steady - level(tank, float(track.airspeed[row]), fresh),
-    )
-
-
-def _survivable(analysis: FlightAnalysis) -> float:
-    """kg in the tank below which one lost rotor is surely survived wherever the plan has so little.
-
-    Where it never has, below what it is survived anywhere; NaN unknown.
-    """
-    craft, tank = flown_airframe(analysis.model), analysis.track.tank_kg
-    sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
-    most = (craft.empty_mass + tank) * sure - craft.empty_mass
-    if not np.isfinite(most).all():
-        return math.nan
-    least = float(np.min(tank[tank > most], initial=math.inf))
-    return least if math.isfinite(least) and np.any(tank < least) else float(most.min())
-
-
-def _largest_fill(
-    advised: Advised, given: Conditions, limit: float, flown: Callable[[Conditions], Advised]
-) -> float:
-    """kg with which the answer is that all stays below the limit; 0: not even empty.
-
-    Load and limit go together nearly as a line does, so few flights are needed.
-    """
-    craft = flown_airframe(advised.analysis.model)
-    most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - craft.empty_mass)
-    kg, answer = given.fill_kg, advised
-    if not math.isfinite(answer.advice.use.lasting_most) or not math.isfinite(most):
-        return math.nan
-    good = 0.0
-    bad = math.inf
-    for _ in range(TURNS):
-        if answer.advice.level is FlightLevel.UNDER:
-            good = max(good, kg)
-        else:
-            bad = min(bad, kg)
-        if good >= most or bad - good <= STEP_KG:
-            break
-        step = kg + _room(answer, limit)
-        middle = 0.5 * (good + min(bad, most))
-        inside = good < step < min(bad, most + STEP_KG)
-        kg = min(step if inside else middle if math.isfinite(bad) else most, most)
-        answer = flown(replace(given, fill_kg=kg))
-    return math.floor(good / STEP_KG + 1e-6) * STEP_KG
-
-
-def _room(advised: Advised, limit: float) -> float:
-    """kg more, or less than nothing, with which some moment meets its limit."""
-    analysis, use = advised.analysis, advised.advice.use
-    mass = flown_airframe(analysis.model).empty_mass + analysis.track.tank_kg
-    reach = use.lasting_high - use.lasting_most
-    sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
-    by_use = mass * limit / (use.lasting + reach) - mass
-    found = np.concatenate([by_use, mass * sure - mass])
-    return float(np.nanmin(found)) - 0.02

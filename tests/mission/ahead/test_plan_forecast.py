@@ -1,19 +1,23 @@
 """What the model says of a plan: the same answer as of a flight."""
 
 import math
+import time
 from dataclasses import replace
 
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of, spot
-from thrustmargin.mission.ahead.battery import Battery
-from thrustmargin.mission.ahead.outlook import Day, forecast
+from thrustmargin.mission.ahead.battery import FlightBattery
+from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
+from thrustmargin.models.errors import PlanError
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_file import shipped_model
 
 MODEL = shipped_model()
 PARAMETERS = {"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0, "WP_ACC": 1.5}
-DAY = Day(fill_kg=6.0, flow=0.04, battery=Battery(capacity_ah=16.0), air_temperature=288.0)
+DAY = TakeOff(
+    fill_kg=6.0, flow=0.04, battery=FlightBattery(capacity_ah=16.0), air_temperature=288.0
+)
 
 
 def outlook(*rows, day=DAY, **options):
@@ -34,7 +38,7 @@ def test_the_largest_fill_keeps_the_limit_and_more_does_not():
     assert outlook(day=replace(DAY, fill_kg=most + 0.4)).level is not FlightLevel.UNDER
 
 
-def test_the_weakest_place_is_a_turn_and_its_parts_are_told():
+def test_the_weakest_place_is_a_turn_and_its_parts_are_named():
     weakest = outlook().weakest
     assert weakest is not None
     assert weakest.kind == "turn"
@@ -49,8 +53,8 @@ def test_the_weakest_place_is_a_turn_and_its_parts_are_told():
 def test_a_wind_from_nowhere_is_the_worst_of_all():
     any_way = outlook(day=replace(DAY, wind=8.0))
     assert "worst wind" in any_way.assumed
-    told = [outlook(day=replace(DAY, wind=8.0, wind_from_deg=d)) for d in (0.0, 90.0, 180.0)]
-    peaks = [made.weakest.utilisation for made in told if made.weakest]
+    named = [outlook(day=replace(DAY, wind=8.0, wind_from_deg=d)) for d in (0.0, 90.0, 180.0)]
+    peaks = [made.weakest.utilisation for made in named if made.weakest]
     assert any_way.weakest is not None
     assert any_way.weakest.utilisation >= max(peaks) - 1e-9
 
@@ -58,7 +62,7 @@ def test_a_wind_from_nowhere_is_the_worst_of_all():
 def test_thin_air_and_a_weak_battery_take_from_the_fill():
     most = outlook().largest_fill_kg
     assert outlook(day=replace(DAY, altitude=2500.0)).largest_fill_kg < most - 1.0
-    weak = replace(DAY, battery=Battery(voltage=50.0, capacity_ah=16.0))
+    weak = replace(DAY, battery=FlightBattery(voltage=50.0, capacity_ah=16.0))
     assert outlook(day=weak).largest_fill_kg < most - 1.0
 
 
@@ -71,12 +75,12 @@ def test_a_tank_that_does_not_last_is_refilled_at_a_line_end():
 
 
 def test_a_battery_that_does_not_last_is_no_answer_but_that():
-    made = outlook(day=replace(DAY, battery=Battery(capacity_ah=1.0)))
+    made = outlook(day=replace(DAY, battery=FlightBattery(capacity_ah=1.0)))
     assert made.level is FlightLevel.BATTERY
 
 
 def test_what_is_not_known_is_said():
-    bare = forecast(plan_of(*TWO_LINES), MODEL, Day(fill_kg=6.0))
+    bare = forecast(plan_of(*TWO_LINES), MODEL, TakeOff(fill_kg=6.0))
     assert {"limits", "no capacity", "no wind", "no flow", "standard air"} <= set(bare.assumed)
     assert "limits" in outlook().assumed
     assert not {"no capacity", "no flow", "standard air"} & set(outlook().assumed)
@@ -102,3 +106,54 @@ def test_a_climb_is_a_climb():
     assert kinds[0] == "climb"
     assert kinds[-1] == "climb"
     assert math.isclose(sum(leg.seconds for leg in made.legs), made.flight.track.duration)
+
+
+def test_a_nose_that_asks_for_more_than_the_rotors_have_gives_way():
+    """270 °/s² is ArduPilot's default, and no sprayer has the moment for it."""
+    made = forecast(plan_of(*TWO_LINES), MODEL, replace(DAY, fill_kg=12.0))
+    assert made.weakest is not None
+    assert made.weakest.utilisation <= 1.0
+    assert made.limits.yaw_acceleration < math.radians(200.0)
+    assert "nose gives way" in made.assumed
+    assert "nose gives way" not in outlook().assumed
+
+
+def lines(count):
+    rows = [*TWO_LINES[:2]]
+    for k in range(count):
+        ends = (48.0005, 48.0015) if k % 2 == 0 else (48.0015, 48.0005)
+        east = 11.0 + k * 5e-5
+        rows += [(16, spot(ends[0], east)), (216, 1.0), (16, spot(ends[1], east)), (216, 0.0)]
+    return [*rows, (20,)]
+
+
+def test_of_a_long_plan_the_first_part_is_flown_and_the_rest_is_counted():
+    short, double, long = (outlook(*lines(count)) for count in (10, 20, 100))
+    assert "first part" not in short.assumed
+    assert "first part" in long.assumed
+    assert 800.0 < long.flight.track.duration < 1000.0
+    sprayed, ten_lines = short.flight.sprayed_kg[-1], double.flight_s - short.flight_s
+    assert sum(s.kg for s in long.needs.sorties) == pytest.approx(10 * sprayed, rel=0.04)
+    assert long.flight_s == pytest.approx(short.flight_s + 9 * ten_lines, rel=0.04)
+    assert long.needs.sorties[-1].last_item == len(lines(100))
+
+
+def test_a_thousand_lines_take_seconds():
+    begun = time.process_time()
+    made = outlook(*lines(1000))
+    assert time.process_time() - begun < 8.0
+    assert len(made.needs.sorties) > 50
+
+
+@pytest.mark.parametrize(
+    "row",
+    [(16, 1e6, spot(48.0005, 11.0)), (16, spot(-48.0, -169.0)), (178, 1.0, 0.001, -1.0)],
+    ids=["waits for days", "on the other side of the Earth", "hardly moves"],
+)
+def test_what_no_battery_lasts_is_refused_at_once(row):
+    begun = time.process_time()
+    with pytest.raises(
+        PlanError, match=r"the way to item \d+ with its wait takes|item 2 is \d+ km"
+    ):
+        outlook(TWO_LINES[0], row, (16, spot(48.001, 11.0)), (20,))
+    assert time.process_time() - begun < 1.0

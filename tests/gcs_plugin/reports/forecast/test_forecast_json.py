@@ -1,0 +1,32 @@
+"""The file of a forecast: numbers as they are, null for what is not known."""
+
+import json
+
+import pytest
+
+from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
+from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
+from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+
+def test_it_holds_the_numbers_of_the_forecast():
+    made = forecast(plan_of(*TWO_LINES), shipped_model(), TakeOff(fill_kg=1.5, flow=0.04))
+    content = json.loads(json_text(made))
+    assert content["flight_s"] == pytest.approx(made.flight.track.duration, abs=1e-5)
+    assert content["largest_fill_kg"] == pytest.approx(made.largest_fill_kg)
+    assert len(content["legs"]) == len(made.legs)
+    first, last = content["sorties"]
+    assert (first["refill"], last["refill"]) == (5, None)
+    assert first["litres"] == pytest.approx(made.needs.sorties[0].kg, abs=1e-5)
+    peaks = [leg["utilisation_peak"] for leg in content["legs"]]
+    assert content["utilisation"]["peak"] == pytest.approx(max(peaks), abs=1e-5)
+
+
+def test_without_a_network_there_is_an_answer_and_what_it_lacks_is_said():
+    made = forecast(plan_of(*TWO_LINES), physics_model(load_airframe("topxgun-f16")), 6.0)
+    content = json.loads(json_text(made))
+    assert content["weakest"]["what"] in ("leg", "turn", "climb", "wait")
+    assert any("forward flight" in words for words in content["assumed"])
