@@ -45,10 +45,16 @@ class Stretch:
     kind: str
     mean: tuple[float, float]  # forecast, flown
     peak: tuple[float, float]
+    interval: tuple[float, float]  # 90 %, of the forecast peak
 
     @property
     def mean_error(self) -> float:
         return self.mean[0] - self.mean[1]
+
+    @property
+    def inside(self) -> bool:
+        """Whether the flown peak lies in the forecast interval."""
+        return self.interval[0] <= self.peak[1] <= self.interval[1]
 
     @property
     def peak_error(self) -> float:
@@ -113,7 +119,7 @@ def _stretches(made: PlanForecast, flown: FlightTrack, use: Floats) -> tuple[Str
     real = real + 1e-9 * np.arange(real.size)  # in hover it stands still
     forecast_use = 100.0 * np.max(made.advised.analysis.utilisation_predicted, axis=1)
     found = []
-    for span in made.flight.spans:
+    for span, leg in zip(made.flight.spans, made.legs, strict=True):
         ends = planned[[span.first, span.last - 1]]
         first, last = np.searchsorted(real, ends)
         if span.kind not in ("leg", "turn") or last - first < LEAST_ROWS:
@@ -125,6 +131,7 @@ def _stretches(made: PlanForecast, flown: FlightTrack, use: Floats) -> tuple[Str
                 kind=span.kind,
                 mean=(float(ours.mean()), float(theirs.mean())),
                 peak=(float(ours.max()), float(theirs.max())),
+                interval=(100.0 * leg.interval[0], 100.0 * leg.interval[1]),
             )
         )
     return tuple(found)
@@ -143,8 +150,10 @@ def main() -> None:
         "| flight | learnt | leg mean, points | turn mean | turn peak | time | tank |\n"
         "|---|---|---|---|---|---|---|"
     )
+    inside: dict[bool, list[bool]] = {True: [], False: []}
     for file in sys.argv[1:] or FLIGHTS:
         made = compare(file, model)
+        inside[made.learnt] += [s.inside for s in made.stretches]
         time, tank = made.flight_s, made.tank_end_kg
         cells = [
             f"{made.rms(kind, error):.1f}, worst {made.worst(kind, error):+.1f}"
@@ -159,6 +168,12 @@ def main() -> None:
             f"{100.0 * (time[0] / time[1] - 1.0):+.1f} % | "
             f"{100.0 * (tank[0] - tank[1]) / made.fill_kg:+.1f} % |"
         )
+    for learnt, held in inside.items():
+        if held:
+            print(
+                f"\nPeaks in their 90 % interval, of flights that the model has "
+                f"{'' if learnt else 'not '}learnt from: {np.mean(held):.0%} of {len(held)}."
+            )
 
 
 if __name__ == "__main__":

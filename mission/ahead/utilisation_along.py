@@ -13,6 +13,10 @@ from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
+#: Standard error of a stretch's largest utilisation, as a share of it, by how it is flown: 4 to 5 %
+#: over nine flights of the campaign, by the command of docs/forecast.md.
+FLOWN_ERROR = 0.05
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LegForecast:
@@ -66,7 +70,8 @@ def _use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
     worst, which = worst_rotor(use)
     error = analysis.utilisation_error[rows]
     at = np.nan_to_num(which).astype(int)
-    return worst, INTERVAL * error[np.arange(worst.size), at]
+    model_error = error[np.arange(worst.size), at]
+    return worst, INTERVAL * np.hypot(model_error, FLOWN_ERROR * worst)
 
 
 def weakest_place(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:

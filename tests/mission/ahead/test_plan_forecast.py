@@ -157,3 +157,10 @@ def test_what_no_battery_lasts_is_refused_at_once(row):
     ):
         outlook(TWO_LINES[0], row, (16, spot(48.001, 11.0)), (20,))
     assert time.process_time() - begun < 1.0
+
+
+def test_a_peak_is_no_surer_than_flights_were_flown():
+    """5 % of it, and 1.645 of that to either side."""
+    for leg in outlook().legs:
+        half = 0.5 * (leg.interval[1] - leg.interval[0])
+        assert half >= 1.645 * 0.05 * leg.utilisation_peak - 1e-9
