@@ -69,7 +69,8 @@ def verdict(made: ForecastParts) -> str:
     if level is FlightLevel.NEAR:
         return f"TOO CLOSE TO TELL WITH {fill}: lasting use {lasting}, limit {limit}"
     if level is FlightLevel.UNDER:
-        return f"MAY TAKE OFF WITH {fill}: lasting use of thrust {lasting}, limit {limit}"
+        with_it = f"{fill}{_as_far(made)}"
+        return f"MAY TAKE OFF WITH {with_it}: lasting use of thrust {lasting}, limit {limit}"
     return f"{no} control would be lost"
 
 
@@ -172,6 +173,14 @@ def assumed_words(made: ForecastParts) -> tuple[str, ...]:
         *(_assumed(key, values) for key, values in made.assumed.items()),
         LEFT_OUT,
     )
+
+
+def _as_far(made: ForecastParts) -> str:
+    """What the answer does not reach: said in it, for it is read alone."""
+    parts = [", AS FAR AS THE PLAN IS UNDERSTOOD"] if made.not_understood else []
+    if "first part" in made.assumed:
+        parts.append(f", FIRST {made.assumed['first part'][0]} MIN")
+    return "".join(parts)
 
 
 def _assumed(key: str, values: Sequence[str]) -> str:

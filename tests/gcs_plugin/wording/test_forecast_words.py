@@ -62,3 +62,12 @@ def test_whatever_is_assumed_has_words():
     ):
         assert set(outlook.assumed) <= set(ASSUMED)
         assert all("{" not in words for words in assumed_words(outlook))
+
+
+def test_an_answer_that_does_not_reach_the_whole_plan_says_so():
+    rows = [*TWO_LINES[:3], (4711, 1.0), *TWO_LINES[3:]]
+    day = TakeOff(fill_kg=6.0, flow=0.04, battery=FlightBattery(capacity_ah=16.0))
+    unclear = forecast(plan_of(*rows), MODEL, day)
+    assert verdict(unclear).startswith("MAY TAKE OFF WITH 6.0 kg (6.0 L), AS FAR AS")
+    assert "UNDERSTOOD" not in verdict(made())
+    assert plan_faults(unclear)[-1].startswith("Not reckoned: item 4")
