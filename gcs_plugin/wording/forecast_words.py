@@ -32,7 +32,7 @@ ASSUMED: Mapping[str, str] = {
     "first part": "only the first {0} of {1} min are flown in detail: later lines as these",
     "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
 }
-LEFT_OUT = "gusts, turbulence and the ways to and from a refill are not in it"
+LEFT_OUT = "gusts and turbulence are not in it, nor the time of ways to and from a refill"
 _KINDS: Mapping[str, str] = {
     "leg": "on the way to item {0}",
     "turn": "in the turn at item {0}",
@@ -142,6 +142,19 @@ def sortie_words(made: ForecastParts) -> tuple[str, ...]:
         more = f" and {len(places) - 8} more" if len(places) > 8 else ""
         found.append(f"{len(sorties)} sorties: refill after item {', '.join(places[:8])}{more}.")
     return tuple(found)
+
+
+def way_back_words(made: ForecastParts) -> str:
+    """From where on home is out of the battery's reach, the reserve kept."""
+    back = made.way_back
+    kept = f"with {percent(back.charge_kept)} of the battery kept"
+    if not math.isfinite(back.spare_wh):
+        return "Point of no return unknown: give --capacity."
+    at = f"on the way to item {back.item}, {number(back.distance, 'm', 0)} from home"
+    if math.isfinite(back.time_s):
+        return f"Point of no return after {duration(back.time_s)}, {at}, {kept}."
+    spare = number(back.spare_wh, "Wh", 0)
+    return f"Home is in reach all along, {kept}: least to spare {spare}, {at}."
 
 
 def plan_faults(made: ForecastParts) -> tuple[str, ...]:

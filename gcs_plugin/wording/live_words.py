@@ -73,7 +73,7 @@ BY_THRUST, EMPTY_IN, IF_FULL = "by thrust", "empty in", "if full"
 BEYOND = "<0%"  # of a margin, in a column's width
 LEGEND = (
     f"margin: worst rotor, ± where not measured, ≈ predicted · {ONE_LOST}: thrust that can be "
-    f"held over weight, {SPINS} · route ahead: straight and level, less in turns and climbs · "
+    f"held over weight, {SPINS} · route ahead: what lasts, less for moments in turns · "
     f"{BEYOND}: beyond the ceiling · ~ old, the last that was known"
 )
 #: A line of status that begins so is made to stand out.

@@ -51,9 +51,8 @@ def fill_rests_on(density: float, basis: str, voltage: float, airspeed: float) -
 
 
 def margin_ahead(share: float) -> str:
-    """No bound: the forecast knows no turns, climbs and gusts, which take more."""
-    said = margin_or_beyond(share)
-    return f"rest of the route, straight and level: {said}; turns and climbs take more"
+    """What lasts; turns and climbs take more for moments, and gusts are not in it."""
+    return f"rest of the route: {margin_or_beyond(share)} that lasts, less for moments in turns"
 
 
 def model_with(effects: Sequence[str]) -> str:

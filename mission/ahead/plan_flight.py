@@ -66,6 +66,7 @@ class PlanFlight:
     energy_wh: Floats  # (T,) given so far, of all batteries
     sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
     active: NDArray[np.intp]  # (T,) number of the leg being flown, from 0
+    refilled: NDArray[np.intp]  # rows from which tank and battery are fresh
     legs: tuple[TimedLeg, ...]
 
 
@@ -97,7 +98,7 @@ def fly_plan(
     seconds = np.diff(time_s, append=time_s[-1])
     refills = np.flatnonzero(np.isin(active[:-1], list(refill_after)) & (np.diff(active) > 0)) + 1
     pump = np.array([t.leg.pump for t in timed], dtype=np.bool_)[active]
-    line_speed = np.array([t.leg.speed for t in timed])[active]
+    line_speed = np.array([t.leg.level_speed for t in timed])[active]
     sprayed = np.append(0.0, np.cumsum(_flow(velocity, pump, line_speed, limits, given) * seconds))
     tank = np.maximum(given.fill_kg - since(sprayed[:-1], refills), 0.0)
     wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
@@ -143,6 +144,7 @@ def fly_plan(
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
         active=active,
+        refilled=refills,
         legs=timed,
     )
 

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, FlightBattery
+from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, FlightBattery, since
 from thrustmargin.mission.ahead.fill_along import largest_fill, survivable_below
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import (
@@ -31,6 +31,7 @@ from thrustmargin.mission.ahead.utilisation_along import (
     weakest_place,
 )
 from thrustmargin.mission.ahead.way import TimedLeg, WayLeg, timed_legs
+from thrustmargin.mission.ahead.way_back import WayBack, energy_back, way_back
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
 from thrustmargin.mission.sortie_plans import line_ends
@@ -90,6 +91,7 @@ class PlanForecast:
     largest_fill_kg: float  # that keeps the limit all along; NaN unknown
     survivable_below_kg: float  # in the tank, with which one lost rotor is survived all along
     needs: Needs
+    way_back: WayBack
     flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
@@ -183,11 +185,13 @@ def forecast(
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
     cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
     usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
-    taken = leg_ends(once, timed, given)
+    taken = leg_ends(once, timed, given, limits, model)
     needed = needs(taken, ends, fill_kg=given.fill_kg, usable_wh=usable)
     refills = needed.refill_after if refilled else ()
     refills = tuple(k for k in refills if k < len(legs) - 1)
     flight = fly(given, refills, limits) if refills else once
+    back = energy_back(flight, limits, model, given.wind_ned)
+    used = since(flight.energy_wh, flight.refilled)
     if len(legs) < len(timed):
         assumed["first part"] = (
             f"{once.track.duration / 60.0:.0f}",
@@ -220,6 +224,7 @@ def forecast(
         ),
         survivable_below_kg=survivable_below(analysis),
         needs=needed,
+        way_back=way_back(flight, used, back, usable, charge_kept=CHARGE_KEPT),
         flight_s=float(taken.time_s[-1]),
         findings=check_plan(plan, steps, sprays=sprays),
         not_understood=steps.not_understood,

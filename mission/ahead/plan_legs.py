@@ -70,12 +70,16 @@ class _Way:
         self.to(slow, np.array([*self.at[:2], 0.0]), stops=True)
 
 
-def plan_legs(plan: MissionPlan, steps: PlanSteps, limits: FlightLimits) -> tuple[WayLeg, ...]:
-    """The legs of `plan`, flown as `steps`; heights above the ground count as above home.
+def plan_legs(
+    plan: MissionPlan, steps: PlanSteps, limits: FlightLimits, *, start: Floats | None = None
+) -> tuple[WayLeg, ...]:
+    """The legs of `plan`, flown as `steps` from `start` (3,) m NED about home, or from home.
+
+    Heights above the ground count as above home.
 
     Raises PlanError when the plan flies nowhere, or to where no aircraft of this kind does.
     """
-    way = _Way(limits, np.zeros(3))
+    way = _Way(limits, np.zeros(3) if start is None else start)
     flown = steps.steps
     places = _places(plan, flown)
     for (step, following), place in zip(pairwise([*flown, None]), places, strict=True):

@@ -9,9 +9,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight
 from thrustmargin.mission.ahead.way import TimedLeg
+from thrustmargin.mission.ahead.way_back import energy_home
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Of a battery's charge, and of a tank, that a sortie brings home.
 CHARGE_KEPT, TANK_KEPT = 0.25, 0.0
@@ -25,7 +28,7 @@ class Sortie:
     last_item: int  # and of the last: the refill is there
     kg: float  # sprayed
     seconds: float
-    energy_wh: float
+    energy_wh: float  # with the ways to and from a refill
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,9 +48,16 @@ class LegEnds:
     time_s: Floats  # (L,)
     sprayed_kg: Floats  # (L,)
     energy_wh: Floats  # (L,)
+    home_wh: Floats  # (L,) that the way home takes from there with a full tank
 
 
-def leg_ends(flight: PlanFlight, legs: Sequence[TimedLeg], given: PlanConditions) -> LegEnds:
+def leg_ends(
+    flight: PlanFlight,
+    legs: Sequence[TimedLeg],
+    given: PlanConditions,
+    limits: FlightLimits,
+    model: RotorModel,
+) -> LegEnds:
     """Those of `legs`, of which `flight` has the first; the others by speed and way alone, with the
     power of the flight."""
     count = len(flight.legs)
@@ -58,8 +68,8 @@ def leg_ends(flight: PlanFlight, legs: Sequence[TimedLeg], given: PlanConditions
         starts = np.array([t.active_s for t in legs[count:]])
         last = rest[-1]
         end = np.append(starts[1:], last.end_s + last.leg.wait_s)
-        way = np.array([t.profile.length * t.leg.pump for t in rest])
-        speed = np.array([t.leg.speed for t in rest])
+        way = np.array([np.hypot(*t.leg.vector[:2]) * t.leg.pump for t in rest])
+        speed = np.array([t.leg.level_speed for t in rest])
         rate = given.flow_per_metre if given.flow_per_metre > 0.0 else given.flow / speed
         power = flight.energy_wh[-1] / flight.track.time_s[-1]
         parts = [
@@ -68,24 +78,37 @@ def leg_ends(flight: PlanFlight, legs: Sequence[TimedLeg], given: PlanConditions
             np.append(parts[2], flight.energy_wh[-1] + power * (end - flight.track.time_s[-1])),
         ]
     items = np.array([t.leg.item for t in legs], dtype=np.intp)
-    return LegEnds(items=items, time_s=parts[0], sprayed_kg=parts[1], energy_wh=parts[2])
+    place = np.array([t.leg.end_ned for t in legs])
+    full, density = np.full(len(legs), given.fill_kg), np.full(len(legs), given.density)
+    home = energy_home(place, full, density, limits, model, given.wind_ned)
+    return LegEnds(
+        items=items, time_s=parts[0], sprayed_kg=parts[1], energy_wh=parts[2], home_wh=home
+    )
 
 
 def needs(taken: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh: float) -> Needs:
     """The sorties of a plan; `line_ends` are item numbers, in any order.
 
-    `usable_wh` NaN: the battery is not known, and does not decide.
+    `usable_wh` NaN: the battery is not known, and does not decide. Each sortie but the last one
+    ends with the way home, and each but the first starts with as much.
     """
     ends, used, given = taken.time_s, taken.sprayed_kg, taken.energy_wh
     at_line_end = np.isin(taken.items, list(line_ends))
     most = (1.0 - TANK_KEPT) * fill_kg
     refills: list[int] = []
     short, before, last = "", -1, -1
+
+    def energy(a: int, b: int) -> float:
+        """Wh from the end of leg `a` (-1: take-off) to that of `b`, ways there and home too."""
+        out = float(given[a] - taken.home_wh[a]) if a >= 0 else 0.0
+        home = float(taken.home_wh[b]) if b + 1 < ends.size else 0.0
+        return float(given[b]) - out + home
+
     for k in range(ends.size):
         over = ""
         if used[k] - (used[before] if before >= 0 else 0.0) > most + 1e-6:
             over = "tank"
-        elif given[k] - (given[before] if before >= 0 else 0.0) > usable_wh:
+        elif energy(before, k) > usable_wh:
             over = "battery"
         if over and last > before:
             refills.append(last)
@@ -101,7 +124,7 @@ def needs(taken: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh
             last_item=int(taken.items[b]),
             kg=float(used[b] - (used[a] if a >= 0 else 0.0)),
             seconds=float(ends[b] - (ends[a] if a >= 0 else 0.0)),
-            energy_wh=float(given[b] - (given[a] if a >= 0 else 0.0)),
+            energy_wh=energy(a, b),
         )
         for a, b in pairwise(cuts)
         if b > a

@@ -32,6 +32,7 @@ class WayLeg:
     start_ned: Floats  # (3,) m
     end_ned: Floats  # (3,) m
     speed: float  # m/s along it
+    level_speed: float  # m/s over ground, as ordered: the pump's flow is that of it
     acceleration: float
     jerk: float
     snap: float
@@ -99,11 +100,13 @@ def way_leg(
     vertical = limits.climb_speed if climb_speed is None else climb_speed
     if rise < 0.0:
         vertical = limits.descent_speed if descent_speed is None else descent_speed
+    ordered = limits.speed if speed is None else speed
     return WayLeg(
         item=item,
         start_ned=start_ned,
         end_ned=end_ned,
-        speed=_share(limits.speed if speed is None else speed, vertical, level, rise),
+        speed=_share(ordered, vertical, level, rise),
+        level_speed=ordered,
         acceleration=_share(limits.acceleration, limits.climb_acceleration, level, rise),
         jerk=limits.jerk,
         snap=limits.snap,

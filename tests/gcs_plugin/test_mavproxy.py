@@ -263,7 +263,7 @@ class TestInMavproxy:
                 running.wait("inferred from hover")
                 running.wait("airframe topxgun-f16-sitl, given")
             # Mission and parameters were heard before the options were changed.
-            running.ask("margin", "rest of the route, straight and level")
+            running.ask("margin", "rest of the route: ")
             running.ask("margin load heavy", "margin load heavy is no number")
         finally:
             running.close()
@@ -438,7 +438,7 @@ def test_what_is_not_known_is_two_dashes():
 def test_the_rest_of_the_route_and_alarms_have_lines_of_their_own():
     more = replace(NOW, margin_ahead=0.31, alarms=("Tank empty, pump still on: switch it off",))
     assert summary(more, 0.5, 0.0)[3:] == [
-        "  rest of the route, straight and level: margin 31 %; turns and climbs take more",
+        "  rest of the route: margin 31 % that lasts, less for moments in turns",
         "  ALARM Tank empty, pump still on: switch it off",
     ]
 

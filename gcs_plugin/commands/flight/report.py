@@ -38,6 +38,7 @@ def report(
     out: Path | None = None,
     json: Path | None = None,
     pdf: Path | None = None,
+    plan: Path | None = None,
     max_utilisation: float | None = None,
     anonymise: bool = False,
 ) -> int:
@@ -62,11 +63,14 @@ def report(
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
         pdf: Write the page to this file (.pdf) too, on A4 to print; needs no browser.
+        plan: Plan that was flown (.plan, .waypoints, or the log itself): its forecast is put beside
+            the flight, with which assumption was off.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; without it
             0.5, or what a recording was made with.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
+    from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
     from thrustmargin.models.model.analysis import analyse, for_verdict
@@ -93,7 +97,8 @@ def report(
             Output("--out", out.with_suffix(".json")),
             Output("--out", out.with_suffix(".csv")),
         ]
-    check_outputs(outputs, inputs=[*logs, model, airframe])
+    check_outputs(outputs, inputs=[*logs, model, airframe, plan])
+    planned = None if plan is None else read_plan(plan)
     rotor_model = chosen_model(model, airframe)
     unread: list[UnusedLog] = []
     read = read_logs(
@@ -118,7 +123,7 @@ def report(
         flights = [anonymous(*flight, f"flight {n}") for n, flight in enumerate(flights, 1)]
         shown = [UnusedLog(name="a log", reason="not read") for _ in unread]
     with console.status("writing the report"):
-        made = build_report(flights, max_utilisation=chosen.limit, unread=shown)
+        made = build_report(flights, max_utilisation=chosen.limit, unread=shown, plan=planned)
         written = None
         try:
             if out is not None:

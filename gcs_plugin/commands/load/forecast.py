@@ -146,7 +146,7 @@ def _show(made: PlanForecast, console: Terminal) -> None:
     console.print(words.weakest_words(made.weakest))
     console.print(words.fill_words(made))
     console.print(words.survivable_words(made))
-    for line in words.sortie_words(made):
+    for line in (*words.sortie_words(made), words.way_back_words(made)):
         console.print(line)
     console.print("Assumed:")
     for line in words.assumed_words(made):

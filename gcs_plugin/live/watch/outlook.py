@@ -30,6 +30,8 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Vehicle's s between two forecasts, and over which the flow is measured.
 FORECAST_EVERY, FLOW_WINDOW = 2.0, 20.0
+#: Vehicle's s between two flights of the rest of the route, while it leads to the same item.
+ROUTE_EVERY = 6.0
 #: Standard errors that a level must have fallen by in the window to show a flow at all.
 SURE_FALL = 3.0
 LONGEST_FLIGHT = 3600.0  # s; no sprayer flies longer
@@ -51,7 +53,12 @@ class Outlook:
 
     @property
     def margin_ahead(self) -> float:
-        """Least predicted margin on the rest of the route; NaN without a mission."""
+        """Least predicted margin that lasts on the rest of the route; NaN without a mission."""
+        return math.nan if self.route is None else self.route.lasting_margin
+
+    @property
+    def margin_in_turns(self) -> float:
+        """Least predicted margin on the rest of the route, for however short."""
         return math.nan if self.route is None else self.route.least_margin
 
 
@@ -70,6 +77,7 @@ class LookAhead:
         self._done_s = -math.inf
         self._levels: deque[tuple[float, float]] = deque()  # (clock s, kg) at each forecast
         self._items: object = None  # the mission overheard that `plan` is made of
+        self._route_of: tuple[float, int, MissionPlan | None] = (-math.inf, -1, None)
         self._last_flow = 0.0  # kg/s when the pump was last on
 
     def use_plan(self, plan: MissionPlan | None, state: VehicleState) -> None:
@@ -134,7 +142,7 @@ class LookAhead:
         self.now = Outlook(
             seconds_to_empty=_seconds_to_empty(tank, flow),
             full=lambda: margin_at_fill(self._model, conditions, fill, airspeed),
-            route=self._route(track, row, conditions, state, mission_item),
+            route=self._route(track, row, clock_s, conditions, state, mission_item),
         )
 
     def _flow(
@@ -162,6 +170,7 @@ class LookAhead:
         self,
         track: FlightTrack,
         row: int,
+        clock_s: float,
         conditions: Conditions,
         state: VehicleState,
         mission_item: int,
@@ -172,17 +181,23 @@ class LookAhead:
         position = track.position_ned[row]
         if self.plan is None or track.origin is None or not np.all(np.isfinite(position)):
             return None
+        done_s, item, plan = self._route_of
+        same = item == mission_item and plan is self.plan and self.now.route is not None
+        if same and 0.0 <= clock_s - done_s < ROUTE_EVERY:
+            return self.now.route
+        self._route_of = (clock_s, mission_item, self.plan)
         set_speed = parameter(state.parameters, "WP_SPD")
         speed = set_speed if set_speed > 0.0 else self.plan.cruise_speed
-        legs = route_ahead(
+        legs, limits = route_ahead(
             self.plan,
             max(mission_item, 0),
             position,
             track.origin,
+            parameters=state.parameters,
             speed=speed,
             spraying=float(track.spraying[row]) > 0.5,
         )
-        return forecast(legs, self._model, conditions)
+        return forecast(legs, limits, self._model, conditions)
 
 
 def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:

@@ -47,6 +47,12 @@ def json_text(made: PlanForecast) -> str:
             }
             for k, s in enumerate(made.needs.sorties)
         ],
+        "point_of_no_return": {
+            "item": made.way_back.item,
+            "time_s": made.way_back.time_s,
+            "distance": made.way_back.distance,
+            "spare_wh": made.way_back.spare_wh,
+        },
         "sorties_short_of": made.needs.short_of or None,
         "legs": [
             {

@@ -78,6 +78,7 @@ class FlightReport:
     quality: JsonObject
     airframe_basis: AirframeBasis
     withheld: tuple[str, ...]  # why there is no verdict; empty where the airframe is known
+    beside_plan: JsonObject | None  # the forecast of its plan beside it; None without a plan
     rows: Mapping[str, Floats]
 
 

@@ -37,6 +37,7 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
     utc_words,
     worst_moments,
 )
+from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.wording.advice_words import action, headline, several_headline
@@ -56,6 +57,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
 )
 from thrustmargin.gcs_plugin.wording.report_words import WITHOUT, contact_facts, contact_headline
 from thrustmargin.mission.field import sprayed_field
+from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel, advise
@@ -65,11 +67,16 @@ from thrustmargin.models.physics.margin import ceiling
 
 
 def report_flight(
-    analysis: FlightAnalysis, log: FlightLog, *, max_utilisation: float
+    analysis: FlightAnalysis,
+    log: FlightLog,
+    *,
+    max_utilisation: float,
+    plan: MissionPlan | None = None,
 ) -> FlightReport:
-    """Everything that the report says about one flight.
+    """Everything that the report says about one flight, beside the forecast of its `plan`.
 
-    `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use.
+    `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Raises
+    PlanError when the plan flies nowhere.
     """
     found = inspect_log(log, analysis.model.airframe, analysis.claim).findings
     made = advise(analysis, limit=max_utilisation, names_known=names_known(found))
@@ -87,11 +94,13 @@ def report_flight(
     basis, measured_share = _basis(made)
     contact = first_contact(log, analysis.claim)
     answer = verdict_facts(worst, advice, analysis.claim, basis, _no_flight(whole.track))
+    against = plan_beside(analysis, log, plan) if plan and not analysis.withheld else None
     said = (
         *((Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
         *look_facts(found),
         *(answer if contact is None else contact_facts(contact)),
         *(*load_facts(track), *ending_facts(whole.track)),
+        *((Fact("plan", against["words"]),) if against else ()),
     )
     verdict = _verdict(made, worst, said, basis, measured_share)
     if contact is not None and advice.level is FlightLevel.UNKNOWN:
@@ -113,6 +122,7 @@ def report_flight(
         quality=_quality(log),
         airframe_basis=analysis.claim.basis,
         withheld=analysis.withheld,
+        beside_plan=against,
         rows=rows,
     )
 
@@ -273,10 +283,12 @@ def build_report(
     *,
     max_utilisation: float = 0.5,
     unread: Iterable[UnusedLog] = (),
+    plan: MissionPlan | None = None,
 ) -> Report:
     """The numbers of a report over flights, in their order, checked against `max_utilisation`.
 
-    That is the largest share of a rotor's maximum thrust that may be in use.
+    That is the largest share of a rotor's maximum thrust that may be in use. Each flight is put
+    beside the forecast of its `plan`.
 
     `unread` are logs that could not be read, to be named in it. Raises DataError when the
     share is not between 0 and 1, or there is no flight.
@@ -284,7 +296,8 @@ def build_report(
     if not 0.0 < max_utilisation < 1.0:
         raise DataError(f"max_utilisation {max_utilisation:g} is no share; give one such as 0.5")
     reports = tuple(
-        report_flight(analysis, log, max_utilisation=max_utilisation) for analysis, log in flights
+        report_flight(analysis, log, max_utilisation=max_utilisation, plan=plan)
+        for analysis, log in flights
     )
     if not reports:
         raise DataError("no flight to report on; give at least one log that can be read")

@@ -10,6 +10,7 @@ from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.mission.ahead.limits import flight_limits
 from thrustmargin.mission.ahead.plan_flight import PlanConditions, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
+from thrustmargin.mission.ahead.way import way_leg
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.model.fill_limits import steady_flight
@@ -112,3 +113,14 @@ def test_spans_cover_every_row_once():
     assert flight.spans[0].first == 0
     assert flight.spans[-1].last == flight.track.time_s.size
     assert all(a.last == b.first for a, b in zip(flight.spans, flight.spans[1:], strict=False))
+
+
+@pytest.mark.parametrize("rise", [0.0, 100.0])
+def test_a_line_that_climbs_takes_the_liquid_of_its_length_over_ground(rise: float):
+    end = np.array([200.0, 0.0, -rise])
+    limits = replace(LIMITS, climb_acceleration=2.5)
+    leg = way_leg(limits, 1, np.zeros(3), end, speed=4.0, stops=True, pump=True)
+    assert leg is not None
+    sprayed = fly_plan("by hand", [leg], limits, MODEL, replace(GIVEN, flow=0.04)).sprayed_kg
+    # 0.04 kg/s at 4 m/s is 0.01 kg a metre over ground: 2 kg, less the ends slower than 1 m/s.
+    assert sprayed[-1] == pytest.approx(2.0, abs=0.03)

@@ -1,0 +1,194 @@
+"""A flight beside the forecast of its plan, stretch by stretch.
+
+The flight is matched to the plan by place and time: where a stretch of the forecast ends, the
+flight is looked for near that place, about as long after the stretch before as the forecast took.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pymap3d
+
+from thrustmargin.mission.ahead.plan_flight import PlanFlight, Span, SpanKind
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.physics.smoothing import moving_mean
+
+NEAR = 2.0  # m by which a flight is usually off its way
+LATE, LATE_SHARE = 3.0, 0.2  # s, and share of a stretch, by which it is usually late
+HEIGHT_SHARE = 0.4  # of a difference of height: heights of logs and homes are not one
+LEFT = 3.0  # times the usual, by place and time together, beyond which the plan was left
+SMOOTH_S = 0.5  # a reading's noise is no load
+SHORTEST_S = 1.0  # stretches shorter than that are not compared
+
+
+class Pair(NamedTuple):
+    """A figure as forecast and as flown; NaN unknown."""
+
+    forecast: float
+    flown: float
+
+    @property
+    def off(self) -> float:
+        """How much more was flown than forecast."""
+        return self.flown - self.forecast
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StretchBeside:
+    """One stretch of the plan as forecast and as flown; shares are of the worst rotor's thrust."""
+
+    item: int
+    kind: SpanKind
+    seconds: Pair
+    speed: Pair  # m/s over ground, mean
+    utilisation: Pair  # mean
+    peak: Pair  # largest utilisation
+    peak_interval: tuple[float, float]  # 90 %, of the forecast's
+    tank_kg: Pair  # at its end
+    voltage: Pair  # mean
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beside:
+    """The stretches that were flown, and the item at which the plan was left, if it was."""
+
+    stretches: tuple[StretchBeside, ...]
+    left_at: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlownWay:
+    """T rows of a flight off the ground, placed about the plan's home."""
+
+    time_s: Floats
+    place_ned: Floats  # (T, 3) m
+    speed: Floats  # (T,) m/s over ground
+    utilisation: Floats  # (T,) of the worst rotor, half-second means
+    tank_kg: Floats
+    voltage: Floats
+
+
+def flown_way(analysis: FlightAnalysis, home: tuple[float, float, float]) -> FlownWay:
+    """The flight of an analysis about `home`, degrees and m above the sea (NaN: as its origin)."""
+    track = analysis.track
+    use = analysis.known_utilisation
+    smooth = np.column_stack([moving_mean(track.time_s, rotor, SMOOTH_S) for rotor in use.T])
+    rows = track.flying
+    return FlownWay(
+        time_s=track.time_s[rows],
+        place_ned=(track.position_ned + _shift(track, home))[rows],
+        speed=np.hypot(track.velocity_ned[rows, 0], track.velocity_ned[rows, 1]),
+        utilisation=np.max(smooth[rows], axis=1),
+        tank_kg=track.tank_kg[rows],
+        voltage=track.voltage[rows],
+    )
+
+
+def _shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
+    """(3,) m from the plan's home to the origin of a track; the ground is taken as that of home."""
+    if track.origin is None:
+        return np.full(3, np.nan)
+    at = track.origin
+    north, east, _ = pymap3d.geodetic2ned(
+        at.latitude_deg, at.longitude_deg, 0.0, home[0], home[1], 0.0
+    )
+    return np.array([float(north), float(east), 0.0])
+
+
+def passed(flight: PlanFlight, flown: FlownWay) -> tuple[int, ...]:
+    """Rows of `flown` at the ends of the forecast's spans, as far as the plan was flown."""
+    time_s, place = flight.track.time_s, flight.track.position_ned
+    at, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
+    found: list[int] = []
+    for span in flight.spans:
+        end = min(span.last, time_s.size - 1)
+        took = float(time_s[end] - time_s[span.first])
+        began = float(flown.time_s[at])
+        stop = int(np.searchsorted(flown.time_s, began + 2.0 * took + 4.0 * LATE))
+        rows = slice(at, max(stop, at + 1))
+        away = np.linalg.norm((flown.place_ned[rows] - place[end]) * scale, axis=1)
+        late = (flown.time_s[rows] - began - took) / (LATE + LATE_SHARE * took)
+        cost = (away / NEAR) ** 2 + late**2
+        if not np.isfinite(cost).any():
+            break
+        best = int(np.nanargmin(cost))
+        if cost[best] > LEFT**2:
+            break
+        at += best
+        found.append(at)
+    return tuple(found)
+
+
+def beside(flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay) -> Beside:
+    """The forecast `flight`, analysed as `forecast`, beside what was flown."""
+    if not flown.time_s.size or not flight.spans:
+        return Beside(stretches=(), left_at=flight.spans[0].item if flight.spans else None)
+    ends = passed(flight, flown)
+    use = forecast.known_utilisation
+    worst = np.argmax(np.nan_to_num(use, nan=-1.0), axis=1)
+    rows = np.arange(worst.size)
+    planned = _Planned(
+        utilisation=use[rows, worst],
+        reach=INTERVAL * forecast.utilisation_error[rows, worst],
+        speed=np.hypot(flight.track.velocity_ned[:, 0], flight.track.velocity_ned[:, 1]),
+    )
+    stretches = [
+        _stretch(span, flight, planned, flown, slice(first, last))
+        for span, first, last in zip(flight.spans, (0, *ends), ends, strict=False)
+    ]
+    left = None if len(ends) == len(flight.spans) else flight.spans[len(ends)].item
+    return Beside(
+        stretches=tuple(s for s in stretches if min(s.seconds) >= SHORTEST_S), left_at=left
+    )
+
+
+class _Planned(NamedTuple):
+    utilisation: Floats
+    reach: Floats
+    speed: Floats
+
+
+def _stretch(
+    span: Span, flight: PlanFlight, planned: _Planned, flown: FlownWay, done: slice
+) -> StretchBeside:
+    track, rows = flight.track, slice(span.first, span.last)
+    end = min(span.last, track.time_s.size - 1)
+    use = planned.utilisation[rows]
+    most = span.first + int(np.argmax(np.nan_to_num(use, nan=-1.0)))
+    peak, reach = float(planned.utilisation[most]), float(planned.reach[most])
+    last = max(done.stop - 1, done.start)
+    return StretchBeside(
+        item=span.item,
+        kind=span.kind,
+        seconds=Pair(
+            float(track.time_s[end] - track.time_s[span.first]),
+            float(flown.time_s[done.stop] - flown.time_s[done.start]),
+        ),
+        speed=Pair(_mean(planned.speed[rows]), _mean(flown.speed[done])),
+        utilisation=Pair(_mean(use), _mean(flown.utilisation[done])),
+        peak=Pair(peak, _most(flown.utilisation[done])),
+        peak_interval=(peak - reach, peak + reach),
+        tank_kg=Pair(float(track.tank_kg[end]), float(flown.tank_kg[last])),
+        voltage=Pair(_mean(track.voltage[rows]), _mean(flown.voltage[done])),
+    )
+
+
+def _mean(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.mean(known)) if known.size else float("nan")
+
+
+def _most(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.max(known)) if known.size else float("nan")
+
+
+def mean_off(pairs: Sequence[Pair]) -> float:
+    """Mean of flown less forecast where both are known; NaN of none."""
+    return _mean(np.array([pair.off for pair in pairs]))
