@@ -7,8 +7,12 @@ import math
 from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.fill_words import amount
-from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, percent_within
-from thrustmargin.gcs_plugin.wording.plans.forecast_parts import ForecastParts, WeakestPlace
+from thrustmargin.gcs_plugin.wording.numbers import area, duration, number, percent, percent_within
+from thrustmargin.gcs_plugin.wording.plans.forecast_parts import (
+    ForecastParts,
+    OneFilling,
+    WeakestPlace,
+)
 from thrustmargin.gcs_plugin.wording.plans.plan_words import fault_words, not_understood_words
 from thrustmargin.models.model.advice import FlightLevel
 
@@ -140,8 +144,22 @@ def sortie_words(made: ForecastParts) -> tuple[str, ...]:
     if len(sorties) > 1:
         places = [str(s.last_item) for s in sorties[:-1]]
         more = f" and {len(places) - 8} more" if len(places) > 8 else ""
-        found.append(f"{len(sorties)} sorties: refill after item {', '.join(places[:8])}{more}.")
+        found.append(
+            f"{len(sorties)} sorties, each with a full tank and a fresh battery: refill after item "
+            f"{', '.join(places[:8])}{more}."
+        )
+        found += _cut([_sortie(k, s, liquid, made.swath) for k, s in enumerate(sorties, start=1)])
     return tuple(found)
+
+
+def _sortie(which: int, one: OneFilling, liquid: float, swath: float) -> str:
+    """`  sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`."""
+    field = f"{area(one.lines * swath)}, " if math.isfinite(swath) else ""
+    return (
+        f"  sortie {which}: items {one.first_item} to {one.last_item}, "
+        f"{number(one.kg / liquid, 'L')}, {field}{duration(one.seconds)}, "
+        f"{number(one.energy_wh, 'Wh', 0)}"
+    )
 
 
 def way_back_words(made: ForecastParts) -> str:

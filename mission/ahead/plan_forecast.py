@@ -35,7 +35,7 @@ from thrustmargin.mission.ahead.way_back import WayBack, energy_back, way_back
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
 from thrustmargin.mission.sortie_plans import line_ends
-from thrustmargin.mission.steps import PumpOutput, plan_steps, pump_output
+from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_output
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
@@ -75,6 +75,7 @@ class TakeOff:
     wind_from_deg: float = math.nan  # NaN with wind: the worst of all directions
     flow: float = math.nan  # kg/s at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of line
+    swath: float = math.nan  # m
     battery: FlightBattery = UNKNOWN
 
 
@@ -83,6 +84,7 @@ class PlanForecast:
     """A plan before take-off."""
 
     plan: MissionPlan
+    steps: PlanSteps
     flight: PlanFlight
     advised: Advised
     limits: FlightLimits
@@ -92,6 +94,7 @@ class PlanForecast:
     survivable_below_kg: float  # in the tank, with which one lost rotor is survived all along
     needs: Needs
     way_back: WayBack
+    swath: float  # m; NaN unknown
     flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
@@ -214,6 +217,7 @@ def forecast(
     sprays = any(leg.pump for leg in legs) or given.flow > 0.0 or given.flow_per_metre > 0.0
     return PlanForecast(
         plan=plan,
+        steps=steps,
         flight=flight,
         advised=advised,
         limits=limits,
@@ -225,6 +229,7 @@ def forecast(
         survivable_below_kg=survivable_below(analysis),
         needs=needed,
         way_back=way_back(flight, used, back, usable, charge_kept=CHARGE_KEPT),
+        swath=day.swath,
         flight_s=float(taken.time_s[-1]),
         findings=check_plan(plan, steps, sprays=sprays),
         not_understood=steps.not_understood,

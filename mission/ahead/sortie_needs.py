@@ -27,6 +27,7 @@ class Sortie:
     first_item: int  # number of the first mission item that is flown to
     last_item: int  # and of the last: the refill is there
     kg: float  # sprayed
+    lines: float  # m flown over ground with the pump on
     seconds: float
     energy_wh: float  # with the ways to and from a refill
 
@@ -48,6 +49,7 @@ class LegEnds:
     time_s: Floats  # (L,)
     sprayed_kg: Floats  # (L,)
     energy_wh: Floats  # (L,)
+    lines: Floats  # (L,) m flown over ground with the pump on
     home_wh: Floats  # (L,) that the way home takes from there with a full tank
 
 
@@ -82,7 +84,12 @@ def leg_ends(
     full, density = np.full(len(legs), given.fill_kg), np.full(len(legs), given.density)
     home = energy_home(place, full, density, limits, model, given.wind_ned)
     return LegEnds(
-        items=items, time_s=parts[0], sprayed_kg=parts[1], energy_wh=parts[2], home_wh=home
+        items=items,
+        time_s=parts[0],
+        sprayed_kg=parts[1],
+        energy_wh=parts[2],
+        lines=np.cumsum([np.hypot(*t.leg.vector[:2]) * t.leg.pump for t in legs]),
+        home_wh=home,
     )
 
 
@@ -123,6 +130,7 @@ def needs(taken: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh
             first_item=int(taken.items[a + 1]),
             last_item=int(taken.items[b]),
             kg=float(used[b] - (used[a] if a >= 0 else 0.0)),
+            lines=float(taken.lines[b] - (taken.lines[a] if a >= 0 else 0.0)),
             seconds=float(ends[b] - (ends[a] if a >= 0 else 0.0)),
             energy_wh=energy(a, b),
         )

@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.models.errors import LogError
+from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -51,13 +51,15 @@ def forecast(
     resistance: float | None = None,
     max_utilisation: float = 0.5,
     json: Path | None = None,
+    csv: Path | None = None,
+    sorties: Path | None = None,
 ) -> None:
     """Say before take-off whether a plan can be flown with a fill, and where it is weakest.
 
     The plan is flown in time by the autopilot's own limits: legs, turns at line ends, climbs, wind,
     the tank and the voltage falling. Of a log its mission and parameters are taken alone.
 
-    Example: thrustmargin forecast sitl_logs/campaign/v4_m16_q2.5.tlog --fill 16 --flow 2.5
+    Example: thrustmargin forecast demo --fill 16 --flow 2.5
 
     Args:
         plan: Plan (.plan, .waypoints, .mission) or a log that holds the mission.
@@ -71,7 +73,7 @@ def forecast(
         wind_from: ° where the wind comes from, 0 is north; without it the worst of all directions.
         flow: L/min with the pump on, at the speed of the line.
         rate: L/ha, instead of --flow; needs --swath.
-        swath: m between lines, for --rate.
+        swath: m between lines, for --rate and hectares.
         pump: What switches the pump: sprayer (DO_SPRAYER), servo:NUMBER:ON:OFF, or relay:NUMBER.
         voltage: V of the battery at rest; without it a full one.
         capacity: Ah of the battery; without it that of the parameters.
@@ -79,9 +81,12 @@ def forecast(
         max_utilisation: Largest share of a rotor's maximum thrust that may last.
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
+        csv: Write ten rows a second of the flight to this file (.csv).
+        sorties: Folder to write one .plan for each sortie into.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.logs.plan_source import read_plan
+    from thrustmargin.gcs_plugin.reports.forecast.forecast_csv import csv_text
     from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
     from thrustmargin.mission.ahead import plan_forecast
 
@@ -101,9 +106,10 @@ def forecast(
             raise UsageError(f"{name} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
     if rate is not None and (swath is None or flow is not None):
         raise UsageError("--rate needs --swath, and goes without --flow")
-    check_outputs(
-        [Output("--json", json, endings=(".json",))], inputs=[plan, model, airframe, parameters]
-    )
+    outputs = [Output("--json", json, endings=(".json",)), Output("--csv", csv, endings=(".csv",))]
+    check_outputs(outputs, inputs=[plan, model, airframe, parameters])
+    if sorties is not None and not sorties.is_dir():
+        raise UsageError(f"--sorties {sorties} is no folder; make it, or give another")
     rotor_model = chosen_model(model, airframe)
     craft = rotor_model.airframe
     liquid = craft.liquid_density
@@ -121,6 +127,7 @@ def forecast(
             wind_from_deg=_or_nan(wind_from),
             flow=_or_nan(flow) * liquid / 60.0,
             flow_per_metre=_or_nan(rate) * liquid * _or_nan(swath) / 1e4,
+            swath=_or_nan(swath),
             battery=_battery(known, voltage, capacity, resistance, craft.nominal_voltage),
         ),
         parameters=known,
@@ -135,6 +142,29 @@ def forecast(
         with whole_file(json) as draft:
             draft.write_text(json_text(made), encoding="utf-8")
         console.print(f"wrote {json}")
+    if csv is not None:
+        with whole_file(csv) as draft:
+            draft.write_text(csv_text(made), encoding="utf-8")
+        console.print(f"wrote {csv}")
+    for path in [] if sorties is None else _write_sorties(made, plan, sorties, pump):
+        console.print(f"wrote {path}")
+
+
+def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:
+    """One .plan a sortie, none of which replaces the plan that was read."""
+    from thrustmargin.mission.ahead.sorties import sortie_plans
+    from thrustmargin.mission.plan import write_plan
+
+    made_plans = sortie_plans(made, pump=None if pump is None else pump_of(pump))
+    paths = [
+        folder / f"{plan.stem}-sortie-{number}.plan" for number in range(1, len(made_plans) + 1)
+    ]
+    there = next((path for path in paths if path.exists()), None)
+    if there is not None:
+        raise DataError(f"{there} is already there; give another folder with --sorties")
+    for path, one in zip(paths, made_plans, strict=True):
+        write_plan(one, path)
+    return paths
 
 
 def _show(made: PlanForecast, console: Terminal) -> None:

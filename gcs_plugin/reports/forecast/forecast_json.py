@@ -42,6 +42,7 @@ def json_text(made: PlanForecast) -> str:
                 "items": [s.first_item, s.last_item],
                 "refill": s.last_item if k + 1 < len(made.needs.sorties) else None,
                 "litres": s.kg / made.advised.analysis.model.airframe.liquid_density,
+                "hectares": s.lines * made.swath / 1e4,
                 "minutes": s.seconds / 60.0,
                 "energy_wh": s.energy_wh,
             }

@@ -50,7 +50,11 @@ def test_the_other_lines_say_what_they_know():
     assert survivable_words(light) == "A lost rotor is survivable all along, spinning."
     assert "survivable from" in survivable_words(heavy)
     assert sortie_words(light)[0].startswith("Flight ")
-    assert "2 sorties: refill after item 5." in sortie_words(made(fill_kg=1.5))
+    _, refills, first, second = sortie_words(made(fill_kg=1.5))
+    assert refills.startswith("2 sorties, ")
+    assert refills.endswith("refill after item 5.")
+    assert first.startswith("  sortie 1: items 1 to 5, 1.1 L, ")
+    assert second.startswith("  sortie 2: items 7 to ")
     assert plan_faults(light) == ()
 
 

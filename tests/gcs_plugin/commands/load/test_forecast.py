@@ -1,5 +1,6 @@
 """`thrustmargin forecast` as it is called."""
 
+import csv
 import json
 
 import pytest
@@ -97,3 +98,50 @@ def test_of_a_log_the_plan_and_the_parameters_are_taken(capsys):
     assert made["verdict"]["level"] == "critical"
     assert made["flight_s"] == pytest.approx(200.0, abs=4.0)
     assert not any("WP_SPD " in words for words in made["assumed"])
+
+
+def test_csv_has_the_flight_row_by_row(field, tmp_path, capsys):
+    out = tmp_path / "field.csv"
+    code, _, _ = said(capsys, field, *FIELD, "--csv", out, "--json", tmp_path / "field.json")
+    assert code == 0
+    with out.open() as file:
+        rows = list(csv.DictReader(file))
+    made = json.loads((tmp_path / "field.json").read_text())
+    assert float(rows[-1]["time [s]"]) == pytest.approx(made["flight_s"], abs=0.1)
+    assert float(rows[-1]["tank [kg]"]) == pytest.approx(made["tank_end_kg"], abs=0.01)
+    assert max(float(r["utilisation [1]"]) for r in rows) == pytest.approx(
+        made["weakest"]["utilisation"], abs=1e-4
+    )
+
+
+def test_each_sortie_is_a_plan_that_can_be_read_and_flown(field, tmp_path, capsys):
+    # Two lines of 111 m at 0.01 kg a metre: 1.1 kg each, and a tank of 1.5.
+    asked = (field, "--fill", "1.5", "--flow", "2.4", "--swath", "7.4", "--sorties", tmp_path)
+    code, out, _ = said(capsys, *asked)
+    assert code == 0
+    assert "2 sorties" in out
+    assert out.count("823 m²") == 2  # 111.2 m of 7.4 m
+    plans = sorted(tmp_path.glob("*.plan"))
+    assert [p.name for p in plans] == ["field-sortie-1.plan", "field-sortie-2.plan"]
+    used = 0.0
+    for path in plans:
+        made = json.loads(said(capsys, path, "--fill", "1.5", "--flow", "2.4", "--json", "-")[1])
+        assert len(made["sorties"]) == 1
+        used += made["sorties"][0]["litres"]
+    assert used == pytest.approx(2.2, abs=0.1)
+    code, _, err = said(capsys, *asked)
+    assert code == 1
+    assert "already there" in err
+
+
+def test_a_line_that_the_tank_does_not_last_is_not_split(field, tmp_path, capsys):
+    code, _, err = said(capsys, field, "--fill", "0.5", "--flow", "2.4", "--sorties", tmp_path)
+    assert code == 1
+    assert "one line alone takes more than the tank gives" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_sorties_need_a_folder(field, tmp_path, capsys):
+    code, _, err = said(capsys, field, *FIELD, "--sorties", tmp_path / "none")
+    assert code == 2
+    assert "no folder" in err
