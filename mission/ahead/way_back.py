@@ -21,6 +21,8 @@ from thrustmargin.models.model.predict import flown_airframe, predict
 from thrustmargin.models.model.rotor_model import RotorModel
 
 ON_GROUND = 0.1  # m
+#: kg/m³, kg and m/s by which no power differs that matters
+ALIKE = np.array([0.001, 0.05, 0.05])
 EVERY_S = 2.0  # between the moments that are worked out
 APART_S = 2.0  # between rows of steady flight, more than any effect looks around itself
 
@@ -77,16 +79,19 @@ def energy_home(
 
 
 def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats) -> Floats:
-    """(N,) W in steady level flight."""
+    """(N,) W in steady level flight; what is nearly alike is asked of the model once."""
+    rounded = np.round(np.column_stack([density, tank_kg, airspeed]) / ALIKE) * ALIKE
+    asked, of = np.unique(rounded, axis=0, return_inverse=True)
     steady = FlightTrack.of(
         name="the way home",
-        time_s=APART_S * np.arange(tank_kg.size),
+        time_s=APART_S * np.arange(len(asked)),
         rotor_count=model.airframe.rotor_count,
-        tank_kg=tank_kg,
-        airspeed=airspeed,
+        tank_kg=asked[:, 1],
+        airspeed=asked[:, 2],
     )
-    made = predict(model, steady, density)
-    return rotor_power(flown_airframe(model), made.thrust, made.rotor_speed_rpm)
+    made = predict(model, steady, asked[:, 0])
+    power = rotor_power(flown_airframe(model), made.thrust, made.rotor_speed_rpm)
+    return power[of.ravel()]
 
 
 def way_back(

@@ -152,7 +152,7 @@ def forecast(
 
 def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:
     """One .plan a sortie, none of which replaces the plan that was read."""
-    from thrustmargin.mission.ahead.sorties import sortie_plans
+    from thrustmargin.mission.ahead.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
     made_plans = sortie_plans(made, pump=None if pump is None else pump_of(pump))
