@@ -95,7 +95,8 @@ def first_line(one: Standing, whole: WholeFlight | None = None) -> tuple[str, st
         said = VERDICT_LEVEL.get(whole.level, "grey")
         # Not green before it is known whether there were alarms.
         unsure = one.pending and said == "green"
-        return whole.words, one.pending or whole.action, "grey" if unsure else said
+        do = whole.action[:1].upper() + whole.action[1:]
+        return whole.words, one.pending or do, "grey" if unsure else said
     row = one.row
     known = row is not None and not (one.problem or one.pending or one.old)
     calm = known and row.survives and (not row.flying or row.coloured_margin >= colours.ENOUGH)

@@ -100,7 +100,7 @@ def test_every_grave_alarm_is_named_in_the_first_line():
 def test_a_verdict_is_the_first_line_until_an_alarm_is(verdict: str, level: str):
     quiet = replace(ONE, alarms=())
     whole = WholeFlight("The verdict", verdict, "do this")
-    assert first_line(quiet, whole) == ("The verdict", "do this", level)
+    assert first_line(quiet, whole) == ("The verdict", "Do this", level)
     assert first_line(replace(ONE, alarms=(LOW,)), whole) == (LOW.text, "", "red")
     sought = first_line(replace(quiet, pending="being sought"), whole)
     assert sought == ("The verdict", "being sought", "grey" if level == "green" else level)
