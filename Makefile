@@ -9,14 +9,12 @@ LINKS := $(VENV)/links/thrustmargin
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
 
-# Four on two cores, as half of the time is waiting for links and pages; module by module, so that
-# what its tests share is made once. A worker that dies is a failure and not started anew: it would be
-# given the same tests for ever.
-PYTEST_ARGS ?= -n 4 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
+# Two at a time, each on one core; module by module, so that what its tests share is made once.
+# A worker that dies is a failure and not started anew: it would be given the same tests for ever.
+PYTEST_ARGS ?= -n 2 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
 
-# Types are checked while tests wait.
-test: $(VENV)/.test
-	$(MAKE) --jobs 2 check pytest
+test: check
+	$(MAKE) pytest
 
 pytest: $(VENV)/.test
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)

@@ -14,8 +14,6 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
 
-NOTHING = "nothing"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleParameters:
@@ -26,23 +24,25 @@ class VehicleParameters:
     texts: tuple[str, ...] = ()
     highest_voltage: float = float("nan")  # V of the battery
     gauge: bool = False  # a log says what is in the tank
-    words: str = NOTHING
+    words: str = ""  # where they are from; empty: from nowhere
     log: Path | None = None
     autopilot: str = ""
 
     @property
     def leaves_open(self) -> str:
         """How to begin a list of what is not in it."""
-        if self.words == NOTHING:
+        if not self.words:
             return "no log named by --from or --hover, and not one alone in this folder"
         return f"{self.words} does not say everything"
 
     def found_words(self, reported: ReportedAirframe) -> str:
         """What was found of the aircraft, for people."""
-        cells = reported.quantities.get("nominal_voltage")
+        cells, said = reported.quantities.get("nominal_voltage"), self.words or "nothing"
         return "; ".join(
             (
-                f"{self.words}, autopilot {self.autopilot}" if self.autopilot else self.words,
+                f"{self.words}, autopilot {self.autopilot}"
+                if self.autopilot
+                else self.words or "nothing",
                 f"layout {reported.layout or 'not known'}",
                 f"battery {cells.source}" if cells else "battery cells not known",
                 "a tank gauge" if self.gauge else "no tank gauge",

@@ -87,7 +87,7 @@ def heard_by(station: Any) -> list[Any]:
 
 def test_a_ground_station_behind_a_forward_sees_alarms_and_figures():
     with monitored(forward=True, announce=True) as (_, air, station):
-        air.fly(6.0, rpm=(2300,) * 4)
+        air.fly(15.0, rpm=(2300,) * 4)
         messages = heard_by(station)
     ours = [m for m in messages if m.get_srcComponent() == COMPONENT]
     assert {m.get_srcSystem() for m in ours} == {1}

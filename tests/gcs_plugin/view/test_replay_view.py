@@ -435,7 +435,7 @@ def test_without_rotors_told_all_that_needs_none_is_shown(tmp_path):
         level = round(float(track.tank_kg[200]), 3)
         settled(view, lambda: figures(view)["tank"]["kg"] == level)
         assert "NO VERDICT" in view._screen.state()["first"]["headline"]
-        assert "not recognised as topxgun-f16-sitl" in figures(view)["withheld"][0]
+        assert "this aircraft is not known" in figures(view)["withheld"][0]
         assert figures(view)["height"] == 5.0
         assert figures(view)["rotors"] == view._drawn_charts(1, 0.0)["charts"] == []
         assert np.allclose(node(view, "/world/vehicle_1").position, enu(track.position_ned[200]))

@@ -36,7 +36,7 @@ def test_results_are_a_few_lines(analysis):
 
 def test_they_say_what_matters(analysis):
     assert "50 rows of 4 rotors in 4.9 s" in repr(analysis.track)
-    assert "not reported: position_ned, throttle" in repr(analysis.track)
+    assert "not reported: position_ned, asked_attitude, throttle" in repr(analysis.track)
     assert "effects: manoeuvre_moment, load_factor" in repr(analysis.model)
     assert "50 by network" in repr(analysis.prediction)
     assert repr(analysis.prediction).endswith("), interval of 90%")
