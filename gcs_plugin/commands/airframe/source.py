@@ -40,9 +40,7 @@ class VehicleParameters:
         cells, said = reported.quantities.get("nominal_voltage"), self.words or "nothing"
         return "; ".join(
             (
-                f"{self.words}, autopilot {self.autopilot}"
-                if self.autopilot
-                else self.words or "nothing",
+                f"{said}, autopilot {self.autopilot}" if self.autopilot else said,
                 f"layout {reported.layout or 'not known'}",
                 f"battery {cells.source}" if cells else "battery cells not known",
                 "a tank gauge" if self.gauge else "no tank gauge",

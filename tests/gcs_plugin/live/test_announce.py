@@ -87,12 +87,14 @@ def heard_by(station: Any) -> list[Any]:
 
 def test_a_ground_station_behind_a_forward_sees_alarms_and_figures():
     with monitored(forward=True, announce=True) as (_, air, station):
-        air.fly(15.0, rpm=(2300,) * 4)
-        messages = heard_by(station)
+        messages = []
+        for _ in range(4):  # its socket does not hold it all
+            air.fly(3.0, rpm=(2300,) * 4)
+            messages += heard_by(station)
     ours = [m for m in messages if m.get_srcComponent() == COMPONENT]
     assert {m.get_srcSystem() for m in ours} == {1}
     texts = [(m.severity, m.text) for m in ours if m.get_type() == "STATUSTEXT"]
-    assert len([t for t in texts if "Thrust margin" in t[1]]) == 1
+    assert len([t for t in texts if "Thrust margin" in t[1]]) == 1, texts
     assert texts[0][0] == WARNING
     assert all(len(text) <= 50 for _, text in texts)
     figures = [m for m in ours if m.get_type() == "NAMED_VALUE_FLOAT"]
