@@ -1,5 +1,7 @@
 """Fields as others write them: KML, KMZ, GeoJSON, shapefiles, ISOXML; damage is one line."""
 
+# pyright: reportAttributeAccessIssue=false, reportCallIssue=false, reportArgumentType=false
+
 import json
 import time
 import zipfile

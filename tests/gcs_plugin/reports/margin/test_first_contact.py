@@ -1,5 +1,7 @@
 """A log of an aircraft that is not known: what it shows, what is asked, a line to copy."""
 
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
+
 import shlex
 from dataclasses import replace
 from pathlib import Path

@@ -1,5 +1,7 @@
 """A recorded flight beside the forecast of its own mission, in the report."""
 
+# pyright: reportArgumentType=false
+
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG, flight
