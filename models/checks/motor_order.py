@@ -210,7 +210,8 @@ def _answers_to_others(
     acceleration, rate, squares, step = samples
     response, rates = acceleration[:, axis], rate[:, axis]
     known = np.stack([np.ones_like(rates), rates, squares.sum(axis=1)], axis=1)
-    arms = np.linalg.lstsq(np.hstack([known, squares]), response)[0][known.shape[1] :]
+    solved = np.linalg.lstsq(np.hstack([known, squares]), response)[0]
+    arms = solved[known.shape[1] :].astype(np.float64)
     (freely,), (count,) = _correlations(response, rates, squares, arms[None], step)
     explained = np.clip([own, freely], 0.0, 0.999999) ** 2
     own_likelihood, likelihood = -0.5 * max(count - arms.size, 0.0) * np.log1p(-explained)

@@ -68,11 +68,12 @@ def replay(
     from thrustmargin.gcs_plugin.view.replay_view import run_replay
 
     logs = require_logs([log])
-    if len(logs) > 1:
+    first, *others = logs
+    if others:
         names = ", ".join(str(path.relative_to(log)) for path in logs[:MOST_NAMED])
         more = f" and {len(logs) - MOST_NAMED} more" if len(logs) > MOST_NAMED else ""
         raise UsageError(f"{log} holds {len(logs)} logs; name one of them: {names}{more}")
-    log = logs[0]
+    log = first
     chosen = with_recorded(
         [log],
         Chosen(model=model, airframe=airframe, reading=reading),

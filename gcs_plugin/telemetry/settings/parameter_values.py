@@ -55,4 +55,8 @@ def _by_function(
     parameters: Mapping[str, float], name: str, motors: Mapping[int, int]
 ) -> dict[int, int]:
     functions = {output: whole_number(parameters, name.format(output + 1)) for output in range(32)}
-    return {motors[says]: output for output, says in functions.items() if says in motors}
+    return {
+        motor: output
+        for output, says in functions.items()
+        if says is not None and (motor := motors.get(says)) is not None
+    }

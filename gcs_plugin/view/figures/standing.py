@@ -98,8 +98,9 @@ def first_line(one: Standing, whole: WholeFlight | None = None) -> tuple[str, st
         do = whole.action[:1].upper() + whole.action[1:]
         return whole.words, one.pending or do, "grey" if unsure else said
     row = one.row
-    known = row is not None and not (one.problem or one.pending or one.old)
-    calm = known and row.survives and (not row.flying or row.coloured_margin >= colours.ENOUGH)
+    if row is None or one.problem or one.pending or one.old:
+        return "", one.pending, "grey"
+    calm = row.survives and (not row.flying or row.coloured_margin >= colours.ENOUGH)
     return "", one.pending, "green" if calm else "grey"
 
 
