@@ -1,9 +1,14 @@
-"""What a vehicle says it is: its kind, its number of rotors, and the evidence for each."""
+"""What a vehicle says it is: its kind, its number of rotors, its battery; and what says each."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+from thrustmargin.models.provenance import NOT_REPORTED, Provenance
+
+#: V of one lithium cell in use: tired, or of 3.6 V; and of 4.35 V full, by a gauge 3 % off.
+CELL_IN_USE = (2.9, 4.5)
 
 VehicleKind = Literal[
     "multirotor",
@@ -21,6 +26,31 @@ VehicleKind = Literal[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StatedBattery:
+    """What the battery that is flown on states of itself; 0 where it does not."""
+
+    cells: int = 0  # in series, of lithium polymer or ion
+    nominal_voltage: float = 0.0  # V
+    capacity_mah: float = 0.0
+    source: Provenance = NOT_REPORTED
+
+    @property
+    def words(self) -> str:
+        """As "14 cells, 51.8 V, 16000 mAh by BATTERY_INFO cells_in_series of id 0"."""
+        said = (
+            (self.cells, f"{self.cells} cells"),
+            (self.nominal_voltage, f"{self.nominal_voltage:.4g} V"),
+            (self.capacity_mah, f"{self.capacity_mah:.0f} mAh"),
+        )
+        return f"{', '.join(words for number, words in said if number)} by {self.source.words}"
+
+
+def can_be_cells(cells: int, volts: float) -> bool:
+    """Whether a battery of so many cells can have this voltage; True where it is not known."""
+    return not (volts < CELL_IN_USE[0] * cells or volts > CELL_IN_USE[1] * cells)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleFacts:
     """Kind and number of rotors that lift it; evidence in words, as "FRAME_CLASS 1"."""
 
@@ -28,6 +58,7 @@ class VehicleFacts:
     evidence: str = ""  # for the kind
     rotor_count: int = 0  # 0: not reported
     rotor_evidence: str = ""  # for the number of rotors
+    battery: StatedBattery = field(default_factory=StatedBattery)
 
     @property
     def has_lifting_rotors(self) -> bool:
@@ -52,6 +83,6 @@ class VehicleFacts:
         )
         if not self.has_lifting_rotors:
             return kind
-        if not self.rotor_count:
-            return f"{kind}; rotors: not reported"
-        return f"{kind}; {self.rotor_count} rotors by {self.rotor_evidence}"
+        rotors = f"{self.rotor_count} rotors by {self.rotor_evidence}"
+        battery = f"; battery of {self.battery.words}" if self.battery.source.name else ""
+        return f"{kind}; {rotors if self.rotor_count else 'rotors: not reported'}{battery}"

@@ -125,6 +125,8 @@ RULES: tuple[Rule, ...] = (
     Rule(_BATTERY, ("current_a",), "battery_current", "A", unknown=(-1.0,)),
     Rule(_BATTERY, ("remaining",), "battery_percent", "share", unknown=(-1.0,)),
     Rule(_BATTERY, ("discharged_mah",), "battery_consumed", "mAh", unknown=(-1.0,)),
+    Rule(_BATTERY, ("cell_count",), "battery_cells", unknown=(0,)),
+    Rule(_BATTERY, ("capacity",), "battery_capacity", "mAh", unknown=(0,)),
     Rule(_FUEL, ("remaining_fuel",), "fuel_remaining", "ml"),
     Rule(_FUEL, ("percent_remaining",), "fuel_percent", convert=_fuel_percent),
 )

@@ -7,8 +7,9 @@ altitude m), `home` and `ekf_origin` (the same), `landed` (MAV_LANDED_STATE), `a
 `mission_item` (that is flown), `servo_us`
 (16 outputs), `esc_rpm`, `esc_voltage`, `esc_current`, `esc_failure` (by output number from 0; the
 last is ESC_FAILURE_FLAGS), `battery_voltage`, `battery_current`, `battery_percent`,
-`battery_consumed` (by battery id; mAh, in a tank ml), `named_value` (by name), `fuel_remaining`,
-`fuel_percent` (by id).
+`battery_consumed` (by battery id; mAh, in a tank ml), `battery_cells` (in series),
+`battery_capacity` (mAh), `battery_nominal` (V; these by battery id, too), `named_value` (by name),
+`fuel_remaining`, `fuel_percent` (by id).
 """
 
 from __future__ import annotations
@@ -103,6 +104,12 @@ def _liquid(columns: Columns) -> Floats:
     return np.where(columns["fuel_type"] == 1, millilitres, np.nan)
 
 
+def _lithium_cells(columns: Columns) -> Floats:
+    # MAV_BATTERY_TYPE 2 and 4 are LiFePO4 and NiMH, whose cells have another voltage; 0 is unknown.
+    cells = columns["cells_in_series"].astype(np.float64)
+    return np.where(np.isin(columns["type"], (2, 4)) | (cells == 0), np.nan, cells)
+
+
 def _unless_silent(field: str, unit: str) -> Callable[[Columns], Floats]:
     def convert(columns: Columns) -> Floats:
         return np.where(columns["count"] == 0, np.nan, in_si(columns, field, unit))
@@ -131,6 +138,15 @@ def _esc_rules() -> tuple[Rule, ...]:
             Rule(name, ("current",), "esc_current", convert=_unless_silent("current", "cA")),
         ]
     return tuple(rules)
+
+
+def _battery_info(name: str, capacity: tuple[str, str, int]) -> tuple[Rule, ...]:
+    field, unit, unknown = capacity
+    cells = ("cells_in_series",)
+    return (
+        Rule(name, cells, "battery_cells", index="id", convert=_lithium_cells),
+        Rule(name, (field,), "battery_capacity", unit, index="id", unknown=(unknown,)),
+    )
 
 
 #: MAVLink, preferred sources first. ESC_STATUS carries the number of its first ESC in `index`.
@@ -203,6 +219,9 @@ MAVLINK_RULES: tuple[Rule, ...] = (
         unknown=(255,),
     ),
     Rule("BATTERY_STATUS_V2", ("capacity_consumed",), "battery_consumed", "Ah", index="id"),
+    *_battery_info("BATTERY_INFO", ("design_capacity", "Ah", 0)),
+    Rule("BATTERY_INFO", ("nominal_voltage",), "battery_nominal", "V", index="id", unknown=(0,)),
+    *_battery_info("SMART_BATTERY_INFO", ("capacity_full_specification", "mAh", -1)),
     Rule("SYS_STATUS", ("voltage_battery",), "voltage", "mV", unknown=(65535, 0)),
     Rule("SYS_STATUS", ("current_battery",), "current", "cA", unknown=(-1,)),
     Rule("SCALED_PRESSURE", ("press_abs",), "pressure", "hPa"),

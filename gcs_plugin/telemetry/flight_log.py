@@ -11,7 +11,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.motors import motor_map
-from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets
+from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets, stated_battery
 from thrustmargin.gcs_plugin.telemetry.recording import (
     ChannelReport,
     FlightLog,
@@ -114,7 +114,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         autopilot=recording.autopilot,
         format=recording.format,
         path=recording.path,
-        facts=motors.facts,
+        facts=replace(motors.facts, battery=stated_battery(signals)),
         esc_voltage_offset_v=esc_voltage_offsets(signals, motors.escs),
         unmeasured=rows.unmeasured,
         hardware_id=recording.hardware_id,

@@ -12,7 +12,8 @@ from thrustmargin.gcs_plugin.telemetry.resample import Sampling, last_before
 from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, by_index
 from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, flight_battery, pump_share
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.provenance import Provenance, SourceKind
+from thrustmargin.models.provenance import NOT_REPORTED, Provenance, SourceKind
+from thrustmargin.models.vehicle_facts import StatedBattery
 
 #: A tank that loses more than this over the window is being sprayed, kg/s.
 _SPRAY_RATE = 0.008
@@ -43,6 +44,30 @@ def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, I
         extra = f"battery {', '.join(others)} reads a flight battery's voltage too"
         notes.append(f"{extra}; only battery {flown} is used")
     return sources
+
+
+def stated_battery(signals: Signals) -> StatedBattery:
+    """What the battery that is flown on says of itself, as last heard."""
+    of = {name: by_index(signals, f"battery_{name}") for name in ("cells", "nominal", "capacity")}
+    if not any(of.values()):
+        return StatedBattery()
+    flown = flight_battery(signals)
+    if flown is None:  # its voltage comes in a message without a number
+        flown = min((int(number) for found in of.values() for number in found), default=0)
+    last: dict[str, float] = {}
+    sources: list[Provenance] = []
+    for name, found in of.items():
+        if (signal := found.get(flown)) is not None:
+            known = signal.values[np.isfinite(signal.values) & (signal.values > 0.0)]
+            if known.size:
+                last[name] = float(known[-1])
+                sources.append(signal.source)
+    return StatedBattery(
+        cells=int(last.get("cells", 0)),
+        nominal_voltage=last.get("nominal", 0.0),
+        capacity_mah=last.get("capacity", 0.0),
+        source=sources[0] if sources else NOT_REPORTED,
+    )
 
 
 def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Signal]:

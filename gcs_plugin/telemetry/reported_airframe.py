@@ -27,7 +27,7 @@ from thrustmargin.models.physics.motor_layouts import (
     motor_layouts,
     rotor_names,
 )
-from thrustmargin.models.vehicle_facts import VehicleFacts
+from thrustmargin.models.vehicle_facts import StatedBattery, VehicleFacts, can_be_cells
 
 #: V of a lithium polymer cell: nominal, and what these settings usually stand for.
 CELL = 3.7
@@ -66,7 +66,7 @@ def reported_airframe(
     facts = vehicle_facts(parameters, texts=texts) if facts is None else facts
     if refusal := facts.refusal("the vehicle"):
         raise AirframeError(refusal)
-    quantities = _battery(parameters, highest_voltage)
+    quantities = _battery(parameters, highest_voltage, facts.battery)
     if layout is None and (whole_number(parameters, "CA_ROTOR_COUNT") or 0) >= 3:
         return _px4(parameters, quantities)
     q = "Q_" if facts.kind == "quadplane" else ""
@@ -147,11 +147,18 @@ def _px4(parameters: Mapping[str, float], quantities: dict[str, Quantity]) -> Re
 MOST_CELLS = 100
 
 
-def _battery(parameters: Mapping[str, float], highest_voltage: float) -> dict[str, Quantity]:
-    """Nominal voltage by the number of cells that the battery's settings and voltage agree on."""
-    for name in ("BAT1_N_CELLS", "BAT_N_CELLS"):
-        if 0 < (cells := whole_number(parameters, name) or 0) <= MOST_CELLS:
-            words = f"{cells} cells of {CELL} V, by {name}"
+def _battery(
+    parameters: Mapping[str, float], highest_voltage: float, battery: StatedBattery
+) -> dict[str, Quantity]:
+    """Nominal voltage by the number of cells that the battery itself or a setting states and the
+    voltage allows, else by what other settings and the voltage agree on."""
+    stated = [(battery.cells, battery.source.words)]
+    stated += [
+        (whole_number(parameters, name) or 0, name) for name in ("BAT1_N_CELLS", "BAT_N_CELLS")
+    ]
+    for cells, whose in stated:
+        if 0 < cells <= MOST_CELLS and can_be_cells(cells, highest_voltage):
+            words = f"{cells} cells of {CELL} V, by {whose}"
             return {"nominal_voltage": Quantity(round(cells * CELL, 2), "V", words)}
     estimates = {
         f"{name} {parameters[name]:g}": parameters[name] / cell

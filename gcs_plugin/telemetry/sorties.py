@@ -29,7 +29,10 @@ LOOK = 5.0  # s of flight whose medians are compared
 REST = 30.0  # s on the ground that belong to the flight before or after
 _ON_GROUND = 1  # MAV_LANDED_STATE
 #: Channels that are reported when they change: a sortie needs what they said before it.
-_LASTING = ("home", "ekf_origin", "landed", "armed")
+_LASTING = (
+    *("home", "ekf_origin", "landed", "armed"),
+    *("battery_cells", "battery_nominal", "battery_capacity"),
+)
 
 Span = tuple[float, float]
 

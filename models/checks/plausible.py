@@ -6,6 +6,7 @@
 | motors | number of rotors that it reports | reported, and the airframe's | not reported |
 | frame | FRAME_CLASS and FRAME_TYPE | | motors in the airframe's places and order |
 | voltage | median in flight over nominal | 0.92 to 1.15 | 0.78 to 1.22 |
+| | cells that the battery states | | nominal 3.5 to 3.9 V a cell |
 | rotor speed | median over what the weight needs | 0.92 to 1.15 | 0.75 to 1.35 |
 | rotor speed limit | s above 1.2 of the largest thrust | | under 3 s, or under 5 % of the flight |
 | motor output | square root of its thrust over weight | 0.92 to 1.08 | 0.6 to 1.7 |
@@ -39,12 +40,14 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, utilisation
 from thrustmargin.models.physics.motor_layouts import ardupilot_layout, bearings
 from thrustmargin.models.physics.smoothing import known_median
-from thrustmargin.models.vehicle_facts import VehicleFacts
+from thrustmargin.models.vehicle_facts import StatedBattery, VehicleFacts, can_be_cells
 
 Range = tuple[float, float]
 CLOSE_VOLTAGE, POSSIBLE_VOLTAGE = (0.92, 1.15), (0.78, 1.22)
 CLOSE_SPEED = (0.92, 1.15)
 CLOSE_OUTPUT, POSSIBLE_OUTPUT = (0.92, 1.08), (0.6, 1.7)
+#: V that a lithium cell is called by: ion 3.6, polymer 3.7, high voltage 3.85.
+NOMINAL_CELL = (3.5, 3.9)
 #: Utilisation that no rotor holds, s and share of the flight for which it may pass for a moment.
 IMPOSSIBLE_USE, MOMENT_S, MOMENT_SHARE = 1.2, 3.0, 0.05
 #: deg by which an arm may stand elsewhere; the next arm of an octocopter is 45 away.
@@ -80,7 +83,7 @@ def comparisons(
         found.append(_frame(airframe, parameters))
         outputs = output_evidence(track, airframe, parameters)
         found.append(_rotor_speed(track, airframe, outputs))
-        found.append(voltage := _voltage(track, airframe))
+        found.append(voltage := _voltage(track, airframe, facts.battery))
         if voltage.verdict != "contradicts":  # else what rests on the voltage says the same again
             found.append(_speed_limit(track, airframe))
             found.append(_output(track, airframe, outputs))
@@ -152,11 +155,19 @@ def _frame(airframe: Airframe, parameters: Mapping[str, float]) -> Comparison | 
     )
 
 
-def _voltage(track: FlightTrack, airframe: Airframe) -> Comparison:
+def _voltage(track: FlightTrack, airframe: Airframe, battery: StatedBattery) -> Comparison:
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
-    if volts.size < FEWEST_ROWS:
+    found = known_median(volts) if volts.size >= FEWEST_ROWS else np.nan
+    each = airframe.nominal_voltage / battery.cells if battery.cells else np.nan
+    # What the flight's own voltage cannot be of is not believed.
+    if can_be_cells(battery.cells, found) and (each < NOMINAL_CELL[0] or each > NOMINAL_CELL[1]):
+        words = (
+            f"a battery of {battery.words}; the {airframe.nominal_voltage:.1f} V of airframe "
+            f"{airframe.name} would be {each:.2f} V a cell"
+        )
+        return Comparison(check="voltage", verdict="contradicts", words=words)
+    if not np.isfinite(found):
         return Comparison(check="voltage", verdict="unknown", words="no battery voltage in flight")
-    found = known_median(volts)
     share = found / airframe.nominal_voltage
     verdict = _verdict(share, share, CLOSE_VOLTAGE, POSSIBLE_VOLTAGE)
     words = (

@@ -43,6 +43,7 @@ from thrustmargin.gcs_plugin.telemetry.motors import (
     motor_map,
     turned_escs,
 )
+from thrustmargin.gcs_plugin.telemetry.power import stated_battery
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
 from thrustmargin.gcs_plugin.telemetry.rows import KEPT, Carried, flight_rows
@@ -329,6 +330,7 @@ class VehicleTelemetry:
                 rotor_count=self._counted.rotor_count,
                 rotor_evidence=self._counted.rotor_evidence,
             )
+        facts = replace(facts, battery=stated_battery(signals))
         self._turned |= turned_escs(signals)
         known = (state.parameters, facts, len(signals.get("esc_rpm", ())), self._turned)
         if known == self._known:
