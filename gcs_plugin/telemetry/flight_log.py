@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets, stated_
 from thrustmargin.gcs_plugin.telemetry.recording import (
     ChannelReport,
     FlightLog,
+    LogHeader,
     LogQuality,
     Recording,
     pauses,
@@ -29,11 +30,7 @@ from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
-    VehicleEvent,
-    arming_events,
-    text_events,
-)
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import arming_events, text_events
 from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
@@ -41,7 +38,6 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import NOT_REPORTED
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
-ABSENT = "not in the log"
 #: Channels of the table whose reports have another name.
 _REPORTED_AS = {
     "voltage": "battery_voltage",
@@ -91,7 +87,6 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         start_unix_s=None if unix is None else float(unix + start_s),
         notes=(*recording.notes, *motors.notes, *rows.notes),
     )
-    reported = rows.reported
     # What is reported and not in the table, then what a reader met and could not use.
     unused = {
         name: f"in the log ({silent[0].source.words}), not used: "
@@ -99,35 +94,24 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         for name in TRACK_CHANNELS
         if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
     } | dict(recording.unused)
+    texts, armed = text_events(recording.messages), best(signals, "armed")
+    events = sorted([*recording.events, *texts, *arming_events(armed)], key=lambda e: e.time_s)
+    header = {part.name: getattr(recording, part.name) for part in fields(LogHeader)} | {
+        "messages": tuple((time - start_s, text) for time, text in recording.messages),
+        "events": tuple(replace(event, time_s=event.time_s - start_s) for event in events),
+    }
     return FlightLog(
+        **header,
         track=_with_absences(track),
-        quality=recording.quality,
         channels=tuple(
-            channel_report(track, n, reported.get(n, []), unused.get(n, "")) for n in TRACK_CHANNELS
+            channel_report(track, n, rows.reported.get(n, []), unused.get(n, ""))
+            for n in TRACK_CHANNELS
         ),
-        waypoints=recording.waypoints,
-        messages=tuple((time - start_s, text) for time, text in recording.messages),
-        parameters=recording.parameters,
         clock_start_s=start_s,
-        vehicle=recording.vehicle,
-        vehicles=recording.vehicles,
-        autopilot=recording.autopilot,
-        format=recording.format,
-        path=recording.path,
         facts=replace(motors.facts, battery=stated_battery(signals)),
         esc_voltage_offset_v=esc_voltage_offsets(signals, motors.escs),
         unmeasured=rows.unmeasured,
-        hardware_id=recording.hardware_id,
-        firmware=recording.firmware,
-        events=tuple(replace(e, time_s=e.time_s - start_s) for e in _events(recording, signals)),
     )
-
-
-def _events(recording: Recording, signals: Signals) -> list[VehicleEvent]:
-    """All that the vehicle reported, in order of time."""
-    texts = text_events(recording.messages)
-    found = [*recording.events, *texts, *arming_events(best(signals, "armed"))]
-    return sorted(found, key=lambda event: event.time_s)
 
 
 def log_of_track(
@@ -147,23 +131,15 @@ def log_of_track(
     unmeasured = rejected_words(measured, hidden, track.time_s, track.flying, counted=True)
     rpm[hidden] = np.nan
     track = replace(track, rotor_speed_rpm=rpm, notes=(*track.notes, *unmeasured))
-    channels = []
-    for name in TRACK_CHANNELS:
-        signal = Signal(name, track.source(name), track.time_s, getattr(track, name))
-        channels.append(channel_report(track, name, [signal]))
     return FlightLog(
-        track=_with_absences(track),
-        quality=LogQuality(bytes=size, frames=track.time_s.size, gaps=pauses(track.time_s)),
-        channels=tuple(channels),
-        waypoints=(),
-        messages=(),
-        parameters={},
-        clock_start_s=float(track.time_s[0]),
-        vehicle=1,
-        vehicles=(1,),
-        autopilot="unknown",
-        format="CSV",
         path=path,
+        format="CSV",
+        quality=LogQuality(bytes=size, frames=track.time_s.size, gaps=pauses(track.time_s)),
+        track=_with_absences(track),
+        channels=tuple(
+            channel_report(track, name, [_as_signal(track, name)]) for name in TRACK_CHANNELS
+        ),
+        clock_start_s=float(track.time_s[0]),
         facts=VehicleFacts(rotor_count=track.rotor_count, rotor_evidence="its columns"),
         unmeasured=unmeasured,
     )
@@ -188,14 +164,17 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
 
 def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
     """The log with this track; channels that were filled since are reported as it has them."""
-    channels = []
-    for report in log.channels:
-        values = getattr(track, report.name)
-        if report.samples == 0 and np.any(np.isfinite(values)):
-            filled = Signal(report.name, track.source(report.name), track.time_s, values)
-            report = channel_report(track, report.name, [filled])
-        channels.append(report)
-    return replace(log, track=track, channels=tuple(channels))
+    channels = tuple(
+        channel_report(track, report.name, [_as_signal(track, report.name)])
+        if report.samples == 0 and track.reports(report.name)
+        else report
+        for report in log.channels
+    )
+    return replace(log, track=track, channels=channels)
+
+
+def _as_signal(track: FlightTrack, channel: str) -> Signal:
+    return Signal(channel, track.source(channel), track.time_s, getattr(track, channel))
 
 
 def _unused_because(name: str, silent: Iterable[Signal], rows: FlightRows) -> str:
@@ -214,33 +193,20 @@ def channel_report(
 
     `unused` says of one without numbers what is there and why it is not used.
     """
-    values = getattr(track, name)
+    values, source = getattr(track, name), track.source(name)
     finite = values[np.isfinite(values)]
     if not signals or finite.size == 0:
-        nan = float("nan")
-        return ChannelReport(
-            name=name,
-            unit=TRACK_CHANNELS[name].unit,
-            source=unused or track.source(name).words,
-            provenance=track.source(name),
-            samples=0,
-            rate_hz=nan,
-            gaps=0,
-            longest_gap_s=nan,
-            minimum=nan,
-            median=nan,
-            maximum=nan,
-        )
-    signal = max(signals, key=lambda s: s.time_s.size)
-    known = known_rows(signal.values)
-    step = np.diff(signal.time_s[known])
+        signals, finite = [], np.full(1, np.nan)
+    signal = max(signals, key=lambda s: s.time_s.size, default=None)
+    known_s = np.empty(0) if signal is None else signal.time_s[known_rows(signal.values)]
+    step = np.diff(known_s)
     step = step[step > 0]
     return ChannelReport(
         name=name,
         unit=TRACK_CHANNELS[name].unit,
-        source=track.source(name).words,
-        provenance=track.source(name),
-        samples=int(known.sum()),
+        source=(unused if signal is None else "") or source.words,
+        provenance=source,
+        samples=known_s.size,
         rate_hz=float(1.0 / np.median(step)) if step.size else float("nan"),
         gaps=int(np.sum(step > TRACK_CHANNELS[name].max_age)),
         longest_gap_s=float(step.max()) if step.size else float("nan"),

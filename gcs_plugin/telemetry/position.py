@@ -61,8 +61,7 @@ def airborne(
     output = _known_mean(channels["throttle"]) if "throttle" in channels else np.empty(0)
     driven = np.isfinite(output) & on if output.size else np.zeros(clock_s.size, dtype=np.bool_)
     if driven.any():
-        with np.errstate(invalid="ignore"):
-            above_idle = driven & (output > IDLE_OUTPUT)
+        above_idle = driven & (output > IDLE_OUTPUT)
         if not above_idle.any():
             return _grounded(clock_s, FlyingBy.IDLE_OUTPUTS)
         on = np.where(driven, on & (above_idle | ~_idle_throughout(above_idle, clock_s)), on)
@@ -92,14 +91,12 @@ def airborne(
         return _grounded(clock_s, FlyingBy.NEVER_ROSE)
     if np.any(lifting > 0):
         cruise = float(np.nanpercentile(lifting, 75))
-        with np.errstate(invalid="ignore"):
-            flying = on & (thrust > IDLE_SHARE * cruise) & (thrust > 0.0)
+        flying = on & (thrust > IDLE_SHARE * cruise) & (thrust > 0.0)
         words = f"{by} above {IDLE_SHARE:g} of the thrust in cruise (no landed state)"
         return Airborne(flying, by, words)
     if height is not None and np.isfinite(height).any():
         words = "more than 1 m above home (no landed state, no rotor speeds)"
-        with np.errstate(invalid="ignore"):
-            return Airborne(on & (height > 1.0), FlyingBy.HEIGHT, words)
+        return Airborne(on & (height > 1.0), FlyingBy.HEIGHT, words)
     return _grounded(clock_s, FlyingBy.NOT_KNOWN)
 
 
@@ -182,8 +179,7 @@ def airborne_so_far(
     coefficient = airframe.thrust_coefficient if airframe is not None else 0.0
     lifted = coefficient * np.nansum(np.square(speeds), axis=1) > least
     heights = channels.get("height_agl", np.full(clock_s.size, NAN))
-    with np.errstate(invalid="ignore"):
-        flying = np.where(np.isfinite(motors_on), motors_on > 0, heights > 1.0)
+    flying = np.where(np.isfinite(motors_on), motors_on > 0, heights > 1.0)
     flying = np.where(carried, lifted, flying)
     for row in np.flatnonzero(np.isfinite(state)).tolist():
         flying[row] = int(state[row]) in (IN_AIR, TAKING_OFF, LANDING)
@@ -199,8 +195,7 @@ def airborne_so_far(
             flying[row] = np.isnan(contact.height)
     output = _known_mean(channels["throttle"]) if "throttle" in channels else np.empty(0)
     if output.size:
-        with np.errstate(invalid="ignore"):
-            flying &= ~(output <= IDLE_OUTPUT) | np.isfinite(state) | carried
+        flying &= ~(output <= IDLE_OUTPUT) | np.isfinite(state) | carried
     flying &= ~(motors_on == 0)
     words = "rotor speeds, else armed" if landed is None else landed.source.words
     return flying.astype(np.bool_), words, contact
@@ -257,8 +252,7 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
     if fixes is not None and zero is not None:
         latitude, longitude, altitude = fixes.values.T
         at_zero = (latitude == 0) & (longitude == 0)
-        with np.errstate(invalid="ignore"):
-            inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360) & ~at_zero
+        inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360) & ~at_zero
         ned = pymap3d.geodetic2ned(
             np.where(inside, latitude, np.nan),
             longitude,
@@ -312,8 +306,7 @@ def place_of_zero(
 def _on_earth(places: Floats) -> Bools:
     """(n,) True where latitude, longitude and altitude are a place, and not the 0, 0 of no fix."""
     latitude, longitude = places[:, 0], places[:, 1]
-    with np.errstate(invalid="ignore"):
-        inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
+    inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
     return known_rows(places) & inside & ((latitude != 0) | (longitude != 0))
 
 

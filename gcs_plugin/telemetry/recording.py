@@ -129,20 +129,29 @@ class ChannelReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Recording:
-    """The needed messages of one vehicle in one file."""
+class LogHeader:
+    """What a whole recording and each sortie of it have."""
 
     path: Path
     format: str
-    streams: Mapping[str, Stream]
-    parameters: Mapping[str, float]
-    waypoints: tuple[Waypoint, ...]
-    messages: tuple[tuple[float, str], ...]  # (vehicle's clock s, text)
-    unix_minus_clock: float | None  # s to add to the vehicle's clock for Unix time
     quality: LogQuality
-    vehicle: int
-    vehicles: tuple[int, ...]
-    autopilot: str  # "ArduPilot", "PX4" or "unknown"
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    waypoints: tuple[Waypoint, ...] = ()
+    messages: tuple[tuple[float, str], ...] = ()  # (s, text)
+    events: tuple[VehicleEvent, ...] = ()  # of a recording those that no text says
+    vehicle: int = 1
+    vehicles: tuple[int, ...] = (1,)
+    autopilot: str = "unknown"  # or "ArduPilot", "PX4"
+    hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
+    firmware: str = ""  # where a field of its own states it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Recording(LogHeader):
+    """The needed messages of one vehicle in one file; times are the vehicle's clock."""
+
+    streams: Mapping[str, Stream]
+    unix_minus_clock: float | None  # s to add to the vehicle's clock for Unix time
     mav_type: int | None = None  # as the vehicle reports itself; None unknown
     motor_order: str = ""  # in words, where motor outputs are numbered by motor already
     esc_order: str = ""  # likewise ESC channels
@@ -150,9 +159,6 @@ class Recording:
         default_factory=dict
     )  # channel -> what is there, why not used
     notes: tuple[str, ...] = ()
-    hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
-    firmware: str = ""  # where a field of its own states it
-    events: tuple[VehicleEvent, ...] = ()  # that no text says, on the vehicle's clock
     parameters_whole: bool = True  # False: the vehicle has more than are in the log
 
     def __repr__(self) -> str:
@@ -176,30 +182,18 @@ class Unflown:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class FlightLog:
-    """One sortie of a log, which mostly holds one alone."""
+class FlightLog(LogHeader):
+    """One sortie of a log, which mostly holds one alone; times are s from its track's first row."""
 
     track: FlightTrack
-    quality: LogQuality
     channels: tuple[ChannelReport, ...]
-    waypoints: tuple[Waypoint, ...]
-    messages: tuple[tuple[float, str], ...]  # (s from the track's first row, text)
-    parameters: Mapping[str, float]
     clock_start_s: float  # vehicle's clock at the track's first row, s since boot
-    vehicle: int
-    vehicles: tuple[int, ...]
-    autopilot: str
-    format: str
-    path: Path
     facts: VehicleFacts = field(default_factory=VehicleFacts)  # what kind of vehicle it is
     esc_voltage_offset_v: tuple[float, ...] = ()  # of each motor's ESC off the others; NaN none
     unmeasured: tuple[str, ...] = ()  # of the notes, those on ESC readings that are none
-    hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
-    firmware: str = ""  # where a field of its own states it
     sortie: int = 1  # its number in the log, of `sorties` in all
     sorties: int = 1
     unflown: Unflown = field(default_factory=Unflown)  # the rest of the log
-    events: tuple[VehicleEvent, ...] = ()  # that it reported, s from the track's first row
 
     @property
     def name(self) -> str:

@@ -170,8 +170,7 @@ def lifting(speeds: Floats, outputs: Floats) -> Bools:
 
 def standing_in_flight(speeds: Floats, outputs: Floats, flying: Bools) -> Bools:
     """(T, R) rows in flight at zero speed of a rotor whose motor output is not known."""
-    with np.errstate(invalid="ignore"):
-        return flying[:, None] & (np.abs(speeds) < TURNING) & ~np.isfinite(outputs)
+    return flying[:, None] & (np.abs(speeds) < TURNING) & ~np.isfinite(outputs)
 
 
 def rejected_words(
@@ -217,8 +216,7 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
     share = np.where(time_s - said_s <= FRESH, np.append(np.nan, output.values)[at], np.nan)
     idle = output.time_s[output.values <= IDLE]
     idle_s = np.append(-np.inf, idle)[idle.searchsorted(time_s, side="right")]
-    with np.errstate(invalid="ignore"):
-        return share, (share > IDLE) & ~(time_s - idle_s < SPIN_UP)
+    return share, (share > IDLE) & ~(time_s - idle_s < SPIN_UP)
 
 
 def _output_at(output: Signal | None, time_s: float) -> float:
