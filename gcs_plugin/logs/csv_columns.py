@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.mavlink.decode import attitude_from_quaternion
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
@@ -100,8 +101,10 @@ def in_our_columns(
         for name, one in stated.items()
     }
     if all(part in found for part in QUATERNION):
-        angles = _angles(*(found[part] for part in QUATERNION))
-        found |= dict(zip(("roll", "pitch", "yaw"), angles, strict=True))
+        parts = np.stack([found[part] for part in QUATERNION])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            angles = attitude_from_quaternion(*(parts / np.linalg.norm(parts, axis=0)))
+        found |= dict(zip(("roll", "pitch", "yaw"), angles.T, strict=True))
     return {name: values for name, values in found.items() if name not in QUATERNION}
 
 
@@ -116,13 +119,3 @@ def check_headings(path: Path, stated: Mapping[str, TheirColumn], names: Sequenc
         raise LogError(
             f"{path.name}: {FILE} has {parts[0]}, but not all of {', '.join(QUATERNION)}"
         )
-
-
-def _angles(w: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
-    """Roll, pitch, yaw in rad (Z-Y-X) of a quaternion of any length; NaN where it has none."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        size = np.sqrt(w * w + x * x + y * y + z * z)
-        w, x, y, z = (part / size for part in (w, x, y, z))
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    return roll, pitch, np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

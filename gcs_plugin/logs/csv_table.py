@@ -117,13 +117,17 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog
             f"{path.name}: columns of {track.rotor_count} rotors, but airframe {craft.name} has "
             f"{craft.rotor_count}; choose another with --airframe"
         )
-    known = {name: plausible(name, getattr(track, name)) for name in TRACK_CHANNELS}
+    known = _plausible(track)
     track = replace(track, **known)
     if track.flying_by is FlyingBy.NOT_KNOWN:
         off = airborne({}, track.time_s, known, craft)
         track = replace(track, flying=off.flying, flying_by=off.by)
     track = stated_track(track, options)
     return (log_of_track(track, path, path.stat().st_size, craft),)
+
+
+def _plausible(track: FlightTrack) -> dict[str, Floats]:
+    return {name: plausible(name, getattr(track, name)) for name in TRACK_CHANNELS}
 
 
 FORMAT = LogFormat(
@@ -332,7 +336,7 @@ def _track(
         notes=notes,
         **channels,
     )
-    if wrong := motion_units(track):
+    if wrong := motion_units(replace(track, **_plausible(track))):
         raise LogError(
             f"{path.name}: {wrong}; a file columns.toml beside it states other units "
             "(docs/tables.md)"
