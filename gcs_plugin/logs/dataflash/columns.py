@@ -17,6 +17,8 @@ from thrustmargin.models.units import SCALES, Scale
 #: Columns that firmware of before 2016 wrote in hundredths, as whole numbers without a factor;
 #: later the same columns are fractional numbers in V and A.
 _HUNDREDTHS = {"CURR": ("Volt", "Curr")}
+#: Messages that state units.
+UNITS_OF = ("UNIT", "MULT", "FMTU")
 #: Labels that state no unit.
 NO_UNIT = ("", "UNKNOWN", "instance")
 
@@ -29,7 +31,7 @@ class DataFlashColumns:
     FMTU and UNIT, where the log has them.
     """
 
-    table: Mapping[str, NDArray[Any]] | NDArray[np.void]
+    table: NDArray[np.void]
     scale: Mapping[str, float]
     label: Mapping[str, str] = field(default_factory=dict)
 
@@ -94,19 +96,17 @@ class Units:
     of_type: Mapping[int, tuple[str, str]] = field(default_factory=dict)  # (unit ids, mult ids)
 
     @classmethod
-    def of(cls, table: Callable[[str], Mapping[str, NDArray[Any]]]) -> Units:
-        """The units that a log states; `table` gives columns by a message's name, none if absent.
+    def of(cls, table: Callable[[str], NDArray[np.void] | None]) -> Units:
+        """The units that a log states; `table` gives the messages of a name, None if absent.
 
         Factors are logged as single precision widened to double.
         """
 
         def rows(name: str, *columns: str) -> Iterator[tuple[Any, ...]]:
             found = table(name)
-            return (
-                zip(*(found[c] for c in columns), strict=True)
-                if set(columns) <= set(found)
-                else iter(())
-            )
+            if found is None or not set(columns) <= set(found.dtype.names or ()):
+                return iter(())
+            return zip(*(found[c] for c in columns), strict=True)
 
         return cls(
             {int(i) & 0xFF: printable(text) for i, text in rows("UNIT", "Id", "Label")},

@@ -218,8 +218,7 @@ def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, S
         if "C" not in columns:
             return name, stream
         rows = columns.number("C") == 0
-        table = {n: columns.table[n][rows] for n in columns.scale}
-        kept = DataFlashColumns(table, columns.scale, columns.label)
+        kept = replace(columns, table=columns.table[rows])
         return name, Stream(stream.time_s[rows], kept)
     return None
 

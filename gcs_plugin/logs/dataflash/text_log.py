@@ -2,39 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.logs.dataflash.binary import recording_of, sorties_by
-from thrustmargin.gcs_plugin.logs.dataflash.columns import (
-    DataFlashColumns,
-    Units,
-    filled_clock,
-    own_clock,
-)
+from thrustmargin.gcs_plugin.logs.dataflash.boots import Messages, Times, boots_of, sorties_by
+from thrustmargin.gcs_plugin.logs.dataflash.columns import UNITS_OF, filled_clock, own_clock
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import Format, make_format
 from thrustmargin.gcs_plugin.logs.read import LogFormat
-from thrustmargin.gcs_plugin.telemetry.recording import (
-    LogQuality,
-    Recording,
-    damage_of,
-    pauses,
-    restarts,
-    stretches,
-    without_leaps,
-)
+from thrustmargin.gcs_plugin.telemetry.recording import Recording, without_leaps
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools
 
-_TEXT_LETTERS = frozenset("nNZM")
+_TEXT_LETTERS = frozenset("nNZMa")
 
 
 @dataclass(slots=True, eq=False)
@@ -57,58 +42,40 @@ def dataflash_text_boots(path: Path, *, vehicle: int | None = None) -> Iterator[
     lines = _lines(text)
     if len(lines.formats) < 2:
         raise LogError(f"{path.name}: no FMT line describes a message; is it an ArduPilot .log?")
-    tables: dict[str, tuple[dict[str, NDArray[Any]], Floats, NDArray[np.int64]]] = {}
+    messages: dict[str, Messages] = {}
     for name, cells in lines.cells.items():
-        table, good = _table(lines.formats[name], cells)
-        at = np.array(lines.offsets[name])
+        form, at = lines.formats[name], np.array(lines.offsets[name])
+        table, good = _table(form, cells)
         lines.skipped += [(int(at[i]), len(",".join(cells[i]))) for i in np.flatnonzero(~good)]
+        clock, scale = own_clock(form.columns) or ("", 0.0)
+        clock_s = without_leaps(table[clock] * scale) if clock else np.full(len(table), np.nan)
+        messages[name] = Messages(form, table, clock_s, at[good])
         lines.kept -= int(np.sum(~good))
-        tables[name] = (table, _clock(table), at[good])
-    units = Units.of(lambda name: tables[name][0] if name in tables else {})
-    clocks, places = np.empty(0), np.empty(0, dtype=np.int64)
-    if tables:
-        clocks = np.concatenate([clock for _, clock, _ in tables.values()])
-        places = np.concatenate([at for _, _, at in tables.values()])
-        order = np.argsort(places, kind="stable")
-        if not any("TimeUS" in table for table, _, _ in tables.values()):
-            clocks[order] = filled_clock(clocks[order])
-            ends = np.cumsum([at.size for _, _, at in tables.values()])
-            filled = zip(tables.items(), np.split(clocks, ends[:-1]), strict=True)
-            tables = {name: (table, own, at) for (name, (table, _, at)), own in filled}
-        order = order[np.isfinite(clocks[order])]
-        clocks, places = clocks[order], places[order]
-    parts = stretches(clocks, path.name)
-
-    def lookup(first: int, end: int, name: str) -> tuple[DataFlashColumns, Floats] | None:
-        if name not in tables:
-            return None
-        table, clock, at = tables[name]
-        inside = (at >= first) & (at < end)
-        if own_clock(tuple(table)) is not None:
-            inside &= np.isfinite(clock)
-        if not inside.any():
-            return None
-        scale, label = units.describe(lines.formats[name], text=True)
-        chosen = {column: values[inside] for column, values in table.items()}
-        return DataFlashColumns(chosen, scale, label), clock[inside]
-
-    # What has no time of its own, between two starts, belongs to the later one.
-    ends = [*(int(places[part.last]) + 1 for part in parts[:-1]), len(text)]
-    for part, (first, end) in zip(parts, pairwise([0, *ends]), strict=True):
-        quality = LogQuality(
-            bytes=len(text),
-            frames=lines.kept,
-            **damage_of(lines.skipped, lambda _: float("nan")),
-            clock_jumps=restarts(clocks, parts),
-            gaps=pauses(clocks[part.first : part.last + 1]),
-        )
-        found = partial(lookup, first, end)
-        yield recording_of(path, "DataFlash text", found, quality, vehicle)
+    found = messages.values()
+    place = np.concatenate([one.place for one in found]) if messages else np.empty(0, np.int64)
+    order = np.argsort(place, kind="stable")
+    clocks = np.concatenate([one.clock_s for one in found]) if messages else np.empty(0)
+    if messages and not any("TimeUS" in one.form.columns for one in found):
+        clocks[order] = filled_clock(clocks[order])
+        filled = np.split(clocks, np.cumsum([one.place.size for one in found])[:-1])
+        parts = zip(messages.items(), filled, strict=True)
+        messages = {name: one._replace(clock_s=clock_s) for (name, one), clock_s in parts}
+    order = order[np.isfinite(clocks[order])]
+    yield from boots_of(
+        path,
+        "DataFlash text",
+        messages,
+        Times(clocks[order], place[order]),
+        size=len(text),
+        kept=lines.kept,
+        skipped=lines.skipped,
+        vehicle=vehicle,
+    )
 
 
 def _lines(text: bytes) -> _Lines:
     found = _Lines()
-    wanted = {*MESSAGES, "FMTU", "UNIT", "MULT"}
+    wanted = {*MESSAGES, *UNITS_OF}
     end = 0
     for line in text.splitlines(keepends=True):
         begin, end = end, end + len(line)
@@ -143,24 +110,23 @@ def _format(rest: bytes) -> Format | None:
     return make_format(int(parts[0]), int(parts[1]), parts[2], parts[3], columns)
 
 
-def _table(
-    form: Format, cells: list[list[str]]
-) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
-    """Columns of the lines whose every cell fits its letter, and which lines those are."""
+def _table(form: Format, cells: list[list[str]]) -> tuple[NDArray[np.void], Bools]:
+    """The lines whose every cell fits its letter, by column, and which lines those are."""
     good = np.ones(len(cells), dtype=np.bool_)
-    columns: dict[str, NDArray[Any]] = {}
-    for number, (name, letter) in enumerate(zip(form.columns, form.letters, strict=True)):
+    texts = {
+        name: letter in _TEXT_LETTERS
+        for name, letter in zip(form.columns, form.letters, strict=True)
+    }
+    kinds = [(name, "S64" if is_text else "f8") for name, is_text in texts.items()]
+    table = np.zeros(len(cells), dtype=kinds)
+    for number, (name, is_text) in enumerate(texts.items()):
         words = [row[number] for row in cells]
-        if letter in _TEXT_LETTERS or letter == "a":
-            columns[name] = np.array([w.encode() for w in words], dtype="S64")
-            continue
         try:
-            columns[name] = np.array(words, dtype=np.float64)
+            table[name] = [word.encode() for word in words] if is_text else words
         except ValueError:
-            values = np.array([_number(w) for w in words])
+            table[name] = values = np.array([_number(word) for word in words])
             good &= np.array([w.lower() in ("nan", "qnan") for w in words]) | ~np.isnan(values)
-            columns[name] = values
-    return {name: values[good] for name, values in columns.items()}, good
+    return table[good], good
 
 
 def _number(word: str) -> float:
@@ -168,14 +134,6 @@ def _number(word: str) -> float:
         return float(word)
     except ValueError:
         return float("nan")
-
-
-def _clock(table: Mapping[str, NDArray[Any]]) -> Floats:
-    clock = own_clock(tuple(table))
-    if clock is not None:
-        return without_leaps(table[clock[0]] * clock[1])
-    size = len(next(iter(table.values()))) if table else 0
-    return np.full(size, np.nan)
 
 
 FORMAT = LogFormat(

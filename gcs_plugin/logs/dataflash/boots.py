@@ -1,0 +1,224 @@
+"""From the messages of a DataFlash log, binary or text, to a Recording from restart to restart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units, own_clock
+from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
+    MESSAGES,
+    REQUIRED,
+    columns_of,
+    dataflash_signals,
+    without_monitors_off,
+)
+from thrustmargin.gcs_plugin.logs.dataflash.message_scan import Format
+from thrustmargin.gcs_plugin.mavlink.scan import Index
+from thrustmargin.gcs_plugin.telemetry.recording import (
+    FlightLog,
+    LogQuality,
+    Recording,
+    Stream,
+    Waypoint,
+    damage_of,
+    pauses,
+    restarts,
+    stretches,
+)
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
+from thrustmargin.gcs_plugin.telemetry.signals import Signals
+from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
+from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent, error_events
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import Floats
+
+_GPS_EPOCH = 315964800.0  # Unix s of 1980-01-06
+_LEAP_SECONDS = 18.0  # GPS time ahead of UTC since 2017
+_WEEK = 604800.0
+_GPS_TIME = (("GWk", "GMS"), ("Week", "TimeMS"))  # later, and up to ArduCopter 3.2
+_TIMELESS = ("PARM", "CMD")
+
+
+class Messages(NamedTuple):
+    """All messages of one type, (n,) each."""
+
+    form: Format
+    table: NDArray[np.void]
+    clock_s: Floats  # since boot; NaN unknown
+    place: Index  # offset in the file
+
+
+class Times(NamedTuple):
+    """The vehicle's clock along the file: (n,) s since boot and the offsets at which it is said."""
+
+    clock_s: Floats
+    place: Index
+
+
+def boots_of(
+    path: Path,
+    format_name: str,
+    messages: Mapping[str, Messages],
+    times: Times,
+    *,
+    size: int,
+    kept: int,
+    skipped: Sequence[tuple[int, int]],
+    vehicle: int | None,
+) -> Iterator[Recording]:
+    """A recording from restart to restart of a file of `size` bytes.
+
+    `messages` are those that are read and the three of units, by name; `kept` is how many there are
+    of all types, `skipped` the (offset, length) of what is none. Raises LogError when `vehicle` is
+    not the one in the log.
+    """
+    in_text = format_name != "DataFlash"
+    units = Units.of(lambda name: messages[name].table if name in messages else None)
+    parts = stretches(times.clock_s, path.name)
+
+    def time_before(byte: int) -> float:
+        row = int(np.searchsorted(times.place, byte)) - 1
+        return float(times.clock_s[row]) if row >= 0 else float("nan")
+
+    quality = LogQuality(
+        bytes=size,
+        frames=kept,
+        **damage_of(skipped, time_before),
+        clock_jumps=restarts(times.clock_s, parts),
+    )
+    # What has no time of its own, between two starts, belongs to the later one.
+    ends = [*(int(times.place[part.last]) + 1 for part in parts[:-1]), size]
+    for part, (first, end) in zip(parts, pairwise([0, *ends]), strict=True):
+
+        def lookup(
+            name: str, first: int = first, end: int = end
+        ) -> tuple[DataFlashColumns, Floats] | None:
+            if (found := messages.get(name)) is None:
+                return None
+            inside = (found.place >= first) & (found.place < end)
+            if own_clock(found.form.columns) is not None:
+                inside &= np.isfinite(found.clock_s)
+            if not inside.any():
+                return None
+            scale, label = units.describe(found.form, text=in_text)
+            return DataFlashColumns(found.table[inside], scale, label), found.clock_s[inside]
+
+        gaps = pauses(times.clock_s[part.first : part.last + 1])
+        yield _recording_of(path, format_name, lookup, replace(quality, gaps=gaps), vehicle)
+
+
+def _recording_of(
+    path: Path,
+    format_name: str,
+    lookup: Callable[[str], tuple[DataFlashColumns, Floats] | None],
+    quality: LogQuality,
+    vehicle: int | None,
+) -> Recording:
+    """A Recording from the columns and times of each message."""
+    streams: dict[str, Stream] = {}
+    for name in MESSAGES:
+        found = lookup(name)
+        if found is None or any(c not in found[0] for c in REQUIRED.get(name, ())):
+            continue
+        columns, time_s = found
+        # A damaged description can hide a message's time; parameters and missions need none.
+        if name in _TIMELESS or np.isfinite(time_s).all():
+            streams[name] = Stream(time_s, columns)
+    parameters: dict[str, float] = {}
+    if "PARM" in streams:
+        columns = columns_of(streams["PARM"])
+        values = columns.number("Value").tolist()
+        parameters = dict(zip(columns.texts("Name"), values, strict=True))
+    own = parameter(parameters, "MAV_SYSID")
+    own = int(own) if 0 < own < 256 else 1
+    if vehicle is not None and vehicle != own:
+        raise LogError(f"{path.name}: no vehicle {vehicle}; it is the log of vehicle {own}")
+    return Recording(
+        path=path,
+        format=format_name,
+        streams=streams,
+        parameters=parameters,
+        waypoints=_waypoints(streams.get("CMD")),
+        messages=_texts(streams.get("MSG")),
+        events=_errors(streams.get("ERR")),
+        unix_minus_clock=_unix_offset(streams.get("GPS")),
+        quality=quality,
+        vehicle=own,
+        vehicles=(own,),
+        autopilot="ArduPilot",
+    )
+
+
+def _texts(stream: Stream | None) -> tuple[tuple[float, str], ...]:
+    if stream is None:
+        return ()
+    texts = columns_of(stream).texts("Message")
+    return tuple(zip(stream.time_s.tolist(), texts, strict=True))
+
+
+def _errors(stream: Stream | None) -> tuple[VehicleEvent, ...]:
+    if stream is None:
+        return ()
+    part, code = (columns_of(stream).number(name) for name in REQUIRED["ERR"])
+    return tuple(error_events(stream.time_s, part, code))
+
+
+def _unix_offset(stream: Stream | None) -> float | None:
+    """Seconds from the vehicle's clock to Unix time by the GPS week; None without a fix."""
+    if stream is None:
+        return None
+    columns = columns_of(stream)
+    names = next((n for n in _GPS_TIME if all(name in columns for name in n)), None)
+    if names is None:
+        return None
+    week = columns.number(names[0])
+    known = week > 1000
+    if not known.any():
+        return None
+    unix = _GPS_EPOCH + week * _WEEK + columns.si(names[1], "ms") - _LEAP_SECONDS
+    return float(np.median((unix - stream.time_s)[known]))
+
+
+def _waypoints(stream: Stream | None) -> tuple[Waypoint, ...]:
+    """The mission as last logged, by item number."""
+    if stream is None:
+        return ()
+    columns = columns_of(stream)
+    items: dict[int, Waypoint] = {}
+    names = [*REQUIRED["CMD"], *(["Frame"] if "Frame" in columns else [])]
+    table = {name: columns.number(name) for name in names}
+    whole = np.isfinite(table["CNum"]) & np.isfinite(table["CId"])
+    for row in np.flatnonzero(whole).tolist():
+        item = {name: float(values[row]) for name, values in table.items()}
+        placed = (item["Lat"], item["Lng"]) != (0.0, 0.0)
+        number = int(item["CNum"])
+        items[number] = Waypoint(
+            number=number,
+            command=int(item["CId"]),
+            frame=int(np.nan_to_num(item.get("Frame", 3.0), nan=3.0)),
+            latitude_deg=round(item["Lat"], 7) if placed else float("nan"),
+            longitude_deg=round(item["Lng"], 7) if placed else float("nan"),
+            altitude=item["Alt"],
+            parameters=(item["Prm1"], item["Prm2"], item["Prm3"], item["Prm4"]),
+        )
+    return tuple(items[number] for number in sorted(items))
+
+
+def sorties_by(
+    reader: Callable[..., Iterator[Recording]], path: Path, vehicle: int | None, options: Options
+) -> tuple[FlightLog, ...]:
+    """The sorties of a DataFlash log, binary or text by its `reader`."""
+    return sorties_of(map(_with_signals, reader(path, vehicle=vehicle)), options)
+
+
+def _with_signals(boot: Recording) -> tuple[Recording, Signals]:
+    signals, unused = without_monitors_off(dataflash_signals(boot.streams), boot.parameters)
+    return replace(boot, unused=unused), signals
