@@ -28,96 +28,47 @@ class Layout:
     crc_extra: int
 
 
-#: (id, CRC_EXTRA, fields in wire order), from the definitions in mavlink/mavlink common.xml.
+#: name -> id, CRC_EXTRA, fields in wire order, from the definitions in mavlink/mavlink common.xml.
 _NOT_IN_PYMAVLINK = {
     "ESC_INFO": (
         290,
         251,
-        [
-            ("time_usec", "<u8"),
-            ("error_count", "<u4", (4,)),
-            ("counter", "<u2"),
-            ("failure_flags", "<u2", (4,)),
-            ("temperature", "<i2", (4,)),
-            ("index", "u1"),
-            ("count", "u1"),
-            ("connection_type", "u1"),
-            ("info", "u1"),
-        ],
+        "u8 time_usec, 4u4 error_count, u2 counter, 4u2 failure_flags, 4i2 temperature, "
+        "u1 index, u1 count, u1 connection_type, u1 info",
     ),
     "ESC_STATUS": (
         291,
         10,
-        [
-            ("time_usec", "<u8"),
-            ("rpm", "<i4", (4,)),
-            ("voltage", "<f4", (4,)),
-            ("current", "<f4", (4,)),
-            ("index", "u1"),
-        ],
+        "u8 time_usec, 4i4 rpm, 4f4 voltage, 4f4 current, u1 index",
     ),
     # What a ground station asks for in the place of BATTERY_STATUS.
     "BATTERY_STATUS_V2": (
         369,
         151,
-        [
-            ("voltage", "<f4"),
-            ("current", "<f4"),
-            ("capacity_consumed", "<f4"),
-            ("capacity_remaining", "<f4"),
-            ("status_flags", "<u4"),
-            ("temperature", "<i2"),
-            ("id", "u1"),
-            ("percent_remaining", "u1"),
-        ],
+        "f4 voltage, f4 current, f4 capacity_consumed, f4 capacity_remaining, "
+        "u4 status_flags, i2 temperature, u1 id, u1 percent_remaining",
     ),
     "BATTERY_INFO": (
         372,
         26,
-        [
-            ("discharge_minimum_voltage", "<f4"),
-            ("charging_minimum_voltage", "<f4"),
-            ("resting_minimum_voltage", "<f4"),
-            ("charging_maximum_voltage", "<f4"),
-            ("charging_maximum_current", "<f4"),
-            ("nominal_voltage", "<f4"),
-            ("discharge_maximum_current", "<f4"),
-            ("discharge_maximum_burst_current", "<f4"),
-            ("design_capacity", "<f4"),
-            ("full_charge_capacity", "<f4"),
-            ("cycle_count", "<u2"),
-            ("weight", "<u2"),
-            ("id", "u1"),
-            ("battery_function", "u1"),
-            ("type", "u1"),
-            ("state_of_health", "u1"),
-            ("cells_in_series", "u1"),
-            ("manufacture_date", "S9"),
-            ("serial_number", "S32"),
-            ("name", "S50"),
-        ],
+        "f4 discharge_minimum_voltage, f4 charging_minimum_voltage, "
+        "f4 resting_minimum_voltage, f4 charging_maximum_voltage, "
+        "f4 charging_maximum_current, f4 nominal_voltage, f4 discharge_maximum_current, "
+        "f4 discharge_maximum_burst_current, f4 design_capacity, f4 full_charge_capacity, "
+        "u2 cycle_count, u2 weight, u1 id, u1 battery_function, u1 type, u1 state_of_health, "
+        "u1 cells_in_series, S9 manufacture_date, S32 serial_number, S50 name",
     ),
     "FUEL_STATUS": (
         371,
         10,
-        [
-            ("maximum_fuel", "<f4"),
-            ("consumed_fuel", "<f4"),
-            ("remaining_fuel", "<f4"),
-            ("flow_rate", "<f4"),
-            ("temperature", "<f4"),
-            ("fuel_type", "<u4"),
-            ("id", "u1"),
-            ("percent_remaining", "u1"),
-        ],
+        "f4 maximum_fuel, f4 consumed_fuel, f4 remaining_fuel, f4 flow_rate, f4 temperature, "
+        "u4 fuel_type, u1 id, u1 percent_remaining",
     ),
 }
 
 #: Fields that were added to the end of messages of pymavlink 2.4.50 (mavlink/mavlink common.xml): a
 #: frame longer than its layout would count as none.
-_ADDED = {
-    "MISSION_CURRENT": [("mission_id", "<u4"), ("fence_id", "<u4"), ("rally_points_id", "<u4")],
-}
+_ADDED = {"MISSION_CURRENT": "u4 mission_id, u4 fence_id, u4 rally_points_id"}
 
 
 @cache
@@ -125,22 +76,24 @@ def layouts() -> Mapping[int, Layout]:
     """Every known message by id."""
     known: dict[int, Layout] = {}
     for number, message in ardupilotmega.mavlink_map.items():
+        name, names = message.msgname, message.ordered_fieldnames
         letters = bytes(message.native_format).decode()[1:]
-        fields = []
-        for name, letter, length in zip(
-            message.ordered_fieldnames, letters, message.array_lengths, strict=True
-        ):
-            if letter == "c":
-                fields.append((name, f"S{max(length, 1)}"))
-            elif length:
-                fields.append((name, "<" + letter, (length,)))
-            else:
-                fields.append((name, "<" + letter))
-        fields += [added for added in _ADDED.get(message.msgname, ()) if added not in fields]
-        known[number] = Layout(number, message.msgname, np.dtype(fields), message.crc_extra)
-    for name, (number, extra, fields) in _NOT_IN_PYMAVLINK.items():
-        known[number] = Layout(number, name, np.dtype(fields), extra)
+        kinds = [
+            f"S{max(length, 1)}" if letter == "c" else f"{length or ''}{letter}"
+            for letter, length in zip(letters, message.array_lengths, strict=True)
+        ]
+        fields = _fields(", ".join(map(" ".join, zip(kinds, names, strict=True))))
+        fields += [field for field in _fields(_ADDED.get(name, "")) if field[0] not in names]
+        known[number] = Layout(number, name, np.dtype(fields), message.crc_extra)
+    for name, (number, extra, text) in _NOT_IN_PYMAVLINK.items():
+        known[number] = Layout(number, name, np.dtype(_fields(text)), extra)
     return MappingProxyType(known)
+
+
+def _fields(text: str) -> list[tuple[str, np.dtype]]:
+    """Name and type of each field, given as `4u2 temperature, u1 index`."""
+    pairs = (field.split() for field in text.split(", ") if field)
+    return [(name, np.dtype(kind).newbyteorder("<")) for kind, name in pairs]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import takewhile
+from typing import Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns
-from thrustmargin.gcs_plugin.mavlink.rules import (
-    Rule,
-    Signal,
-    quantity,
-)
+from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, quantity
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import (
@@ -64,10 +62,27 @@ RULES: tuple[Rule, ...] = (
         meaning=Meaning.BOARD_TEMPERATURE,
         unknown=(0,),
     ),
+    Rule("ORGN", ("Lat", "Lng", "Alt"), "home", _PLACE, index="Type", only=1),
+    Rule("ORGN", ("Lat", "Lng", "Alt"), "ekf_origin", _PLACE, index="Type", only=0),
     Rule("ESC", ("Volt",), "esc_voltage", "V", index="Instance"),
     Rule("ESC", ("Curr",), "esc_current", "A", index="Instance"),
     Rule("ESC", ("RawRPM",), "esc_rpm", "rpm", index="Instance"),
     Rule("ESC", ("RPM",), "esc_rpm", "rpm", index="Instance", note=_SMOOTHED),
+)
+
+
+def _over_ground(columns: Any) -> Floats:
+    course, speed = columns.si("GCrs", "deg"), columns.si("Spd", "m/s")
+    return np.stack(
+        [speed * np.cos(course), speed * np.sin(course), columns.si("VZ", "m/s")], axis=-1
+    )
+
+
+_COURSE, _GROUND = ("Spd", "GCrs", "VZ"), Meaning.GROUND_SPEED
+#: Those that are taken when nothing else gives the channel.
+LAST_RULES: tuple[Rule, ...] = (
+    Rule("GPS", _COURSE, "velocity_ned", index="I", only=0, convert=_over_ground),
+    Rule("GPS", ("Spd",), "airspeed", "m/s", index="I", only=0, meaning=_GROUND),
 )
 
 #: Message types that are read besides, and the columns without which they say nothing.
@@ -97,26 +112,19 @@ _EVENTS = {18: _ON_GROUND, 28: _IN_AIR, 11: _ON_GROUND}
 _ARMING = {10: 1.0, 11: 0.0}
 
 
-def _of(message: str, *fields: str, meaning: Meaning = Meaning.AS_NAMED) -> Provenance:
-    return Provenance(kind=SourceKind.MESSAGE, name=message, fields=fields, meaning=meaning)
-
-
-_GPS_SPEED = _of("GPS", "Spd", meaning=Meaning.GROUND_SPEED)
+def _of(message: str, *fields: str) -> Provenance:
+    return Provenance(kind=SourceKind.MESSAGE, name=message, fields=fields)
 
 
 def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
     """Signals of every DataFlash message in `streams`, whose columns are DataFlashColumns."""
-    signals: list[Signal] = []
-    for rule in RULES:
-        stream = streams.get(rule.message)
-        if stream is not None:
-            signals += _by_rule(rule, stream, streams)
+    signals = [signal for rule in RULES for signal in _by_rule(rule, streams)]
     signals += _wind_and_airspeed(streams)
     for name, method in _METHODS:
         if name in streams:
             signals += method(streams[name])
     signals += _armed(streams)
-    return collected(signals)
+    return collected([*signals, *(s for rule in LAST_RULES for s in _by_rule(rule, streams))])
 
 
 #: Signals of a battery monitor -> the monitors (BATT_MONITOR) that do not measure them: none at
@@ -151,7 +159,9 @@ def columns_of(stream: Stream) -> DataFlashColumns:
     return stream.columns
 
 
-def _by_rule(rule: Rule, stream: Stream, streams: Mapping[str, Stream]) -> list[Signal]:
+def _by_rule(rule: Rule, streams: Mapping[str, Stream]) -> list[Signal]:
+    if (stream := streams.get(rule.message)) is None:
+        return []
     columns = columns_of(stream)
     if any(name not in columns for name in rule.fields):
         return []
@@ -255,21 +265,12 @@ def _wind_and_airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
 
 
 def _servos(stream: Stream) -> list[Signal]:
-    columns = columns_of(stream)
-    names = ("C", "Ch", "Chan")
-    outputs = []
-    for number in range(1, 17):
-        name = next((f"{n}{number}" for n in names if f"{n}{number}" in columns), None)
-        if name is None:
-            break
-        outputs.append(columns.number(name))
+    columns, source = columns_of(stream), replace(_of("RCOU"), unit="us")
+    found = ([n for c in ("C", "Ch", "Chan") if (n := f"{c}{k}") in columns] for k in range(1, 17))
+    outputs = [columns.number(names[0]) for names in takewhile(bool, found)]
     if not outputs:
         return []
-    return [
-        ordered_signal(
-            "servo_us", replace(_of("RCOU"), unit="us"), stream.time_s, np.stack(outputs, axis=-1)
-        )
-    ]
+    return [ordered_signal("servo_us", source, stream.time_s, np.stack(outputs, axis=-1))]
 
 
 def _named(stream: Stream) -> list[Signal]:
@@ -316,39 +317,9 @@ def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
     return made
 
 
-def _origins(stream: Stream) -> list[Signal]:
-    columns = columns_of(stream)
-    place = np.stack([columns.number(n) for n in ("Lat", "Lng", "Alt")], axis=-1)
-    kinds = columns.number("Type")
-    made = []
-    for kind, channel in ((1, "home"), (0, "ekf_origin")):
-        rows = kinds == kind
-        if rows.any():
-            made.append(ordered_signal(channel, _of("ORGN"), stream.time_s[rows], place[rows]))
-    return made
-
-
-def _ground_speed(stream: Stream) -> list[Signal]:
-    """GPS speed: the last choice for velocity and airspeed."""
-    columns = columns_of(stream)
-    if any(name not in columns for name in ("Spd", "GCrs", "VZ")):
-        return []
-    rows = columns.number("I") == 0 if "I" in columns else slice(None)
-    course, speed = columns.si("GCrs", "deg")[rows], columns.si("Spd", "m/s")[rows]
-    down = columns.si("VZ", "m/s")[rows]
-    velocity = np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=-1)
-    time_s = stream.time_s[rows]
-    return [
-        ordered_signal("velocity_ned", _of("GPS", "Spd", "GCrs", "VZ"), time_s, velocity),
-        ordered_signal("airspeed", _GPS_SPEED, time_s, speed),
-    ]
-
-
 #: Messages that need more than scaling, in the order of preference.
 _METHODS = (
     ("RCOU", _servos),
     ("NVF", _named),
     ("EV", _landed),
-    ("ORGN", _origins),
-    ("GPS", _ground_speed),
 )
