@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
-from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, read_bytes, scan
+from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
+from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, named, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
     FLIGHT_DATA,
     GROUND_STATION,
+    HEARTBEAT,
     copies,
     of_vehicles,
 )
@@ -45,7 +46,6 @@ from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
 
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
-_IDS = {layout.name: number for number, layout in layouts().items()}
 _OTHER = ("HEARTBEAT", "SYSTEM_TIME", "STATUSTEXT", "PARAM_VALUE", "SYS_STATUS")
 _INT32 = 6  # MAV_PARAM_TYPE
 _MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT", "MISSION_CLEAR_ALL")
@@ -94,32 +94,25 @@ def tlog_boots(
         listened=mine if on_arrival else None,
     )
     for clock in clocks:
-        boot = _boot(path, frames, mine, pilot, clock)
-        yield replace(
-            boot,
-            vehicles=tuple(vehicles),
-            notes=(*notes, *clock.notes),
-            quality=replace(boot.quality, copies=came_twice),
-        )
+        boot = _boot(path, frames, mine, pilot, clock, came_twice)
+        yield replace(boot, vehicles=tuple(vehicles), notes=(*notes, *clock.notes))
 
 
-def _boot(path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock) -> Recording:
+def _boot(
+    path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock, came_twice: int
+) -> Recording:
     """The messages of one vehicle, whose frames are `mine` (n,), in one stretch of its clock."""
     component, chosen = frames.components(), int(frames.systems()[np.argmax(mine)])
     inside = mine.copy()
     inside[: clock.first_row] = False
     inside[clock.last_row + 1 :] = False
-
-    gaps = pauses(clock.estimate_s[inside])
-    missing = _missing(component[inside], frames.sequences()[inside])
     streams: dict[str, Stream] = {}
     for name in dict.fromkeys([rule.message for rule in MAVLINK_RULES] + list(_OTHER)):
-        rows = np.flatnonzero(inside & (frames.id == _IDS[name]))
+        rows, fields = named(frames, name, inside)
         by_pilot = component[rows] == pilot
         if by_pilot.any():
-            rows = rows[by_pilot]
+            rows, fields = rows[by_pilot], fields[by_pilot]
         if rows.size:
-            fields = columns(frames, rows, layouts()[_IDS[name]])
             streams[name] = Stream(clock.of(fields, rows), fields)
 
     heart = streams.get("HEARTBEAT")
@@ -145,13 +138,13 @@ def _boot(path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock) -> 
             frames=int(frames.start.size),
             bad_checksum=frames.bad_checksum,
             unknown_ids=frames.unknown_ids,
-            frames_missing=missing,
+            copies=came_twice,
+            frames_missing=_missing(component[inside], frames.sequences()[inside]),
             **damage_of(frames.skipped, time_before),
             clock_jumps=clock.jumps,
-            gaps=gaps,
+            gaps=pauses(clock.estimate_s[inside]),
         ),
         vehicle=chosen,
-        vehicles=(chosen,),
         autopilot=AUTOPILOTS.get(maker, "unknown"),
         mav_type=kind,
         hardware_id=_hardware_id(frames, mine),
@@ -160,16 +153,11 @@ def _boot(path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock) -> 
 
 def _hardware_id(frames: Frames, mine: Bools) -> str:
     """The serial number that AUTOPILOT_VERSION states, the longer where it states two."""
-    rows = np.flatnonzero(mine & (frames.id == _IDS["AUTOPILOT_VERSION"]))
-    for said in reversed(columns(frames, rows, layouts()[_IDS["AUTOPILOT_VERSION"]])):
+    for said in reversed(named(frames, "AUTOPILOT_VERSION", mine)[1]):
         long, short = said["uid2"].tobytes().hex(), said["uid"].tobytes().hex()
         if serial := serial_digits(long) or serial_digits(short):
             return serial
     return ""
-
-
-def _of(frames: Frames, name: str) -> NDArray[np.int64]:
-    return np.flatnonzero(frames.id == _IDS[name])
 
 
 def vehicle_systems(frames: Frames) -> list[int]:
@@ -178,8 +166,7 @@ def vehicle_systems(frames: Frames) -> list[int]:
     Where there is none at all in the log: those that send flight data and are no ground station.
     """
     system = frames.systems()
-    rows = _of(frames, "HEARTBEAT")
-    beats = columns(frames, rows, layouts()[_IDS["HEARTBEAT"]])
+    rows, beats = named(frames, "HEARTBEAT")
     flown = np.unique(system[rows[of_vehicles(beats)]])
     if not flown.size:
         stations = [255, *system[rows[beats["type"] == GROUND_STATION]].tolist()]
@@ -198,7 +185,7 @@ def _choose(
             raise LogError(f"{path.name}: no vehicle {wanted}; it holds vehicle {there}")
         return wanted
     system = frames.systems()
-    escs = [_IDS[r.message] for r in MAVLINK_RULES if r.channel == "esc_rpm"]
+    escs = [message_ids()[r.message] for r in MAVLINK_RULES if r.channel == "esc_rpm"]
     sends_rpm = np.isin(frames.id, escs)
     counts = np.bincount(system, minlength=256)
     rpms = np.bincount(system[sends_rpm], minlength=256)
@@ -215,8 +202,7 @@ def _choose(
 def _autopilots(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -> list[int]:
     """Components of one vehicle with a heartbeat of an autopilot; more than one are two aircraft
     with one system id, or a spare."""
-    rows = np.flatnonzero(mine & (frames.id == _IDS["HEARTBEAT"]))
-    beats = columns(frames, rows, layouts()[_IDS["HEARTBEAT"]])
+    rows, beats = named(frames, "HEARTBEAT", mine)
     return np.unique(component[rows[of_vehicles(beats)]]).tolist()
 
 
@@ -226,29 +212,28 @@ def _main_component(
     """The autopilot among the components of one vehicle: the one that sends most of ATTITUDE."""
     for among in (mine & np.isin(component, autopilots), mine):
         for name in ("ATTITUDE", "GLOBAL_POSITION_INT"):
-            sources = component[among & (frames.id == _IDS[name])]
+            sources = component[among & (frames.id == message_ids()[name])]
             if sources.size:
                 return int(np.bincount(sources).argmax())
     if autopilots:
         return autopilots[0]
-    sources = component[mine & (frames.id == _IDS["HEARTBEAT"])]
+    sources = component[mine & (frames.id == HEARTBEAT)]
     return int(np.bincount(sources if sources.size else component[mine]).argmax())
 
 
 def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, float], bool]:
     """Parameters by name, and whether they are all that the vehicle has: as last sent up to the
     row; those that were sent later alone, as first sent then."""
-    rows = np.flatnonzero(mine & (frames.id == _IDS["PARAM_VALUE"]))
-    rows = np.concatenate([rows[rows > last_row][::-1], rows[rows <= last_row]])
-    fields = columns(frames, rows, layouts()[_IDS["PARAM_VALUE"]])
+    rows, fields = named(frames, "PARAM_VALUE", mine)
+    fields = np.concatenate([fields[rows > last_row][::-1], fields[rows <= last_row]])
     values = np.ascontiguousarray(fields["param_value"], dtype=np.float32)
     # PX4 puts the bits of an integer where the number should be: what is no whole number then.
     bits = (fields["param_type"] == _INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
     known = np.where(bits, values.view(np.int32), values.astype(np.float64))
-    named = {
+    found = {
         printable(name): float(value) for name, value in zip(fields["param_id"], known, strict=True)
     }
-    return named, 0 < int(fields["param_count"].max(initial=0)) <= len(named)
+    return found, 0 < int(fields["param_count"].max(initial=0)) <= len(found)
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[Waypoint, ...]:
@@ -259,9 +244,7 @@ def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[Waypoint, ..
     system = frames.systems()
     events: list[tuple[int, str, np.void]] = []
     for name in _MISSION:
-        rows = _of(frames, name)
-        rows = rows[rows <= last_row]
-        fields = columns(frames, rows, layouts()[_IDS[name]])
+        rows, fields = named(frames, name, np.arange(frames.id.size) <= last_row)
         concerns = (system[rows] == chosen) | (fields["target_system"] == chosen)
         for k in np.flatnonzero(concerns & (fields["mission_type"] == 0)).tolist():
             events.append((int(rows[k]), name, fields[k]))

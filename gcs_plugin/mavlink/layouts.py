@@ -90,6 +90,12 @@ def layouts() -> Mapping[int, Layout]:
     return MappingProxyType(known)
 
 
+@cache
+def message_ids() -> Mapping[str, int]:
+    """Id of every known message by name."""
+    return MappingProxyType({layout.name: number for number, layout in layouts().items()})
+
+
 def _fields(text: str) -> list[tuple[str, np.dtype]]:
     """Name and type of each field, given as `4u2 temperature, u1 index`."""
     pairs = (field.split() for field in text.split(", ") if field)

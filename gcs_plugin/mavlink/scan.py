@@ -25,9 +25,10 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     checksum_rows,
     header,
 )
-from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table, layouts
+from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table, layouts, message_ids
 from thrustmargin.gcs_plugin.mavlink.stamps import steadied
 from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import Bools
 
 Index = NDArray[np.int64]
 
@@ -112,6 +113,13 @@ def columns(frames: Frames, rows: Index, layout: Layout) -> NDArray[np.void]:
     return payload.view(layout.dtype).reshape(rows.size)
 
 
+def named(frames: Frames, name: str, among: Bools | bool = True) -> tuple[Index, NDArray[np.void]]:
+    """Rows of the messages called `name` among those given (n,), and their fields."""
+    number = message_ids()[name]
+    rows = np.flatnonzero(among & (frames.id == number))
+    return rows, columns(frames, rows, layouts()[number])
+
+
 def read_bytes(path: Path, padding: int = PADDING) -> tuple[Bytes, int]:
     """The file and `padding` zeros after it, and the file's own size.
 
@@ -142,8 +150,8 @@ def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
     place = np.searchsorted(start, frames.start)
     system[place] = frames.systems()
     for number in BOOT_CLOCKS:
-        rows = np.flatnonzero(frames.id == number)
-        boot_ms[place[rows]] = columns(frames, rows, layouts()[number])["time_boot_ms"]
+        rows, fields = named(frames, layouts()[number].name)
+        boot_ms[place[rows]] = fields["time_boot_ms"]
     stamps = gather(data, start - STAMP, STAMP).view(">u8").ravel().astype(np.int64)
     stamps = steadied(stamps, boot_ms, system)
     raw = data.data

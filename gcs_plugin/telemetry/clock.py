@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
-from thrustmargin.gcs_plugin.mavlink.scan import Frames, Index, columns
+from thrustmargin.gcs_plugin.mavlink.scan import Frames, Index, named
 from thrustmargin.gcs_plugin.telemetry.recording import (
     BACKWARD,
     FORWARD,
@@ -117,12 +116,11 @@ def vehicle_clocks(
     Raises LogError when two clocks run in turns, as two vehicles of one system id do.
     """
     stamps_s = _repaired(stamps_s)
-    numbers = {layout.name: number for number, layout in layouts().items()}
     own = np.full(stamps_s.size, np.nan)
     for reference in REFERENCES:
-        rows = np.flatnonzero(pilot & (frames.id == numbers[reference]))
+        rows, fields = named(frames, reference, pilot)
         if rows.size:
-            own[rows] = own_clock(columns(frames, rows, layouts()[numbers[reference]]))
+            own[rows] = own_clock(fields)
             _refuse_two_starts(name, (stamps_s - own)[rows])
     rows = np.flatnonzero(np.isfinite(own))
     last = stamps_s.size - 1
