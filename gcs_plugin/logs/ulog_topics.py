@@ -68,11 +68,6 @@ def _status_armed(topic: Columns) -> Floats:
     return (topic["arming_state"] == _ARMED).astype(np.float64)
 
 
-def _fuel_percent(topic: Columns) -> Floats:
-    percent = in_si(topic, "percent_remaining", "%")
-    return np.where(percent > 100, np.nan, percent)
-
-
 _PLACE = ("lat", "lon", "alt")
 _ANGLES = ("roll_body", "pitch_body")
 _ARMED = 2  # arming_state
@@ -128,7 +123,7 @@ RULES: tuple[Rule, ...] = (
     Rule(_BATTERY, ("cell_count",), "battery_cells", unknown=(0,)),
     Rule(_BATTERY, ("capacity",), "battery_capacity", "mAh", unknown=(0,)),
     Rule(_FUEL, ("remaining_fuel",), "fuel_remaining", "ml"),
-    Rule(_FUEL, ("percent_remaining",), "fuel_percent", convert=_fuel_percent),
+    Rule(_FUEL, ("percent_remaining",), "fuel_percent", "%", unknown=tuple(range(101, 256))),
 )
 #: Fields that a log has element by element, and how many there are.
 VECTORS = {"q": 4, "q_d": 4, "xyz": 3, "gyro_rad": 3, "accelerometer_m_s2": 3, "control": 12}

@@ -32,11 +32,6 @@ def attitude_from_quaternion(w: Floats, x: Floats, y: Floats, z: Floats) -> Floa
     return np.stack([roll, pitch, yaw], axis=-1)
 
 
-def _attitude_quaternion(columns: Columns) -> Floats:
-    w, x, y, z = (columns[f"q{i}"].astype(np.float64) for i in (1, 2, 3, 4))
-    return attitude_from_quaternion(w, x, y, z)
-
-
 def asked_by_quaternion(wxyz: Floats) -> Floats:
     """(n, 2) roll, pitch in rad that (n, 4) asks for; NaN where it is zero, which asks nothing."""
     asked = np.any(wxyz != 0.0, axis=1, keepdims=True)
@@ -124,35 +119,45 @@ ESC_TELEMETRY_FIRST: Mapping[str, int] = MappingProxyType(
 
 _PLACE = ("degE7", "degE7", "mm")
 _RATES, _FORCE = ("rollspeed", "pitchspeed", "yawspeed"), ("xacc", "yacc", "zacc")
-_WARM = Meaning.BOARD_TEMPERATURE
+_T, _WARM = ("temperature",), Meaning.BOARD_TEMPERATURE
 _AS_SENT = "in mG, as ArduPilot sends them"
+_QUATERNION = ("q1", "q2", "q3", "q4")
+_NAN = float("nan")
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 
 
-def _esc_rules() -> tuple[Rule, ...]:
-    rules = []
-    for name in ESC_TELEMETRY_FIRST:
-        rules += [
-            Rule(name, ("rpm",), "esc_rpm", convert=esc_rpm),
-            Rule(name, ("voltage",), "esc_voltage", convert=_unless_silent("voltage", "cV")),
-            Rule(name, ("current",), "esc_current", convert=_unless_silent("current", "cA")),
-        ]
-    return tuple(rules)
+_ESCS = tuple(
+    Rule(name, (field,), f"esc_{field}", convert=convert)
+    for name in ESC_TELEMETRY_FIRST
+    for field, convert in (
+        ("rpm", esc_rpm),
+        ("voltage", _unless_silent("voltage", "cV")),
+        ("current", _unless_silent("current", "cA")),
+    )
+)
 
 
-def _battery_info(name: str, capacity: tuple[str, str, int]) -> tuple[Rule, ...]:
-    field, unit, unknown = capacity
-    cells = ("cells_in_series",)
-    return (
-        Rule(name, cells, "battery_cells", index="id", convert=_lithium_cells),
-        Rule(name, (field,), "battery_capacity", unit, index="id", unknown=(unknown,)),
+def _by_id(message: str, *rows: tuple[str, str, str, float]) -> tuple[Rule, ...]:
+    """Rules of one field each: its name, channel, unit, and what stands for "not known"."""
+    return tuple(
+        Rule(message, (field,), channel, unit, index="id", unknown=(unknown,))
+        for field, channel, unit, unknown in rows
     )
 
 
+_CELLS = tuple(
+    Rule(name, ("cells_in_series",), "battery_cells", index="id", convert=_lithium_cells)
+    for name in ("BATTERY_INFO", "SMART_BATTERY_INFO")
+)
 #: MAVLink, preferred sources first. ESC_STATUS carries the number of its first ESC in `index`.
 MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("ATTITUDE", ("roll", "pitch", "yaw"), "attitude", "rad"),
-    Rule("ATTITUDE_QUATERNION", ("q1", "q2", "q3", "q4"), "attitude", convert=_attitude_quaternion),
+    Rule(
+        "ATTITUDE_QUATERNION",
+        _QUATERNION,
+        "attitude",
+        convert=lambda c: attitude_from_quaternion(*(in_si(c, q, "1") for q in _QUATERNION)),
+    ),
     Rule("ATTITUDE_TARGET", ("q", "type_mask"), "asked_attitude", convert=_asked_attitude),
     Rule("NAV_CONTROLLER_OUTPUT", ("nav_roll", "nav_pitch"), "asked_attitude", "deg"),
     Rule("ATTITUDE", _RATES, "angular_rate_frd", "rad/s"),
@@ -193,61 +198,39 @@ MAVLINK_RULES: tuple[Rule, ...] = (
         note="direction it comes from, turned round",
     ),
     Rule("BATTERY_STATUS", ("voltages",), "battery_voltage", index="id", convert=_battery_voltage),
-    Rule(
-        "BATTERY_STATUS", ("current_battery",), "battery_current", "cA", index="id", unknown=(-1,)
-    ),
-    Rule(
-        "BATTERY_STATUS", ("battery_remaining",), "battery_percent", "%", index="id", unknown=(-1,)
-    ),
-    Rule(
+    *_by_id(
         "BATTERY_STATUS",
-        ("current_consumed",),
-        "battery_consumed",
-        "mAh",
-        index="id",
-        unknown=(-1,),
+        ("current_battery", "battery_current", "cA", -1),
+        ("battery_remaining", "battery_percent", "%", -1),
+        ("current_consumed", "battery_consumed", "mAh", -1),
     ),
     # Unknown is NaN in these, and 255 %.
-    Rule("BATTERY_STATUS_V2", ("voltage",), "battery_voltage", "V", index="id"),
-    Rule("BATTERY_STATUS_V2", ("current",), "battery_current", "A", index="id"),
-    Rule(
+    *_by_id(
         "BATTERY_STATUS_V2",
-        ("percent_remaining",),
-        "battery_percent",
-        "%",
-        index="id",
-        unknown=(255,),
+        ("voltage", "battery_voltage", "V", _NAN),
+        ("current", "battery_current", "A", _NAN),
+        ("percent_remaining", "battery_percent", "%", 255),
+        ("capacity_consumed", "battery_consumed", "Ah", _NAN),
     ),
-    Rule("BATTERY_STATUS_V2", ("capacity_consumed",), "battery_consumed", "Ah", index="id"),
-    *_battery_info("BATTERY_INFO", ("design_capacity", "Ah", 0)),
-    Rule("BATTERY_INFO", ("nominal_voltage",), "battery_nominal", "V", index="id", unknown=(0,)),
-    *_battery_info("SMART_BATTERY_INFO", ("capacity_full_specification", "mAh", -1)),
+    *_CELLS,
+    *_by_id(
+        "BATTERY_INFO",
+        ("nominal_voltage", "battery_nominal", "V", 0),
+        ("design_capacity", "battery_capacity", "Ah", 0),
+    ),
+    *_by_id("SMART_BATTERY_INFO", ("capacity_full_specification", "battery_capacity", "mAh", -1)),
     Rule("SYS_STATUS", ("voltage_battery",), "voltage", "mV", unknown=(65535, 0)),
     Rule("SYS_STATUS", ("current_battery",), "current", "cA", unknown=(-1,)),
     Rule("SCALED_PRESSURE", ("press_abs",), "pressure", "hPa"),
     Rule("HIGHRES_IMU", ("abs_pressure",), "pressure", "hPa"),
     # 0.00 °C is what a board without a sensor sends; no real one stays at it.
-    Rule(
-        "SCALED_PRESSURE",
-        ("temperature",),
-        "temperature",
-        "cdegC",
-        meaning=Meaning.BOARD_TEMPERATURE,
-        unknown=(0,),
-    ),
-    Rule(
-        "HIGHRES_IMU",
-        ("temperature",),
-        "temperature",
-        "degC",
-        meaning=Meaning.BOARD_TEMPERATURE,
-        unknown=(0,),
-    ),
+    Rule("SCALED_PRESSURE", _T, "temperature", "cdegC", meaning=_WARM, unknown=(0,)),
+    Rule("HIGHRES_IMU", _T, "temperature", "degC", meaning=_WARM, unknown=(0,)),
     Rule("EXTENDED_SYS_STATE", ("landed_state",), "landed", unknown=(0,)),
     Rule("HEARTBEAT", ("base_mode",), "armed", convert=_armed),
     Rule("MISSION_CURRENT", ("seq",), "mission_item"),
     Rule("SERVO_OUTPUT_RAW", _SERVOS, "servo_us", "us", unknown=(65535,)),
-    *_esc_rules(),
+    *_ESCS,
     Rule("ESC_STATUS", ("rpm",), "esc_rpm", "rpm", index="index"),
     Rule("ESC_STATUS", ("voltage",), "esc_voltage", "V", index="index"),
     Rule("ESC_STATUS", ("current",), "esc_current", "A", index="index"),
