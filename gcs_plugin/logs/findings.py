@@ -29,7 +29,7 @@ class Spoils(StrEnum):
     ROTOR_NAMES = "rotor names"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Finding:
     """One answer: which check, how grave, when (None: of the whole log), and why in words.
 

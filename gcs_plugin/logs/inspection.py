@@ -90,7 +90,7 @@ def inspect_log(
     known = None if unknown else airframe
     if known is None:
         for reason in filter(None, (*claim.withheld, claim.unlike, claim.remedy)):
-            findings.append(Finding(check="airframe", level=Severity.UNKNOWN, words=reason))
+            findings.append(Finding("airframe", Severity.UNKNOWN, reason))
     else:
         if log.track.rotor_count == airframe.rotor_count:
             # An aircraft out of control answers to the ground and the air, not to its rotors.
@@ -99,16 +99,14 @@ def inspect_log(
             order = check_motor_order(flown, airframe)
             findings.append(_order(order))
         findings += [
-            Finding(check=c.check, level=_LEVELS.get(c.verdict, Severity.WARNING), words=c.words)
-            for c in found
+            Finding(c.check, _LEVELS.get(c.verdict, Severity.WARNING), c.words) for c in found
         ]
         findings += _tank(log.track, airframe)
     findings += [_speed_readings(log), _sensor(log.track)]
     if late := late_speeds(log.track):
-        findings.append(Finding(check="rotor speed clock", level=Severity.WARNING, words=late))
+        findings.append(Finding("rotor speed clock", Severity.WARNING, late))
     findings += [
-        Finding(check="ESC voltage", level=Severity.WARNING, words=words)
-        for words in instrument_offsets(log)
+        Finding("ESC voltage", Severity.WARNING, words) for words in instrument_offsets(log)
     ]
     findings += [*_airspeed(log.track), *_absent(log)]
     return Inspection(
@@ -127,7 +125,7 @@ def inspect_log(
 def _whole(quality: LogQuality) -> Finding:
     if quality.damaged_places == 0:
         words = f"{quality.frames} messages in {quality.bytes} bytes, none damaged"
-        return Finding(check="file", level=Severity.OK, words=words)
+        return Finding("file", Severity.OK, words)
     share = 100.0 * quality.bytes_skipped / max(quality.bytes, 1)
     worst = max(quality.damage, key=lambda place: place.length)
     where = f"the longest {worst.length} bytes at byte {worst.byte}"
@@ -140,14 +138,14 @@ def _whole(quality: LogQuality) -> Finding:
         words += f"; {quality.bad_checksum} with a wrong checksum"
     # A log that ends inside its last message was only switched off.
     small = tail and worst.length < 512
-    return Finding(check="file", level=Severity.OK if small else Severity.WARNING, words=words)
+    return Finding("file", Severity.OK if small else Severity.WARNING, words)
 
 
 def _continuous(log: FlightLog) -> Finding:
     quality = log.quality
     if quality.clock_jumps:
         words = f"time went backwards {len(quality.clock_jumps)} time(s): the vehicle restarted"
-        return Finding(check="time", level=Severity.WARNING, words=words)
+        return Finding("time", Severity.WARNING, words)
     if log.silences:
         start, length = max(log.silences, key=lambda gap: gap[1])
         total = sum(length for _, length in log.silences)
@@ -155,10 +153,8 @@ def _continuous(log: FlightLog) -> Finding:
             f"{len(log.silences)} pause(s) over 1 s without any message, {total:.1f} s in all, "
             f"the longest {length:.1f} s at {start:.1f} s since boot"
         )
-        return Finding(
-            check="time", level=Severity.WARNING if total > 5.0 else Severity.OK, words=words
-        )
-    return Finding(check="time", level=Severity.OK, words="no pause over 1 s, no restart")
+        return Finding("time", Severity.WARNING if total > 5.0 else Severity.OK, words)
+    return Finding("time", Severity.OK, "no pause over 1 s, no restart")
 
 
 def _order(order: MotorOrder) -> Finding:
@@ -166,9 +162,7 @@ def _order(order: MotorOrder) -> Finding:
     if all(math.isfinite(c) for c in order.correlation):
         roll, pitch, yaw = order.correlation
         words += f" (correlation: roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f})"
-    return Finding(
-        check="motor order", level=_LEVELS.get(order.verdict, Severity.WARNING), words=words
-    )
+    return Finding("motor order", _LEVELS.get(order.verdict, Severity.WARNING), words)
 
 
 def _speed_readings(log: FlightLog) -> Finding:
@@ -179,7 +173,7 @@ def _speed_readings(log: FlightLog) -> Finding:
         words = "; ".join(filter(None, (words, resolution_words(log.track))))
     else:
         level, words = Severity.UNKNOWN, "no readings"
-    return Finding(check="rotor speed sensors", level=level, words=words)
+    return Finding("rotor speed sensors", level, words)
 
 
 def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
@@ -191,7 +185,7 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
     words = f"{low:.2f} to {high:.2f} kg, the tank holds {airframe.tank_capacity_kg:.1f} kg"
     if "tank_kg" in track.standard_errors:
         words += f": {track.source('tank_kg').words}"
-    return [Finding(check="tank", level=Severity.OK if good else Severity.WARNING, words=words)]
+    return [Finding("tank", Severity.OK if good else Severity.WARNING, words)]
 
 
 def _sensor(track: FlightTrack) -> Finding:
@@ -201,7 +195,7 @@ def _sensor(track: FlightTrack) -> Finding:
     force = track.specific_force_frd[track.flying & known & ~turning]
     if force.size == 0:
         words = "no accelerometer in steady flight"
-        return Finding(check="accelerometer", level=Severity.UNKNOWN, words=words)
+        return Finding("accelerometer", Severity.UNKNOWN, words)
     felt = float(np.linalg.norm(np.mean(force, axis=0)))
     shaking = float(np.linalg.norm(np.std(force, axis=0)))
     level = Severity.OK
@@ -218,7 +212,7 @@ def _sensor(track: FlightTrack) -> Finding:
     if shaking >= _STRONG_SHAKING and level is not Severity.WARNING:
         level = Severity.WARNING if level is Severity.OK else level
         words += f"; strong vibration, {shaking:.3g} m/s² (standard deviation)"
-    return Finding(check="accelerometer", level=level, words=words)
+    return Finding("accelerometer", level, words)
 
 
 def instrument_offsets(log: FlightLog) -> list[str]:
@@ -236,7 +230,7 @@ def _airspeed(track: FlightTrack) -> list[Finding]:
     if source.meaning is not Meaning.GROUND_SPEED:
         return []
     words = f"{source.words}; in wind it is not the speed through the air"
-    return [Finding(check="airspeed", level=Severity.WARNING, words=words)]
+    return [Finding("airspeed", Severity.WARNING, words)]
 
 
 def _absent(log: FlightLog) -> list[Finding]:
@@ -248,7 +242,7 @@ def _absent(log: FlightLog) -> list[Finding]:
     }
     sources = {report.name: report.source for report in log.channels}
     return [
-        Finding(check=channel, level=Severity.WARNING, words=f"{sources[channel]}: {lost}")
+        Finding(channel, Severity.WARNING, f"{sources[channel]}: {lost}")
         for channel, lost in needs.items()
         if not log.track.reports(channel)
     ]

@@ -54,12 +54,6 @@ class Frames:
     bad_checksum: int
     unverified: tuple[tuple[int, int], ...]  # (offset of the magic byte, unknown id)
 
-    def __repr__(self) -> str:
-        return (
-            f"Frames: {self.start.size} good, {len(self.unverified)} of unknown id, "
-            f"{self.bad_checksum} with a wrong checksum, {len(self.skipped)} stretches skipped"
-        )
-
     @property
     def unknown_ids(self) -> dict[int, int]:
         """Frames of each id that is not known."""

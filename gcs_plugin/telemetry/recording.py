@@ -161,13 +161,6 @@ class Recording(LogHeader):
     notes: tuple[str, ...] = ()
     parameters_whole: bool = True  # False: the vehicle has more than are in the log
 
-    def __repr__(self) -> str:
-        quality, whose = self.quality, f"vehicle {self.vehicle} ({self.autopilot})"
-        return (
-            f"Recording {self.path.name}: {self.format}, {whose}, {len(self.streams)} types read\n"
-            f"  {quality.frames} messages in {quality.bytes} bytes"
-        )
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unflown:

@@ -45,7 +45,6 @@ class ReportedAirframe:
     rotors: list[dict[str, Any]] | None = None
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     rotor_count: int = 0  # by other evidence than the layout; 0: none
-    hover_throttle: float = float("nan")  # share of a rotor's maximum thrust in hover
     notes: tuple[str, ...] = ()
 
 
@@ -97,7 +96,6 @@ def reported_airframe(
         layout=layout,
         quantities=quantities,
         rotor_count=facts.rotor_count,
-        hover_throttle=parameters.get("MOT_THST_HOVER", float("nan")),
         notes=tuple(dict.fromkeys(notes)),
     )
 
@@ -139,7 +137,6 @@ def _px4(parameters: Mapping[str, float], quantities: dict[str, Quantity]) -> Re
         ],
         quantities=quantities,
         rotor_count=len(up),
-        hover_throttle=parameters.get("MPC_THR_HOVER", float("nan")),
     )
 
 

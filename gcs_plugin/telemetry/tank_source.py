@@ -69,11 +69,6 @@ def flight_battery(signals: Signals) -> int | None:
     return None
 
 
-def tank_level(signals: Signals, context: TankContext, source: str = "auto") -> TankLevel:
-    """The tank level by `source`. Raises LogError when a forced source is not in the log."""
-    return first_level(tank_levels(signals, context, source))
-
-
 def first_level(levels: Iterator[TankLevel]) -> TankLevel:
     """The first that has a signal, with the notes of all that were tried before it."""
     notes: tuple[str, ...] = ()

@@ -16,7 +16,6 @@ from tests.gcs_plugin.logs.tlog_files import (
 )
 from thrustmargin.gcs_plugin.logs import read_log, read_sorties
 from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
-from thrustmargin.gcs_plugin.mavlink.scan import read_bytes, scan
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -186,15 +185,6 @@ def test_repr_says_in_a_few_lines_which_flight_it_is_how_long_and_how_whole(tmp_
         "airspeed, wind_ned, throttle, pressure, temperature, altitude, height_agl",
         f"  file: 150 messages in {len(data) + 7} bytes, skipped: 7 bytes in 1 damaged place(s)",
     ]
-
-
-def test_a_recording_and_its_frames_are_a_few_lines_to_read():
-    recording = next(tlog_boots(FLIGHT))
-    first, second = repr(recording).splitlines()
-    assert first.startswith(f"Recording {FLIGHT.name}: tlog, vehicle 1 (ArduPilot), ")
-    assert second == f"  {recording.quality.frames} messages in {FLIGHT.stat().st_size} bytes"
-    frames = scan(*read_bytes(FLIGHT))
-    assert repr(frames).startswith(f"Frames: {frames.start.size} good, 0 of unknown id, 0 with")
 
 
 def test_px4_sends_the_bits_of_a_whole_number_and_ardupilot_the_number(tmp_path):

@@ -99,7 +99,7 @@ def test_rotors_of_a_px4_by_hand():
     assert found.rotors is not None
     assert [r["position_frd"] for r in found.rotors][1] == [-1.0, -1.0, 0.0]
     assert [r["spin"] for r in found.rotors] == ["ccw", "ccw", "cw", "cw"]
-    assert (found.layout, found.rotor_count, found.hover_throttle) == ("quad-x", 4, 0.4)
+    assert (found.layout, found.rotor_count) == ("quad-x", 4)
     # A coefficient that is PX4's own default is no measured one; none is a rotor below another.
     assert set(found.quantities) == {"arm"}
     # A fifth that pushes backward lifts nothing; of 13 the first twelve are listed.
@@ -134,14 +134,12 @@ def test_a_px4_whose_rotors_are_not_set_is_refused(given, message):
     assert reported_airframe(px4(CA_ROTOR0_PX=0.0, CA_ROTOR0_PY=0.0)).rotor_count == 4
 
 
-def test_poles_and_hover_throttle_of_an_ardupilot():
+def test_poles_of_an_ardupilot():
     esc = {"SERVO_BLH_POLES": 28.0, "SERVO_BLH_MASK": 15.0, "MOT_THST_HOVER": 0.35}
     found = reported_airframe(QUAD | esc)
     assert found.quantities["motor_poles"].value == 28.0
-    assert found.hover_throttle == 0.35
     unused = reported_airframe(QUAD | esc | {"SERVO_BLH_MASK": 0.0})
     assert "motor_poles" not in unused.quantities
-    assert math.isnan(reported_airframe(QUAD).hover_throttle)
     # Without a type it is the usual X.
     assert reported_airframe({"FRAME_CLASS": 1.0}).layout == "quad-x"
     plus = reported_airframe({"FRAME_CLASS": 1.0, "FRAME_TYPE": 0.0})

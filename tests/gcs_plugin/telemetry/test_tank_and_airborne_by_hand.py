@@ -15,8 +15,9 @@ from thrustmargin.gcs_plugin.telemetry.signals import collected
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     AGREEMENT,
     TankContext,
+    first_level,
     flight_battery,
-    tank_level,
+    tank_levels,
 )
 from thrustmargin.models.flight import FlyingBy
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
@@ -36,7 +37,7 @@ def reports(channel: str, values, index=None, times: Any = TIME) -> Signal:
 
 def level(*signals: Signal, airframe: Any = OURS, source: str = "auto", **given: Any):
     context = TankContext(airframe=airframe, parameters=given.pop("parameters", {}), **given)
-    return tank_level(collected(signals), context, source)
+    return first_level(tank_levels(collected(signals), context, source))
 
 
 def kilograms(*signals: Signal, **given) -> list[float]:

@@ -14,8 +14,9 @@ from thrustmargin.gcs_plugin.telemetry.signals import collected
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     TankContext,
     check_source,
+    first_level,
     flight_battery,
-    tank_level,
+    tank_levels,
 )
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.physics.airframe import load_airframe
@@ -55,7 +56,7 @@ def battery(percent, *, number=1, volts=1.5, used=None) -> list[Signal]:
 
 
 def level(*signals, source="auto", **given):
-    return tank_level(collected([*PACK, *signals]), context(**given), source)
+    return first_level(tank_levels(collected([*PACK, *signals]), context(**given), source))
 
 
 def test_a_named_value_goes_before_a_tank_battery():
