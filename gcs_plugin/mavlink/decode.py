@@ -122,7 +122,6 @@ _RATES, _FORCE = ("rollspeed", "pitchspeed", "yawspeed"), ("xacc", "yacc", "zacc
 _T, _WARM = ("temperature",), Meaning.BOARD_TEMPERATURE
 _AS_SENT = "in mG, as ArduPilot sends them"
 _QUATERNION = ("q1", "q2", "q3", "q4")
-_NAN = float("nan")
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 
 
@@ -137,10 +136,10 @@ _ESCS = tuple(
 )
 
 
-def _by_id(message: str, *rows: tuple[str, str, str, float]) -> tuple[Rule, ...]:
+def _by_id(message: str, *rows: tuple[str, str, str, tuple[int, ...]]) -> tuple[Rule, ...]:
     """Rules of one field each: its name, channel, unit, and what stands for "not known"."""
     return tuple(
-        Rule(message, (field,), channel, unit, index="id", unknown=(unknown,))
+        Rule(message, (field,), channel, unit, index="id", unknown=unknown)
         for field, channel, unit, unknown in rows
     )
 
@@ -200,25 +199,27 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("BATTERY_STATUS", ("voltages",), "battery_voltage", index="id", convert=_battery_voltage),
     *_by_id(
         "BATTERY_STATUS",
-        ("current_battery", "battery_current", "cA", -1),
-        ("battery_remaining", "battery_percent", "%", -1),
-        ("current_consumed", "battery_consumed", "mAh", -1),
+        ("current_battery", "battery_current", "cA", (-1,)),
+        ("battery_remaining", "battery_percent", "%", (-1,)),
+        ("current_consumed", "battery_consumed", "mAh", (-1,)),
     ),
     # Unknown is NaN in these, and 255 %.
     *_by_id(
         "BATTERY_STATUS_V2",
-        ("voltage", "battery_voltage", "V", _NAN),
-        ("current", "battery_current", "A", _NAN),
-        ("percent_remaining", "battery_percent", "%", 255),
-        ("capacity_consumed", "battery_consumed", "Ah", _NAN),
+        ("voltage", "battery_voltage", "V", ()),
+        ("current", "battery_current", "A", ()),
+        ("percent_remaining", "battery_percent", "%", (255,)),
+        ("capacity_consumed", "battery_consumed", "Ah", ()),
     ),
     *_CELLS,
     *_by_id(
         "BATTERY_INFO",
-        ("nominal_voltage", "battery_nominal", "V", 0),
-        ("design_capacity", "battery_capacity", "Ah", 0),
+        ("nominal_voltage", "battery_nominal", "V", (0,)),
+        ("design_capacity", "battery_capacity", "Ah", (0,)),
     ),
-    *_by_id("SMART_BATTERY_INFO", ("capacity_full_specification", "battery_capacity", "mAh", -1)),
+    *_by_id(
+        "SMART_BATTERY_INFO", ("capacity_full_specification", "battery_capacity", "mAh", (-1,))
+    ),
     Rule("SYS_STATUS", ("voltage_battery",), "voltage", "mV", unknown=(65535, 0)),
     Rule("SYS_STATUS", ("current_battery",), "current", "cA", unknown=(-1,)),
     Rule("SCALED_PRESSURE", ("press_abs",), "pressure", "hPa"),
