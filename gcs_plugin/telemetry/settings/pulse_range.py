@@ -46,24 +46,16 @@ def pulse_ranges(
     parameters: Mapping[str, float], outputs: Sequence[int], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
     """The range of each motor output, counted from 0; `bank` is PX4's: "MAIN" or "AUX"."""
-    return tuple(
-        next(_stated(parameters, _pairs(parameters, output + 1, bank)), PulseRange())
-        for output in outputs
-    )
+    return tuple(_stated(parameters, output + 1, bank) for output in outputs)
 
 
-def _stated(
-    parameters: Mapping[str, float], pairs: Iterable[tuple[str, str]]
-) -> Iterator[PulseRange]:
-    for least, most in pairs:
+def _stated(parameters: Mapping[str, float], number: int, bank: str) -> PulseRange:
+    """The first range that is one; its name ends with what differs: MOT_PWM_MIN/MAX."""
+    for least, most in _pairs(parameters, number, bank):
         low, high = parameters.get(least, 0.0), parameters.get(most, 0.0)
         if 0.0 < low < high < inf:
-            yield PulseRange(low, high, f"{least}/{_tail(least, most)}")
-
-
-def _tail(least: str, most: str) -> str:
-    """What of the second name differs: MOT_PWM_MIN and MOT_PWM_MAX give MAX."""
-    return most[least.rindex("MIN") :]
+            return PulseRange(low, high, f"{least}/{most[least.rindex('MIN') :]}")
+    return PulseRange()
 
 
 def _pairs(parameters: Mapping[str, float], number: int, bank: str) -> Iterator[tuple[str, str]]:
