@@ -164,7 +164,6 @@ class Effect:
     #: each channel that rows may lack -> its value in them, at which the effect does nothing
     neutral: Mapping[str, Neutral] = field(default_factory=dict)
     source: str  # where the physics comes from
-    distinguished_by: str  # the flight that would show it from its look-alikes
     apply: Callable[..., Any]
     torque: Callable[..., Any] | None = None  # of a coefficient: torque at a speed, as a factor
     of_one_rotor: bool = False

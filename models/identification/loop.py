@@ -174,8 +174,6 @@ def _found(left_out: LeftOut, estimates: Sequence[EffectEstimate]) -> tuple[Foun
                 upper=e.value + e.half_width,
                 rmse_before_rpm=errors[k],
                 rmse_after_rpm=errors[k + 1],
-                p_value=1.0 - e.probability,
-                indistinguishable_from=(),
                 probability=e.probability,
             )
         )

@@ -1,8 +1,8 @@
 """One answer against the sealed truth: named, listed or missed; wrong names; intervals; the rest.
 
 The answer is the JSON of `thrustmargin.identify/1`. A change is *named* when an effect has its name
-(and rotor), *listed* when it stands among an effect's twins (three at most), the alternatives of
-5 % or more, or the rotors mentioned. A name that belongs to no change of the set is wrong; names of
+(and rotor), *listed* when it stands among the alternatives of 5 % or more, the effects of which one
+is there, or the rotors mentioned. A name that belongs to no change of the set is wrong; names of
 what every flight has (`NATURAL`) are counted apart.
 """
 
@@ -17,7 +17,6 @@ import numpy as np
 from tests.undeclared.conditions import Implant
 from tests.undeclared.plan import DataSet
 
-TWINS_AT_MOST = 3
 LISTED_FROM = 0.05
 #: Effects that every flight has: a model of few good flights may lack a little of them.
 NATURAL = frozenset(
@@ -126,10 +125,6 @@ def is_it(name: Name, implant: Implant) -> bool:
 def listed(result: Mapping[str, Any]) -> list[tuple[Name, float]]:
     """Names beside the accepted ones, each with its probability."""
     names: list[tuple[Name, float]] = []
-    for effect in result["effects"]:
-        twins = effect.get("indistinguishable_from") or []  # names without a rotor
-        if len(twins) <= TWINS_AT_MOST:
-            names += [((str(t), None), LISTED_FROM) for t in twins]
     for other in result.get("alternatives") or []:
         share = float(other.get("probability") or 0.0)
         names += [(_named(e), share) for e in other.get("effects") or []]

@@ -71,8 +71,6 @@ def test_silence_is_a_miss_and_a_wrong_rotor_a_wrong_name_too(sets):
         ({"alternatives": [{"probability": 0.2, "effects": [{"name": "extra_mass"}]}]}, "listed"),
         ({"alternatives": [{"probability": 0.02, "effects": [{"name": "extra_mass"}]}]}, "missed"),
         ({"one_of": [{"effects": [{"name": "extra_mass"}], "probabilities": [0.5]}]}, "listed"),
-        ({"effects": [{"name": "tank_scale", "indistinguishable_from": ["extra_mass"]}]}, "listed"),
-        ({"effects": [{"name": "wind", "indistinguishable_from": ["extra_mass"] * 4}]}, "missed"),
     ],
 )
 def test_what_stands_beside_the_names_is_listed(sets, beside, verdict):

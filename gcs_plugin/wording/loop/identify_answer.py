@@ -63,14 +63,6 @@ def answer(
         lines.append(nothing(found))
     lines += [open_mode] if open_mode else []
     lines += [effect_sentence(f, found) for f in found.followed]
-    for f in found.found:
-        if f.indistinguishable_from and not found.one_of:
-            others = " or ".join(_thing_of(words, names) for words in f.indistinguishable_from)
-            thing = effect_thing(f.term, names)
-            would = f.term.effect.distinguished_by
-            if f.term.rotor is None:  # what distinguishes a rotor begins with a look
-                would = looked_first(suspects) + would
-            lines.append(f"These flights cannot distinguish {thing} from {others}: {would}")
     if following is not None:
         lines.append(next_flight_words(following, names, mission, suspects))
     lines.append(error_words(found, margin))

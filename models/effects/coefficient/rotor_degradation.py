@@ -62,8 +62,6 @@ ROTOR_DEGRADATION = Effect(
     kind=Kind.COEFFICIENT,
     parameters=(LOSS, TORQUE_SHARE),
     source="a worn, chipped or dirty propeller makes less thrust at a speed",
-    distinguished_by="with the battery off, fit a new propeller of the same kind: the loss of a "
-    "worn one goes, that of a motor or a wrong sensor stays",
     apply=_kappa,
     torque=_torque,
     of_one_rotor=True,

@@ -64,8 +64,6 @@ class Found:
     upper: Floats
     rmse_before_rpm: float
     rmse_after_rpm: float
-    p_value: float
-    indistinguishable_from: tuple[str, ...]
     probability: float = 1.0
 
     def __repr__(self) -> str:
@@ -111,11 +109,6 @@ class Found:
             "parameters": self.parameters(names),
             "rmse_before_rpm": self.rmse_before_rpm,
             "rmse_after_rpm": self.rmse_after_rpm,
-            "p_value": self.p_value,
-            "indistinguishable_from": list(self.indistinguishable_from),
-            "tell_apart_by": self.term.effect.distinguished_by
-            if self.indistinguishable_from
-            else None,
             "source": self.term.effect.source,
             "already_followed": followed,
         }

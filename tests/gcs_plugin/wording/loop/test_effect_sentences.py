@@ -31,7 +31,7 @@ def whole() -> Identification:
     )
 
 
-def found(key: str | Effect, values: list, half: list, *, rotor=None, **given) -> Found:
+def found(key: str | Effect, values: list, half: list, *, rotor=None) -> Found:
     effect = BY_KEY[key] if isinstance(key, str) else key
     value = np.atleast_2d(np.array(values, dtype=np.float64))
     width = np.atleast_2d(np.array(half, dtype=np.float64))
@@ -42,8 +42,6 @@ def found(key: str | Effect, values: list, half: list, *, rotor=None, **given) -
         upper=value + width,
         rmse_before_rpm=61.2,
         rmse_after_rpm=9.4,
-        p_value=0.01,
-        indistinguishable_from=given.get("alike", ()),
     )
 
 

@@ -342,17 +342,6 @@ def test_one_flight_says_what_cannot_be_claimed(worn):
     assert claims(worn) == ()
 
 
-def test_what_cannot_be_told_apart_comes_with_the_flight_that_would_tell(worn):
-    (rotor,) = worn.found
-    alike = replace(rotor, indistinguishable_from=("thrust_drift", "extra_mass"))
-    lines = answer(replace(worn, found=(alike,)), change())
-    assert lines[1] == (
-        "These flights cannot distinguish a weak rotor 1 (front right) from all rotors "
-        "weakening or hidden mass: with the battery off, fit a new propeller of the same kind: the "
-        "loss of a worn one goes, that of a motor or a wrong sensor stays."
-    )
-
-
 def test_every_sentence_ends_once(worn):
     assert all(line.endswith(".") and not line.endswith("..") for line in said(worn))
 

@@ -51,8 +51,6 @@ def found_by_hand(effect, rows: list[list[float]], rotor: int | None = None) -> 
         upper=values + 0.01,
         rmse_before_rpm=40.0,
         rmse_after_rpm=10.0,
-        p_value=0.01,
-        indistinguishable_from=(),
     )
 
 
