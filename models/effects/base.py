@@ -189,6 +189,8 @@ class Effect:
     change: Callable[[Effect, Sequence[Values], Mapping[str, float]], Effect | None] | None = None
     #: of such a change: p -> values of the effect without variant, as a model keeps it
     kept_as: Callable[[Values], Values] | None = None
+    #: (p, channels) -> (T,) true where it was seen: beyond it is held, and nobody knows
+    seen: Callable[[Values, Any], Array] | None = None
 
     @property
     def key(self) -> str:

@@ -139,6 +139,9 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
             actions.ESC_SPEEDS,
         ),
         "wind": EffectWords("wind", amounts.wind, actions.CHECK_WIND),
+        "unnamed_cause": EffectWords(
+            "a cause without a name", amounts.by_parameters, actions.KEEP_AS_SEEN
+        ),
         FOLLOWED_WIND.key: EffectWords("wind", amounts.followed_wind, None),
     }
 )

@@ -64,7 +64,7 @@ def test_every_effect_of_the_table_has_words(whole, effect):
 
 
 def test_no_words_are_of_an_effect_that_is_gone():
-    effects = (*CATALOGUE, FOLLOWED_WIND, changed_inertia())
+    effects = (*BY_KEY.values(), FOLLOWED_WIND, changed_inertia())
     assert set(WORDS) <= {e.key for e in effects} | {e.name for e in effects}
 
 

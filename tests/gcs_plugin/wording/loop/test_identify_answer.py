@@ -10,7 +10,6 @@ from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     answer,
     at_most,
-    chance,
     claims,
     excluded_rows,
     margin_words,
@@ -21,13 +20,16 @@ from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     set_words,
     unexplained,
 )
+from thrustmargin.gcs_plugin.wording.numbers import chance
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.result import (
     Excluded,
     Identification,
     Mentioned,
     OneOf,
+    OpenCause,
     SetWeight,
 )
 from thrustmargin.models.identification.loop import identify
@@ -122,10 +124,10 @@ def test_nothing_is_missing_only_where_that_is_likely(sound):
     assert first(replace(none, probability=0.8)) == "Nothing is found missing (80 %)"
     other = SetWeight(probability=0.3, terms=mass)
     assert first(other, rotor, replace(none, probability=0.06)) == (
-        "Something may be missing (94 %), and these flights do not show what; likeliest is "
-        "a weak rotor 3 (front left) (63 %)"
+        "Something small may be missing (94 %), and these flights do not show what: "
+        "nothing to repair"
     )
-    assert first(other, rotor).startswith("Something may be missing (93 %)")
+    assert first(other, rotor).startswith("Something small may be missing (93 %)")
 
 
 def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
@@ -364,3 +366,26 @@ def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
         next_flight_words(following, NAMES, "next.plan"),
     ):
         assert f"| {sentence} |" in shown
+
+
+def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
+    along = UNNAMED["pitch", "airspeed"]
+    values = {"at_1": 0.0, "at_2": 0.01, "at_3": 0.01, "at_4": 0.02, "low": 2.0, "high": 9.0}
+    cause = OpenCause(
+        effect=along,
+        mode="pitch",
+        channel="airspeed",
+        alike=("advance_ratio",),
+        values=values,
+        half_widths={"at_1": 0.001},
+        rms_rpm=12.3,
+    )
+    constant = replace(
+        cause, effect=UNNAMED["yaw", "constant"], mode="yaw", channel="constant", alike=()
+    )
+    line = answer(replace(sound, open_causes=(cause, constant)), change())[1]
+    assert line == (
+        "Without a name, as it was seen: pitch along airspeed (or climb (axial advance ratio)), "
+        "2.0 to 9.0 m/s (12 rpm); yaw all along (12 rpm); keep it in the model with --out, held at "
+        "its edge beyond that range, with twice the interval."
+    )
