@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.fault_words import fault_amount
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
     effect_sentence,
@@ -38,6 +39,8 @@ from thrustmargin.models.identification.answer.result import (
 from thrustmargin.models.identification.next_flight.next_flight import CERTAIN, NextFlight
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS
+from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.rotor_faults import faults_in_model
 
 #: Share of thrust by which a margin must move to be reported as a change.
 NOTICED = 0.005
@@ -57,6 +60,7 @@ def answer(
     lines = [effect_sentence(f, found) for f in rotors_first]
     lines += [one_of(o, names) for o in found.one_of]
     lines += [mentioned(m, names) for m in found.mentioned]
+    lines += [held_damage(fault, names) for fault in faults_in_model(found.model)]
     open_mode = unexplained(found)
     if not lines and not open_mode:
         lines.append(nothing(found))
@@ -106,6 +110,14 @@ def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
     return (
         f"{rotor_words(one.rotor, names).capitalize()} cannot be ruled out "
         f"({chance(one.probability)}): {thrust}, so {actions.INSPECT.text}"
+    )
+
+
+def held_damage(fault: RotorFault, names: tuple[str, ...]) -> str:
+    """That the model was given a weak rotor before, which repaired nothing."""
+    return (
+        f"The model already holds {rotor_words(fault.rotor, names)} at {fault_amount(fault)} less "
+        f"thrust: unless that was repaired, {actions.INSPECT.text}"
     )
 
 

@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
 )
 from thrustmargin.gcs_plugin.wording.numbers import chance
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.result import (
@@ -388,4 +389,19 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
         "Without a name, as it was seen: pitch along airspeed (or climb (axial advance ratio)), "
         "2.0 to 9.0 m/s (12 rpm); yaw all along (12 rpm); keep it in the model with --out, held at "
         "its edge beyond that range, with twice the interval."
+    )
+
+
+def test_a_loss_that_the_model_already_holds_is_still_a_bad_rotor(sound):
+    """Added by an identification before: the flights fit it, and nobody has repaired it."""
+    values = {"loss": (0.08, "1"), "torque_share": (1.0, "1")}
+    parameters = {
+        name: Identified(value=value, unit=unit, ci95=(value - 0.01, value + 0.01))
+        for name, (value, unit) in values.items()
+    }
+    record = EffectRecord(name="rotor_degradation", rotor=2, parameters=parameters)
+    lines = answer(replace(sound, model=replace(sound.model, effects=(record,))), change())
+    assert lines[0] == (
+        "The model already holds rotor 2 (rear left) at 8 % less thrust: unless that was repaired, "
+        "with the battery off, inspect its propeller or fit a new one of the same kind."
     )
