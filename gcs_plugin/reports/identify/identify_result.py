@@ -30,7 +30,7 @@ from thrustmargin.models.identification.answer.unseen_errors import (
     rotor_errors,
 )
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight, following_flight
-from thrustmargin.models.model.json_values import to_json_values
+from thrustmargin.models.json_values import to_json_values
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -16,7 +16,7 @@ from thrustmargin.models.identification.answer.adequacy import Unexplained
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import Problem
-from thrustmargin.models.model.json_values import to_json_values
+from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.rotor_model import RotorModel
 
 
