@@ -54,6 +54,12 @@ INSPECT = Action(
     When.BATTERY_OFF,
     "an exchange with a propeller of another motor",
 )
+SAME_KIND = Action(
+    "propeller",
+    "compare the size and pitch of its propeller with the others', and fit one of the same kind",
+    When.BATTERY_OFF,
+    INSPECT.never,
+)
 THEN_MOTOR = Action(
     "motor",
     "then look at its motor and ESC, which outputs cannot distinguish from it",

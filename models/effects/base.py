@@ -173,6 +173,7 @@ class Effect:
     #: (p, x) -> size of what it changes, 1 being the least worth a name
     weight: Callable[..., Any] | None = None
     begins: bool = False  # a step in time, found by `models.identification.onset`
+    gone: bool = False  # its last flight is over: none to come has it
     afterwards: Effect | None = None  # what it is after its step, for flights to come
     #: p -> how far around a row its channels look
     looks: Callable[[Values], Look] = _at_the_row
@@ -191,6 +192,11 @@ class Effect:
     kept_as: Callable[[Values], Values] | None = None
     #: (p, channels) -> (T,) true where it was seen: beyond it is held, and nobody knows
     seen: Callable[[Values, Any], Array] | None = None
+
+    @property
+    def of_its_flights(self) -> bool:
+        """True for what flights to come do not have: values of single flights, or a past loss."""
+        return self.gone or any(p.per_flight for p in self.parameters)
 
     @property
     def key(self) -> str:

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action, When
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import words_of
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import action_of
 from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.costs import COSTS
 
@@ -39,7 +39,7 @@ def asked_of(found: Identification) -> tuple[AskedAction, ...]:
     out = [
         _asked(action, f.term.rotor, f.probability)
         for f in sorted(found.found, key=lambda f: f.term.rotor is None)
-        if (action := words_of(f.term).action) and action.part != actions.KEEP.part
+        if (action := action_of(f)) and action.part != actions.KEEP.part
     ]
     out += [_asked(actions.INSPECT, one.rotor, one.probability) for one in found.mentioned]
     left = found.left

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.base import Effect, Values
+from thrustmargin.models.effects.base import Values
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.identification.answer.result import Found, Identification, OpenCause
@@ -55,7 +55,7 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
         )
     names = found.problem.names
     records = [record_of(f, names, date) for f in found.found]
-    notes = [_left_behind(f, names) for f in found.found if of_single_flights(f.term.effect)]
+    notes = [_left_behind(f, names) for f in found.found if f.term.effect.of_its_flights]
     interval, about = _interval(model, found)
     added = tuple(r for r in records if r is not None)
     added += tuple(_as_seen(one, names, date) for one in found.open_causes)
@@ -70,15 +70,10 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
     )
 
 
-def of_single_flights(effect: Effect) -> bool:
-    """True when the effect has values of single flights."""
-    return any(p.per_flight for p in effect.parameters)
-
-
 def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRecord | None:
     """The effect as a model file keeps it; None when it belongs to its flights alone."""
     effect = found.term.effect.afterwards or found.term.effect
-    if of_single_flights(effect):
+    if effect.of_its_flights:
         return None
     if effect.kept_as is not None:
         return _as_kept(found, effect.kept_as, names, date)
@@ -144,6 +139,11 @@ def _left_behind(found: Found, names: tuple[str, ...]) -> str:
         return (
             f"rotor {(found.term.rotor or 0) + 1} went bad during {names[found.flight]}: "
             "the new model has it bad throughout, as after the onset"
+        )
+    if effect.gone:
+        return (
+            f"rotor {(found.term.rotor or 0) + 1} was repaired during these flights: the new model "
+            "has it sound"
         )
     return (
         f"the {effect.name} was that of its flights and is not in the new model: "
