@@ -79,6 +79,8 @@ class Score:
     reported: tuple[str, ...]
     wrong: tuple[str, ...]
     natural: tuple[str, ...]  # wrong, but of what every flight has
+    asked: tuple[str, ...]  # the parts that the answer asks people to look at or to set
+    sound_rotors_asked: tuple[int, ...]  # of these the rotors, from 1, that nothing is wrong with
     right_rotor: bool  # an outside change of one rotor named as that rotor's loss
     unexplained_mode: str | None
     unexplained_channel: str | None
@@ -187,6 +189,8 @@ def judge(
     instrument = RIGHT_INSTRUMENT.get(data.kind, ())
     wrong = [n for n in left if not any(part in n[0] for part in instrument)]
     rotors = {i.condition.get("rotor") for i in data.implants if i.kind in ("flex", "band")}
+    bad = {i.rotor for i in data.implants} | {i.condition.get("rotor") for i in data.implants}
+    parts = [str(one["part"]) for one in result.get("actions") or []]
     unexplained = result.get("unexplained") or {}
     excluded = [e for e in result.get("excluded") or [] if e.get("parameter", "loss") == "loss"]
     return Score(
@@ -204,6 +208,10 @@ def judge(
         reported=tuple(map(shown, names)),
         wrong=tuple(map(shown, wrong)),
         natural=tuple(shown(n) for n in wrong if n[0] in NATURAL),
+        asked=tuple(parts),
+        sound_rotors_asked=tuple(
+            rotor for p in parts if p.startswith("rotor ") and (rotor := int(p[6:])) - 1 not in bad
+        ),
         right_rotor=any(n == "rotor_degradation" and r and r - 1 in rotors for n, r in wrong),
         unexplained_mode=unexplained.get("mode"),
         unexplained_channel=unexplained.get("channel"),

@@ -78,6 +78,27 @@ def test_what_stands_beside_the_names_is_listed(sets, beside, verdict):
     assert judge(sets["mass"], given).verdicts == (verdict,)
 
 
+def test_a_rotor_that_is_asked_for_is_sound_or_it_is_not(sets):
+    data = sets["rotor"]
+    right = data.implants[0].rotor + 1
+    for rotor, sound in ((right, ()), (right % 4 + 1, (right % 4 + 1,))):
+        score = judge(data, answer(data, actions=[{"part": f"rotor {rotor}"}]))
+        assert (score.asked, score.sound_rotors_asked) == ((f"rotor {rotor}",), sound)
+    quiet = judge(sets["none"], answer(sets["none"]))
+    loud = judge(sets["none"], answer(sets["none"], actions=[{"part": "tank gauge"}]))
+    figures = summary([quiet, loud])
+    assert figures["sound_set_with_an_action"]["hits"] == 1
+    assert figures["sound_rotor_asked"]["hits"] == 0
+
+
+def test_an_error_after_is_held_against_that_of_who_knows_the_truth(sets):
+    near, far = (
+        judge(sets["mass"], answer(sets["mass"], after={"rmse_rpm": after}), knowing_rmse_rpm=10.0)
+        for after in (11.4, 11.6)
+    )
+    assert summary([near, far])["after_within_115_of_truth"]["hits"] == 1
+
+
 def test_a_rotor_that_is_mentioned_is_listed_by_its_number(sets):
     data = sets["rotor"]
     right = data.implants[0].rotor + 1

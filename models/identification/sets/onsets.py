@@ -266,7 +266,7 @@ def _candidate(
         time += float(x.clock_s[first] - x.time_s[first])
     start[:, names.index(clock)] = time
     free = plain.free
-    if flight < 0:  # between flights no row tells the moment
+    if flight < 0:  # between flights no row shows the moment
         free = tuple((k, f) for k, f in free if not names[k].endswith("_clock"))
     if kind in ("one", "while"):
         free = tuple((k, f) for k, f in plain.free if f == flight)

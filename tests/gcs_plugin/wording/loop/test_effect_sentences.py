@@ -98,8 +98,8 @@ def test_no_two_effects_are_called_alike():
             [-0.05, 0.7],
             [0.01, 0.1],
             2,
-            "Rotor 3 (front left) makes 5 % more thrust (4 to 6): with the "
-            "battery off, inspect its propeller or fit a new one of the same kind",
+            "Rotor 3 (front left) makes 5 % more thrust (4 to 6): with the battery off, compare "
+            "the size and pitch of its propeller with the others', and fit one of the same kind",
         ),
         (
             "rotor_degradation:onset",
