@@ -118,6 +118,7 @@ CONNECT_GAUGE = Action(
     When.BATTERY_OFF,
 )
 KEEP = Action("model", "nothing to repair; keep it in the model with --out", When.DESK)
+REPAIRED = Action("model", "nothing to do", When.DESK)
 KEEP_AS_SEEN = Action("model", "keep it in the model with --out", When.DESK)
 AIRSPEED_RATE = Action("settings", "check its filter and message rate", When.DESK)
 ESC_RATE = Action("settings", "raise the rate of ESC telemetry", When.DESK)

@@ -159,7 +159,7 @@ def weak_until_repaired(it: DescribedEffect) -> str:
     bad = np.flatnonzero((start >= at) & (start < over))
     named = [problem.names[f] for f in bad[np.argsort(start[bad])]]
     flights = " to ".join(dict.fromkeys((named[0], named[-1]))) if named else "some flights"
-    return f"{_lost(it)} in {flights}, and is sound in the flights after: it was repaired"
+    return f"{_lost(it)} in {flights}, and is sound in the flights after, so it was repaired"
 
 
 hidden_mass = Amount(

@@ -89,7 +89,7 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
             WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
         ),
         "rotor_degradation:until repaired": EffectWords(
-            WEAK + " until it was repaired", amounts.weak_until_repaired, None
+            WEAK + " until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
         ),
         "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
         "air_density": EffectWords("air density", amounts.air_density),

@@ -1,6 +1,7 @@
 """Each effect in words: the right rotor, sign, unit and interval, and what its owner does next."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,10 @@ from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
 )
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.coefficient.rotor_degradation import (
+    ROTOR_DEGRADATION_SINCE,
+    ROTOR_DEGRADATION_UNTIL,
+)
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.answer.already_followed import FOLLOWED_WIND
 from thrustmargin.models.identification.answer.result import Found, Identification
@@ -308,3 +313,25 @@ def test_outputs_alone_do_not_tell_propeller_motor_and_esc_apart(whole):
         "with the battery off, inspect its propeller or fit a new one of the same kind, then look "
         "at its motor and ESC, which outputs cannot distinguish from it"
     )
+
+
+def test_a_repaired_rotor_is_of_the_flights_in_a_row_by_their_clock(whole):
+    """Flights flown in another order than they were given."""
+    problem = SimpleNamespace(
+        names=("b.tlog", "a.tlog", "c.tlog"),
+        flight_start_unix_s=np.array([2000.0, 1000.0, 3000.0]),
+        first_row_s=np.zeros(3),
+        durations=np.full(3, 100.0),
+        of_outputs=False,
+    )
+    of = replace(whole, problem=problem)
+    values = [[0.07, 900.0, 2500.0, 1.0]] * 3
+    one = found(ROTOR_DEGRADATION_UNTIL, values, [0.01, 0.0, 0.0, 0.1], rotor=1)
+    assert effect_sentence(one, of) == (
+        "Rotor 2 (rear left) lost 7 % of its thrust (6 to 8) in a.tlog to b.tlog, and is sound in "
+        "the flights after, so it was repaired: nothing to do"
+    )
+    since = found(ROTOR_DEGRADATION_SINCE, [[0.07, 1500.0, 1.0]] * 3, [0.01, 0.0, 0.1], rotor=1)
+    assert "of its thrust (6 to 8) from b.tlog on, and has stayed so" in effect_sentence(since, of)
+    within = found(ROTOR_DEGRADATION_SINCE, [[0.07, 1060.0, 1.0]] * 3, [0.01, 0.0, 0.1], rotor=1)
+    assert "1:00 into a.tlog, and has stayed so" in effect_sentence(within, of)
