@@ -8,7 +8,7 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.model.json_values import from_json_values
+from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 
 

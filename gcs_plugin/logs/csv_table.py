@@ -46,7 +46,7 @@ from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, FlyingBy, Origin
-from thrustmargin.models.model.json_values import from_json_values, to_json_values
+from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.provenance import Provenance, SourceKind
 from thrustmargin.models.whole_file import whole_file
 

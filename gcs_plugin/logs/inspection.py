@@ -25,8 +25,8 @@ from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
-from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.provenance import Meaning

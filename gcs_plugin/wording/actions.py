@@ -54,6 +54,12 @@ INSPECT = Action(
     When.BATTERY_OFF,
     "an exchange with a propeller of another motor",
 )
+SAME_KIND = Action(
+    "propeller",
+    "compare the size and pitch of its propeller with the others', and fit one of the same kind",
+    When.BATTERY_OFF,
+    INSPECT.never,
+)
 THEN_MOTOR = Action(
     "motor",
     "then look at its motor and ESC, which outputs cannot distinguish from it",
@@ -112,6 +118,8 @@ CONNECT_GAUGE = Action(
     When.BATTERY_OFF,
 )
 KEEP = Action("model", "nothing to repair; keep it in the model with --out", When.DESK)
+REPAIRED = Action("model", "nothing to do", When.DESK)
+KEEP_AS_SEEN = Action("model", "keep it in the model with --out", When.DESK)
 AIRSPEED_RATE = Action("settings", "check its filter and message rate", When.DESK)
 ESC_RATE = Action("settings", "raise the rate of ESC telemetry", When.DESK)
 ESC_SPEEDS = Action(

@@ -135,6 +135,7 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     """What stands beside the first line: how hard the rotors worked, one rotor lost, how sure."""
     use = advice.use
     said = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
+    said += [("model", sound_again(fault)) for fault in advice.repaired]
     if math.isfinite(use.lasting_most):
         said.append(("steady flight", _lasting(advice)))
         if use.passing:
@@ -183,6 +184,14 @@ def one_rotor_out(advice: Advice) -> str:
         long = f"{duration(lost.not_survivable_s)} of {duration(advice.airborne_s)}"
         return f"would have brought it down for {long} (at worst {held} the weight can be held)"
     return f"the weight can be held all flight, {SPINS} ({held} or more)"
+
+
+def sound_again(fault: RotorFault) -> str:
+    """That the model holds a damage which is gone."""
+    return (
+        f"rotor {fault.rotor + 1} is sound again, and the model still holds its loss of "
+        f"{fault_amount(fault)}: use the model from before it, or train anew"
+    )
 
 
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:

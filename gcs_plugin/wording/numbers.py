@@ -207,3 +207,10 @@ def channel_title(channel: str) -> str:
     """The channel with its unit, for an axis."""
     unit = CHANNEL_WORDS[channel][1] if channel in CHANNEL_WORDS else ""
     return f"{channel_name(channel)}{f', {unit}' if unit else ''}"
+
+
+def chance(probability: float) -> str:
+    """`60 %` of 0.6; never 0 or 100 %."""
+    if 0.01 <= probability <= 0.99:
+        return percent(probability)
+    return "over 99 %" if probability > 0.5 else "under 1 %"

@@ -14,6 +14,7 @@ from typing import Literal
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
 from thrustmargin.gcs_plugin.wording.numbers import clock, known, number, percent
+from thrustmargin.models.model.margin_check import MarginCheck
 
 #: What a flight without a channel cannot say; channels that nothing depends on are left out.
 WITHOUT: Mapping[str, str] = {
@@ -53,6 +54,20 @@ TRAINED_ON = (
 NO_SPEEDS = "No rotor speeds in this log: the prediction cannot be checked against it."
 NO_PREDICTION = "No prediction for this log: an input of the model is missing throughout."
 NO_ROW_OF_BOTH = "No airborne row has both a measured and a predicted rotor speed."
+
+
+def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
+    """Thrust in use as predicted and as measured, and how often the interval held."""
+    steps = ", ".join(
+        f"{step.name} {percent(step.predicted)} ({percent(step.measured)})" for step in check.steps
+    )
+    held = ""
+    if known(check.coverage):
+        held = f"; its interval held in {percent(check.coverage)} of rows"
+        held += f", made for {percent(check.promised)}" if known(check.promised) else ""
+    learnt = "; the model learnt from this flight, so a new one may differ more"
+    return f"thrust in use, as measured in brackets: {steps}{held}{learnt if trained_on else ''}"
+
 
 #: Of a table of fills.
 NOTHING_KEPT_BACK = (

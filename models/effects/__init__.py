@@ -16,6 +16,7 @@ from pkgutil import iter_modules
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
 from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -50,7 +51,8 @@ CATALOGUE: tuple[Effect, ...] = tuple(
         key=lambda effect: (list(Kind).index(effect.kind), effect.name),
     )
 )
-BY_KEY: dict[str, Effect] = {effect.key: effect for effect in CATALOGUE}  # as in model files
+#: as in model files
+BY_KEY: dict[str, Effect] = {effect.key: effect for effect in (*CATALOGUE, *UNNAMED.values())}
 
 
 def effects_for(airframe: Airframe, effects: Iterable[Effect] = CATALOGUE) -> tuple[Effect, ...]:

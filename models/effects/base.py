@@ -164,7 +164,6 @@ class Effect:
     #: each channel that rows may lack -> its value in them, at which the effect does nothing
     neutral: Mapping[str, Neutral] = field(default_factory=dict)
     source: str  # where the physics comes from
-    distinguished_by: str  # the flight that would show it from its look-alikes
     apply: Callable[..., Any]
     torque: Callable[..., Any] | None = None  # of a coefficient: torque at a speed, as a factor
     of_one_rotor: bool = False
@@ -174,6 +173,7 @@ class Effect:
     #: (p, x) -> size of what it changes, 1 being the least worth a name
     weight: Callable[..., Any] | None = None
     begins: bool = False  # a step in time, found by `models.identification.onset`
+    gone: bool = False  # its last flight is over: none to come has it
     afterwards: Effect | None = None  # what it is after its step, for flights to come
     #: p -> how far around a row its channels look
     looks: Callable[[Values], Look] = _at_the_row
@@ -190,6 +190,13 @@ class Effect:
     change: Callable[[Effect, Sequence[Values], Mapping[str, float]], Effect | None] | None = None
     #: of such a change: p -> values of the effect without variant, as a model keeps it
     kept_as: Callable[[Values], Values] | None = None
+    #: (p, channels) -> (T,) true where it was seen: beyond it is held, and nobody knows
+    seen: Callable[[Values, Any], Array] | None = None
+
+    @property
+    def of_its_flights(self) -> bool:
+        """True for what flights to come do not have: values of single flights, or a past loss."""
+        return self.gone or any(p.per_flight for p in self.parameters)
 
     @property
     def key(self) -> str:

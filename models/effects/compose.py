@@ -237,6 +237,15 @@ def filled(effect: Effect, p: Values, x: Channels) -> Channels:
     return x.with_changed(own=own, **changed)
 
 
+def unseen(placed: Sequence[Placed], x: Channels) -> Bools:
+    """(T,) rows beyond what an effect was seen in."""
+    out = np.zeros(x.time_s.shape, dtype=np.bool_)
+    for item in placed:
+        if item.effect.seen is not None:
+            out |= ~item.effect.seen(item.values, x)
+    return out
+
+
 def lacking(placed: Sequence[Placed], x: Channels) -> Bools:
     """(T,) rows that lack a channel of an effect, near the row or, of late reports, anywhere."""
     near = np.flatnonzero(np.abs(LAGS) <= NEAR_LAG)

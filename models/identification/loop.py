@@ -20,6 +20,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.already_followed import followed_wind
 from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_flights
+from thrustmargin.models.identification.answer.open_causes import change_on, open_causes
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.row_values import by_rows
@@ -104,6 +105,8 @@ def identify_checked(
     # With nothing added the model stays what it was, and so does its error.
     aside = [c for c in standing.named if c not in standing.members]
     chosen = left_out.with_choice(standing.members, aside) if estimates else before
+    open_ = open_causes(problem, after, left_out.held(values))
+    chosen, after = chosen - open_.left_out_rpm, after - open_.change_rpm
     unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
     if held_out:
         unused = assemble(model, held_out)
@@ -111,7 +114,7 @@ def identify_checked(
             Unseen(
                 problem=unused,
                 before_rpm=unused.measured_rpm - unused.speeds(),
-                after_rpm=on_new_flights(unused, estimates),
+                after_rpm=on_new_flights(unused, estimates) - change_on(unused, open_.causes),
                 role="held_out",
             )
         )
@@ -127,7 +130,7 @@ def identify_checked(
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
-        residual_carried_rpm=left_out.with_carried(standing.members),
+        residual_carried_rpm=left_out.with_carried(standing.members) - open_.left_out_rpm,
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
         sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
@@ -138,7 +141,8 @@ def identify_checked(
             for e in answer.excluded(answer.search.linearise(answer.best), standing.named)
             if e.term.rotor is None or not problem.of_outputs
         ),
-        mentioned=answer.mentioned(standing.members),
+        mentioned=standing.mentioned,
+        open_causes=open_.causes,
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
     )
@@ -174,8 +178,6 @@ def _found(left_out: LeftOut, estimates: Sequence[EffectEstimate]) -> tuple[Foun
                 upper=e.value + e.half_width,
                 rmse_before_rpm=errors[k],
                 rmse_after_rpm=errors[k + 1],
-                p_value=1.0 - e.probability,
-                indistinguishable_from=(),
                 probability=e.probability,
             )
         )

@@ -24,9 +24,15 @@ import numpy as np
 from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
+from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.next_fill import NextFill, next_fill
-from thrustmargin.models.model.rotor_faults import FaultEpisode, fault_episodes, fault_history
+from thrustmargin.models.model.rotor_faults import (
+    FaultEpisode,
+    fault_episodes,
+    fault_history,
+    faults_in_model,
+)
 from thrustmargin.models.model.thrust_use import ThrustUse, running_median, thrust_use
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -85,6 +91,7 @@ class Advice:
     battery: Battery
     fill: NextFill
     faults: tuple[FaultEpisode, ...]
+    repaired: tuple[RotorFault, ...]  # that the model still holds, and the flight shows sound
     losses: tuple[LossOfControl, ...]
     rotor_count: int
     rotor_names: tuple[str, ...]  # empty where it is not known which rotor is which
@@ -133,7 +140,9 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
         least_high=_least(free * reach),
         not_survivable_s=float(seconds[track.flying][free < 1.0].sum()),
     )
-    faults = tuple(fault_episodes(fault_history(analysis)))
+    episodes, known = fault_episodes(fault_history(analysis)), faults_in_model(analysis.model)
+    repaired = tuple(e.fault for e in episodes if e.end_s is not None and e.fault in known)
+    faults = tuple(e for e in episodes if e.fault not in repaired)
     battery = _battery(analysis)
     airborne_s = float(seconds[track.flying].sum())
     in_the_air = float(whole.track.row_seconds[whole.track.flying].sum())
@@ -158,6 +167,7 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
             battery=battery,
             fill=fill,
             faults=faults,
+            repaired=repaired,
             losses=tuple(losses),
             rotor_count=track.rotor_count,
             rotor_names=analysis.model.airframe.rotor_names if names_known else (),

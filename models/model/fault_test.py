@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -70,10 +71,15 @@ class FaultTest:
         self._first: list[tuple[float, Floats, Floats]] | None = []
         self._passed, self._suspect = -1, None
 
-    def forget(self) -> None:
-        """All parts may be new."""
-        self.faults = {}
+    def forget(self, known: Sequence[RotorFault] = ()) -> None:
+        """All parts may be new, but for faults that are `known`: they stand until the signals are
+        back at what a sound rotor gives."""
+        self.faults = {fault.rotor: fault for fault in known}
         self._now[:] = self._error[:] = 0.0
+        for fault in known:
+            size = int(np.argmin(np.abs(FAULT_SIZES - fault.size)))
+            self._now[fault.rotor] = self._steps[fault.rotor, 1 + size]
+            self._error[fault.rotor] = self._widths[fault.rotor, 1 + size]
         self._from_now()
 
     def _from_now(self) -> None:

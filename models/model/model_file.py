@@ -16,7 +16,7 @@ import numpy as np
 
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.errors import AirframeError, ModelError
-from thrustmargin.models.model.json_values import from_json_values, to_json_values
+from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.ensemble import RotorNetwork

@@ -30,6 +30,7 @@ from thrustmargin.models.effects.compose import (
     lacking,
     rotor_speed_rpm,
     tolerant,
+    unseen,
 )
 from thrustmargin.models.effects.track_channels import channels_of
 from thrustmargin.models.errors import AirframeError
@@ -67,8 +68,9 @@ def model_channels(
 
 def speed_with_effects(
     model: RotorModel, track: FlightTrack, start: FlightState | None = None
-) -> tuple[Floats, Bools]:
-    """Rotor speeds (T, R) rpm with all effects, and (T,) rows that lacked a channel of one.
+) -> tuple[Floats, Bools, Bools]:
+    """Rotor speeds (T, R) rpm with all effects, (T,) rows that lacked a channel of one, and (T,)
+    rows beyond what one was seen in.
 
     NaN where one of the model's `inputs` is missing.
     """
@@ -77,7 +79,7 @@ def speed_with_effects(
         speed = rotor_speed_rpm(table_of(model), _tolerant_effects(model), x)
     for channel in model.inputs:
         speed[~np.isfinite(getattr(track, channel))] = np.nan
-    return speed, lacking(model.placed, x)
+    return speed, lacking(model.placed, x), unseen(model.placed, x)
 
 
 @lru_cache(maxsize=8)
@@ -152,8 +154,8 @@ def predict(
 
     NaN and Basis.NONE where density or one of the model's `inputs` is missing. Beside a network,
     physics rows have the interval of the edge of its training, EXTRAPOLATED times as wide, and 10 %
-    of what physics adds there. Thrust is that of the predicted speeds by the thrust curve, in
-    reference air for the network, which learnt in it.
+    of what physics adds there; so have rows beyond what an effect was seen in. Thrust is that of
+    the predicted speeds by the thrust curve, in reference air for the network, which learnt in it.
     A model with identified effects has them in every row. Raises AirframeError when the rotor count
     differs. `start` is what the effects carry at the first row of a window (see `analyse`).
     """
@@ -199,7 +201,8 @@ def predict(
         coverage = interval.coverage
     lacking = None
     if model.effects:
-        with_effects, lacking = speed_with_effects(model, track, start)
+        with_effects, lacking, held_at_edge = speed_with_effects(model, track, start)
+        half[held_at_edge] *= EXTRAPOLATED
         replaced = inside if model.network is not None else known
         speed[replaced] = with_effects[replaced]
         outside = known & ~replaced

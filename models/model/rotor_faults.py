@@ -24,13 +24,14 @@ import numpy as np
 
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
-from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
-from thrustmargin.models.effects.compose import rotor_speed_rpm
+from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS, ROTOR_DEGRADATION
+from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import (
     BLOCK,
     FAULT_SIZES,
+    LEAST,
     FaultTest,
     Kind,
     RotorFault,
@@ -71,6 +72,9 @@ class RotorFaults:
         enough = model.airframe.rotor_count >= FEWEST_ROTORS
         self._modes = mode_directions(model)
         self._tests = [_propeller_test(model, self._modes), _motor_test(model)] if enough else []
+        self._known = faults_in_model(model)
+        for test in self._tests[:1]:
+            test.forget(self._known)
         self._rows: list[Floats] = []
         self._begun_s = self._landed_s = math.nan
         #: What stood after the last block, by kind; a kind that could not be tested is left out.
@@ -91,7 +95,7 @@ class RotorFaults:
         if not math.isnan(self._landed_s):
             for test in self._tests:
                 if time_s - self._landed_s > CHANGED:
-                    test.forget()
+                    test.forget(self._known if test is self._tests[0] else ())
                 test.restart()
             self._landed_s = math.nan
         whole = bool(self._rows) and not 0.0 <= time_s - self._begun_s < BLOCK - 0.01
@@ -132,7 +136,11 @@ def fault_history(analysis: FlightAnalysis) -> list[tuple[float, tuple[RotorFaul
         time_s = float(track.time_s[row])
         if not track.flying[row]:
             found.landed(time_s)
-        elif found.add(time_s, signals) and found.standing != (history[-1][1] if history else ()):
+            continue
+        known = not history and bool(found.standing)
+        if (found.add(time_s, signals) or known) and found.standing != (
+            history[-1][1] if history else ()
+        ):
             history.append((time_s, found.standing))
     return history
 
@@ -163,6 +171,59 @@ def fault_episodes(
     return tuple(sorted([*over, *open_now.values()], key=lambda episode: episode.begin_s))
 
 
+@lru_cache(maxsize=8)
+def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
+    """The weak rotors that a model was given by `identify`, of a size that an alarm would name.
+
+    To add the loss to the model repairs nothing: they stand until a flight shows them sound.
+    """
+    found = []
+    for record in model.effects:
+        loss = record.parameters.get(LOSS.name)
+        if record.name != ROTOR_DEGRADATION.name or record.rotor is None or loss is None:
+            continue
+        if loss.value >= LEAST:
+            lower, upper = loss.ci95
+            found.append(
+                RotorFault(
+                    kind="propeller",
+                    rotor=record.rotor - 1,
+                    size=loss.value,
+                    lower=max(lower, 0.0),
+                    upper=upper,
+                )
+            )
+    return tuple(found)
+
+
+@lru_cache(maxsize=8)
+def _as_sound(model: RotorModel) -> Floats:
+    """(R,) speed of each rotor of the model without its weak rotors over that with them, in hover
+    with half a tank: faults are sought against a sound aircraft."""
+    weak = {fault.rotor for fault in faults_in_model(model)}
+    kept = tuple(
+        r
+        for r in model.effects
+        if r.name != ROTOR_DEGRADATION.name or (r.rotor or 0) - 1 not in weak
+    )
+    both = [_hover_rpm(replace(model, effects=of)) for of in (kept, model.effects)]
+    return both[0] / both[1]
+
+
+def _hover_rpm(model: RotorModel) -> Floats:
+    half = 0.5 * model.airframe.tank_capacity_kg
+    row = np.zeros(1)
+    track = FlightTrack.of(
+        name="hover",
+        time_s=row,
+        rotor_count=model.airframe.rotor_count,
+        airspeed=row,
+        tank_kg=row + half,
+    )
+    placed = [tolerant(item) for item in model.placed]
+    return rotor_speed_rpm(table_of(model), placed, model_channels(model, track))[0]
+
+
 def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
     """(N, 5 + 3 R) what the tests read in each of N rows.
 
@@ -174,6 +235,8 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
     track = analysis.track
     measured = np.where(analysis.from_outputs[rows], np.nan, track.rotor_speed_rpm[rows])
     predicted = analysis.prediction.rotor_speed_rpm[rows]
+    if faults_in_model(analysis.model):
+        predicted = predicted * _as_sound(analysis.model)
     curve = output_curve({}, track.source("throttle"))
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = (measured**2 - predicted**2) / np.mean(predicted**2, axis=1, keepdims=True)

@@ -96,6 +96,20 @@ class RotorModel:
     @property
     def description(self) -> str:
         """The model in words for people."""
+        return self._base_words + self._damage_words
+
+    @property
+    def _damage_words(self) -> str:
+        """Weak rotors that were added to it: to know of one repairs nothing."""
+        weak = [
+            f"rotor {r.rotor} at {100 * r.parameters['loss'].value:.0f} % less thrust"
+            for r in self.effects
+            if r.name == "rotor_degradation" and r.parameters["loss"].value >= 0.01
+        ]
+        return f", holding damage: {', '.join(weak)}, until it is repaired" if weak else ""
+
+    @property
+    def _base_words(self) -> str:
         if self.training_domain is None:
             return f"weight and thrust curve of {self.airframe.title}, no network"
         trained = f", trained {self.training.date}" if self.training else ""

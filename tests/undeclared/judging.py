@@ -1,8 +1,8 @@
 """One answer against the sealed truth: named, listed or missed; wrong names; intervals; the rest.
 
 The answer is the JSON of `thrustmargin.identify/1`. A change is *named* when an effect has its name
-(and rotor), *listed* when it stands among an effect's twins (three at most), the alternatives of
-5 % or more, or the rotors mentioned. A name that belongs to no change of the set is wrong; names of
+(and rotor), *listed* when it stands among the alternatives of 5 % or more, the effects of which one
+is there, or the rotors mentioned. A name that belongs to no change of the set is wrong; names of
 what every flight has (`NATURAL`) are counted apart.
 """
 
@@ -17,7 +17,6 @@ import numpy as np
 from tests.undeclared.conditions import Implant
 from tests.undeclared.plan import DataSet
 
-TWINS_AT_MOST = 3
 LISTED_FROM = 0.05
 #: Effects that every flight has: a model of few good flights may lack a little of them.
 NATURAL = frozenset(
@@ -80,6 +79,8 @@ class Score:
     reported: tuple[str, ...]
     wrong: tuple[str, ...]
     natural: tuple[str, ...]  # wrong, but of what every flight has
+    asked: tuple[str, ...]  # the parts that the answer asks people to look at or to set
+    sound_rotors_asked: tuple[int, ...]  # of these the rotors, from 1, that nothing is wrong with
     right_rotor: bool  # an outside change of one rotor named as that rotor's loss
     unexplained_mode: str | None
     unexplained_channel: str | None
@@ -126,10 +127,6 @@ def is_it(name: Name, implant: Implant) -> bool:
 def listed(result: Mapping[str, Any]) -> list[tuple[Name, float]]:
     """Names beside the accepted ones, each with its probability."""
     names: list[tuple[Name, float]] = []
-    for effect in result["effects"]:
-        twins = effect.get("indistinguishable_from") or []  # names without a rotor
-        if len(twins) <= TWINS_AT_MOST:
-            names += [((str(t), None), LISTED_FROM) for t in twins]
     for other in result.get("alternatives") or []:
         share = float(other.get("probability") or 0.0)
         names += [(_named(e), share) for e in other.get("effects") or []]
@@ -192,6 +189,8 @@ def judge(
     instrument = RIGHT_INSTRUMENT.get(data.kind, ())
     wrong = [n for n in left if not any(part in n[0] for part in instrument)]
     rotors = {i.condition.get("rotor") for i in data.implants if i.kind in ("flex", "band")}
+    bad = {i.rotor for i in data.implants} | {i.condition.get("rotor") for i in data.implants}
+    parts = [str(one["part"]) for one in result.get("actions") or []]
     unexplained = result.get("unexplained") or {}
     excluded = [e for e in result.get("excluded") or [] if e.get("parameter", "loss") == "loss"]
     return Score(
@@ -209,6 +208,10 @@ def judge(
         reported=tuple(map(shown, names)),
         wrong=tuple(map(shown, wrong)),
         natural=tuple(shown(n) for n in wrong if n[0] in NATURAL),
+        asked=tuple(parts),
+        sound_rotors_asked=tuple(
+            rotor for p in parts if p.startswith("rotor ") and (rotor := int(p[6:])) - 1 not in bad
+        ),
         right_rotor=any(n == "rotor_degradation" and r and r - 1 in rotors for n, r in wrong),
         unexplained_mode=unexplained.get("mode"),
         unexplained_channel=unexplained.get("channel"),

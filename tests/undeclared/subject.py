@@ -9,6 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -99,8 +100,11 @@ def closed(
 def run_identify(
     model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack]
 ) -> dict[str, Any]:
-    """The answer of the loop in the schema `thrustmargin.identify/1`."""
-    return tm.identify(fit, model, held_out=held_out).to_json()
+    """The answer of the loop in the schema `thrustmargin.identify/1`, with what it asks for."""
+    from thrustmargin.gcs_plugin.wording.loop.asked import asked_of
+
+    found = tm.identify(fit, model, held_out=held_out)
+    return found.to_json() | {"actions": [asdict(one) for one in asked_of(found)]}
 
 
 def told_the_names(

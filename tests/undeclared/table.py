@@ -98,6 +98,7 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
     mixed = [s for s in by["triple"] if is_mixed(s)]
     intervals = [(i, len(s.implants)) for s in scores for i in s.intervals]
     errors = [s for s in scores if np.isfinite(s.after_rmse_rpm)]
+    missing = [s for s in errors if s.group != "none" and np.isfinite(s.knowing_rmse_rpm)]
     trees = [s for s in errors if np.isfinite(s.trees_rmse_rpm)]
 
     def ratio(values: Iterable[float]) -> float | None:
@@ -110,6 +111,11 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
         "false_alarm": share(sum(bool(s.wrong) for s in by["none"]), len(by["none"])),
         "false_alarm_not_natural": share(
             sum(len(s.wrong) > len(s.natural) for s in by["none"]), len(by["none"])
+        ),
+        "sound_set_with_an_action": share(sum(bool(s.asked) for s in by["none"]), len(by["none"])),
+        "sound_rotor_asked": share(sum(bool(s.sound_rotors_asked) for s in scores), len(scores)),
+        "after_within_115_of_truth": share(
+            sum(s.after_rmse_rpm <= 1.15 * s.knowing_rmse_rpm for s in missing), len(missing)
         ),
         **named_and_listed(rows, ""),
         **named_and_listed(visible, "_above_4_errors"),

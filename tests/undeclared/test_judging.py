@@ -71,13 +71,32 @@ def test_silence_is_a_miss_and_a_wrong_rotor_a_wrong_name_too(sets):
         ({"alternatives": [{"probability": 0.2, "effects": [{"name": "extra_mass"}]}]}, "listed"),
         ({"alternatives": [{"probability": 0.02, "effects": [{"name": "extra_mass"}]}]}, "missed"),
         ({"one_of": [{"effects": [{"name": "extra_mass"}], "probabilities": [0.5]}]}, "listed"),
-        ({"effects": [{"name": "tank_scale", "indistinguishable_from": ["extra_mass"]}]}, "listed"),
-        ({"effects": [{"name": "wind", "indistinguishable_from": ["extra_mass"] * 4}]}, "missed"),
     ],
 )
 def test_what_stands_beside_the_names_is_listed(sets, beside, verdict):
     given = answer(sets["mass"], **{"effects": [], **beside})
     assert judge(sets["mass"], given).verdicts == (verdict,)
+
+
+def test_a_rotor_that_is_asked_for_is_sound_or_it_is_not(sets):
+    data = sets["rotor"]
+    right = data.implants[0].rotor + 1
+    for rotor, sound in ((right, ()), (right % 4 + 1, (right % 4 + 1,))):
+        score = judge(data, answer(data, actions=[{"part": f"rotor {rotor}"}]))
+        assert (score.asked, score.sound_rotors_asked) == ((f"rotor {rotor}",), sound)
+    quiet = judge(sets["none"], answer(sets["none"]))
+    loud = judge(sets["none"], answer(sets["none"], actions=[{"part": "tank gauge"}]))
+    figures = summary([quiet, loud])
+    assert figures["sound_set_with_an_action"]["hits"] == 1
+    assert figures["sound_rotor_asked"]["hits"] == 0
+
+
+def test_an_error_after_is_held_against_that_of_who_knows_the_truth(sets):
+    near, far = (
+        judge(sets["mass"], answer(sets["mass"], after={"rmse_rpm": after}), knowing_rmse_rpm=10.0)
+        for after in (11.4, 11.6)
+    )
+    assert summary([near, far])["after_within_115_of_truth"]["hits"] == 1
 
 
 def test_a_rotor_that_is_mentioned_is_listed_by_its_number(sets):

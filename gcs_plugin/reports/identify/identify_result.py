@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.gcs_plugin.wording.loop.asked import asked_of
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     answer,
-    chance,
     excluded_rows,
     set_words,
     where_from,
 )
-from thrustmargin.gcs_plugin.wording.numbers import joined, number, shown_unit, within
+from thrustmargin.gcs_plugin.wording.numbers import chance, joined, number, shown_unit, within
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.model_update import ModelUpdate, update_model
@@ -30,7 +30,7 @@ from thrustmargin.models.identification.answer.unseen_errors import (
     rotor_errors,
 )
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight, following_flight
-from thrustmargin.models.model.json_values import to_json_values
+from thrustmargin.models.json_values import to_json_values
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -103,6 +103,7 @@ def json_text(result: Result) -> str:
         "effects": [_numbered(m) for m in result.margins],
     }
     whole["answer"] = list(result.answer)
+    whole["actions"] = [asdict(one) for one in asked_of(result.found)]
     whole["notes"] = list(result.update.notes)
     whole["not_used"] = [{"log": n.name, "reason": n.reason} for n in result.not_used]
     whole["date"] = result.date

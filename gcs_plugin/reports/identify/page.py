@@ -24,12 +24,11 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import (
 )
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
-    chance,
     excluded_rows,
     margin_words,
     where_from,
 )
-from thrustmargin.gcs_plugin.wording.numbers import number
+from thrustmargin.gcs_plugin.wording.numbers import chance, number
 
 MOST_FLIGHTS = 6  # that are drawn over time and on the route
 #: What the template may call.

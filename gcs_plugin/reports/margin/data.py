@@ -24,6 +24,7 @@ from thrustmargin.models.checks.loss_of_control import LossOfControl
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeBasis
+from thrustmargin.models.model.margin_check import MarginCheck
 from thrustmargin.models.scores import Estimate
 
 SCHEMA = "thrustmargin.report/1"
@@ -75,6 +76,7 @@ class FlightReport:
     alarms: tuple[JsonObject, ...]  # of rotors and motors, as the live alarms say them
     redundancy: JsonObject
     accuracy: Accuracy
+    margin_check: MarginCheck | None  # thrust in use, predicted against measured
     quality: JsonObject
     airframe_basis: AirframeBasis
     withheld: tuple[str, ...]  # why there is no verdict; empty where the airframe is known

@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
 from thrustmargin.gcs_plugin.wording.report_words import TO_COPY
-from thrustmargin.models.model.json_values import to_json_values
+from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.whole_file import whole_file
 
 #: What the template may call.

@@ -11,7 +11,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import names_known
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
-from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use
+from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use, trained_on
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
 from thrustmargin.gcs_plugin.reports.margin.data import (
     FlightReport,
@@ -55,13 +55,19 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
     load_facts,
     verdict_facts,
 )
-from thrustmargin.gcs_plugin.wording.report_words import WITHOUT, contact_facts, contact_headline
+from thrustmargin.gcs_plugin.wording.report_words import (
+    WITHOUT,
+    contact_facts,
+    contact_headline,
+    prediction_checked,
+)
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.margin_check import margin_check
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.physics.margin import ceiling
 
@@ -94,12 +100,15 @@ def report_flight(
     basis, measured_share = _basis(made)
     contact = first_contact(log, analysis.claim)
     answer = verdict_facts(worst, advice, analysis.claim, basis, _no_flight(whole.track))
+    check = None if analysis.withheld else margin_check(analysis)
+    checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
     against = plan_beside(analysis, log, plan) if plan and not analysis.withheld else None
     said = (
         *((Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
         *look_facts(found),
         *(answer if contact is None else contact_facts(contact)),
         *(*load_facts(track), *ending_facts(whole.track)),
+        *((Fact("prediction", checked),) if checked else ()),
         *((Fact("plan", against["words"]),) if against else ()),
     )
     verdict = _verdict(made, worst, said, basis, measured_share)
@@ -119,6 +128,7 @@ def report_flight(
         alarms=tuple(alarm_row(one, advice.rotor_names) for one in advice.faults),
         redundancy=redundancy_rows(analysis, rows, seconds),
         accuracy=accuracy(analysis, airframe.rotor_names),
+        margin_check=check,
         quality=_quality(log),
         airframe_basis=analysis.claim.basis,
         withheld=analysis.withheld,

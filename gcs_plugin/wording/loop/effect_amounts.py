@@ -143,8 +143,23 @@ def weak_since_a_flight(it: DescribedEffect) -> str:
     when = f"from Unix time {at:.0f} s"
     if flown.size:
         flight = int(flown[np.argmax(began[flown])])
-        when = f"{clock(at - float(began[flight]))} into {problem.names[flight]}"
+        into_s = at - float(began[flight])
+        when = f"{clock(into_s)} into {problem.names[flight]}"
+        later = np.flatnonzero(began > at)
+        if into_s > problem.first_row_s[flight] + problem.durations[flight] and later.size:
+            when = f"from {problem.names[int(later[np.argmin(began[later])])]} on"
     return f"{_lost(it)} {when}, and has stayed so in later flights"
+
+
+def weak_until_repaired(it: DescribedEffect) -> str:
+    """From which flight to which; after it the rotor is sound."""
+    problem = it.whole.problem
+    start = problem.flight_start_unix_s
+    at, over = it.ends("onset_clock")[0], it.ends("end_clock")[0]
+    bad = np.flatnonzero((start >= at) & (start < over))
+    named = [problem.names[f] for f in bad[np.argsort(start[bad])]]
+    flights = " to ".join(dict.fromkeys((named[0], named[-1]))) if named else "some flights"
+    return f"{_lost(it)} in {flights}, and is sound in the flights after, so it was repaired"
 
 
 hidden_mass = Amount(

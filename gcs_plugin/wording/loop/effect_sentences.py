@@ -33,10 +33,18 @@ class EffectWords:
 def effect_sentence(found: Found, whole: Identification) -> str:
     """Part, amount and action of one effect, without a full stop."""
     words, it = words_of(found.term), DescribedEffect(found, whole)
-    asked = [words.action] if words.action else []
-    if words.action is actions.INSPECT and whole.problem.of_outputs:
+    action = action_of(found)
+    asked = [action] if action else []
+    if action is actions.INSPECT and whole.problem.of_outputs:
         asked.append(actions.THEN_MOTOR)
     return ": ".join(filter(None, (words.sentence(it), ", ".join(a.text for a in asked))))
+
+
+def action_of(found: Found) -> Action | None:
+    """What is asked for an effect; a rotor that makes more than it should has another propeller."""
+    action = words_of(found.term).action
+    gains = action is actions.INSPECT and found.value[found.flight, 0] < 0.0
+    return actions.SAME_KIND if gains else action
 
 
 def effect_thing(term: Term, rotor_names: Sequence[str]) -> str:
@@ -79,6 +87,9 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
         ),
         "rotor_degradation:since": EffectWords(
             WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
+        ),
+        "rotor_degradation:until repaired": EffectWords(
+            WEAK + " until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
         ),
         "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
         "air_density": EffectWords("air density", amounts.air_density),
@@ -139,6 +150,9 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
             actions.ESC_SPEEDS,
         ),
         "wind": EffectWords("wind", amounts.wind, actions.CHECK_WIND),
+        "unnamed_cause": EffectWords(
+            "a cause without a name", amounts.by_parameters, actions.KEEP_AS_SEEN
+        ),
         FOLLOWED_WIND.key: EffectWords("wind", amounts.followed_wind, None),
     }
 )

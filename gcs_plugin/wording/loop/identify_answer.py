@@ -11,13 +11,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.fault_words import fault_amount
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
     effect_sentence,
     effect_thing,
 )
+from thrustmargin.gcs_plugin.wording.loop.unexplained_words import unexplained, unnamed_causes
 from thrustmargin.gcs_plugin.wording.numbers import (
-    channel_name,
+    chance,
     duration,
     joined,
     number,
@@ -25,9 +27,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     shown_unit,
     within,
 )
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
-from thrustmargin.models.identification.answer.adequacy import OWN_THRUST
 from thrustmargin.models.identification.answer.margin_change import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.answer.result import (
     Errors,
@@ -39,6 +39,8 @@ from thrustmargin.models.identification.answer.result import (
 from thrustmargin.models.identification.next_flight.next_flight import CERTAIN, NextFlight
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS
+from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.rotor_faults import faults_in_model
 
 #: Share of thrust by which a margin must move to be reported as a change.
 NOTICED = 0.005
@@ -58,19 +60,13 @@ def answer(
     lines = [effect_sentence(f, found) for f in rotors_first]
     lines += [one_of(o, names) for o in found.one_of]
     lines += [mentioned(m, names) for m in found.mentioned]
+    lines += [held_damage(fault, names) for fault in faults_in_model(found.model)]
     open_mode = unexplained(found)
     if not lines and not open_mode:
         lines.append(nothing(found))
     lines += [open_mode] if open_mode else []
+    lines += [unnamed_causes(found.open_causes)] if found.open_causes else []
     lines += [effect_sentence(f, found) for f in found.followed]
-    for f in found.found:
-        if f.indistinguishable_from and not found.one_of:
-            others = " or ".join(_thing_of(words, names) for words in f.indistinguishable_from)
-            thing = effect_thing(f.term, names)
-            would = f.term.effect.distinguished_by
-            if f.term.rotor is None:  # what distinguishes a rotor begins with a look
-                would = looked_first(suspects) + would
-            lines.append(f"These flights cannot distinguish {thing} from {others}: {would}")
     if following is not None:
         lines.append(next_flight_words(following, names, mission, suspects))
     lines.append(error_words(found, margin))
@@ -117,6 +113,14 @@ def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
     )
 
 
+def held_damage(fault: RotorFault, names: tuple[str, ...]) -> str:
+    """That the model was given a weak rotor before, which repaired nothing."""
+    return (
+        f"The model already holds {rotor_words(fault.rotor, names)} at {fault_amount(fault)} less "
+        f"thrust: unless that was repaired, {actions.INSPECT.text}"
+    )
+
+
 def nothing(found: Identification) -> str:
     """That no effect is named, how sure that is, and the loss of a rotor that is excluded."""
     of_rotors = {
@@ -140,18 +144,19 @@ def nothing(found: Identification) -> str:
 
 
 def _nothing_or_what(found: Identification) -> str:
-    """`Nothing is found missing`, with its probability where not sure; else the likeliest."""
+    """`Nothing is found missing`, with its probability where not sure; else that something is.
+
+    What is likely and was not borne out by flights left out is in the table, and asks for nothing.
+    """
     none = sum(one.probability for one in found.alternatives if not one.terms)
     if not found.alternatives or none >= CERTAIN:
         return "Nothing is found missing"
     if none >= 0.5:
         return f"Nothing is found missing ({chance(none)})"
-    likeliest = max(found.alternatives, key=lambda one: one.probability)
-    things = set_words(likeliest.terms, found.model.airframe.rotor_names)
     some = 1.0 - none if none else sum(one.probability for one in found.alternatives)
     return (
-        f"Something may be missing ({chance(some)}), and these flights do not show what; "
-        f"likeliest is {things} ({chance(likeliest.probability)})"
+        f"Something small may be missing ({chance(some)}), and these flights do not show what: "
+        "nothing to repair"
     )
 
 
@@ -173,13 +178,6 @@ def more_than_sound(found: Identification) -> str:
         f"{number(error.rmse_rpm, 'rpm', 0)}, sound flights by up to {number(most, 'rpm', 0)} "
         f"(95 %), {where}"
     )
-
-
-def chance(probability: float) -> str:
-    """`60 %` of 0.6; never 0 or 100 %."""
-    if 0.01 <= probability <= 0.99:
-        return percent(probability)
-    return "over 99 %" if probability > 0.5 else "under 1 %"
 
 
 def at_most(size: float, unit: str, name: str = "") -> str:
@@ -215,41 +213,6 @@ def set_words(terms: Sequence[Term], names: Sequence[str]) -> str:
     """A set of effects: `hidden mass and a weak rotor 1 (front right)`."""
     things = [effect_thing(term, names) for term in terms] or ["nothing"]
     return " and ".join(filter(None, (", ".join(things[:-1]), things[-1])))
-
-
-def unexplained(found: Identification) -> str:
-    """What is left that no effect explains; empty when nothing is."""
-    left = found.unexplained()
-    if left["mode"] is None:
-        return ""
-    share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
-    along = f"goes with {channel_name(left['channel'])}"
-    action = f"nothing was added for it; {actions.COMPARE_SOUND.text}"
-    if left["wanders"]:
-        along = "comes and goes within flights more than in good ones, and goes with no channel"
-        action = f"{actions.LOOK_FOR_ICE.text}; {actions.COMPARE_WIND.text}"
-    names = found.model.airframe.rotor_names
-    if left.get("rotor"):
-        goes = "goes with its own thrust" if left["channel"] == OWN_THRUST else along
-        return (
-            f"{rotor_words(left['rotor'] - 1, names).capitalize()} does not lose the same share of "
-            f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
-            f"that, so none was added; {actions.INSPECT.text}, and {actions.UNSTEADY.text}"
-        )
-    things = " or ".join(dict.fromkeys(_thing_of(w, names) for w in left.get("closest") or ()))
-    close = f"; closest in the table: {things}" if things else ""
-    return (
-        f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"
-        f": {action}"
-    )
-
-
-def _thing_of(words: str, names: Sequence[str]) -> str:
-    """What an effect is called, from `Term.words`: its name, and its rotor from 1."""
-    name, _, rotor = words.partition(" of rotor ")
-    if name not in BY_KEY:
-        return words.replace("_", " ")
-    return effect_thing(Term(effect=BY_KEY[name], rotor=int(rotor) - 1 if rotor else None), names)
 
 
 def next_flight_words(

@@ -47,8 +47,6 @@ AIR_DENSITY = Effect(
         "reported_density": lambda p, x: x.reference_density / _warmer(p, x) ** x.density_effects
     },
     source="thrust goes with air density; the offset is of the air to what the log has",
-    distinguished_by="read a shaded thermometer and a barometer; or fly the same load on a colder "
-    "day",
     apply=_kappa,
     torque=_torque,
     weight=_weight,

@@ -15,7 +15,6 @@ THRUST_DRIFT = Effect(
         Parameter(name="rate", unit="1/s", lower=-1e-3, upper=2e-3, scale=1e-4, smallest=1.7e-5),
     ),
     source="icing, fouling or dust: all rotors lose thrust as time goes on",
-    distinguished_by="hover 60 s full and 60 s empty, then again with the tank held level",
     apply=lambda p, x: 1.0 - p["rate"] * x.time_s,
 )
 
@@ -45,7 +44,6 @@ BATTERY_VOLTAGE = Effect(
     neutral={"voltage": lambda p, x: (1.0 + p["level"]) * x.reference_voltage},
     source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
     "the battery show thrust going with voltage^p, speeds that follow it too far against it",
-    distinguished_by="the same load on a fresh battery and on one half used",
     apply=_kappa,
 )
 

@@ -27,7 +27,6 @@ CLIMB_INFLOW = Effect(
     neutral={"advance_ratio": 0.0},
     of_every_aircraft=True,
     source="blade element: thrust falls with the advance ratio of the axial inflow, J = w 60/(N D)",
-    distinguished_by="climb and descend at a steady rate at one tank level",
     apply=lambda p, x: 1.0 - p["slope"] * x.advance_ratio,
     weight=_weight,
 )
@@ -47,7 +46,6 @@ TRANSLATIONAL_LIFT = Effect(
     of_every_aircraft=True,
     source="Glauert: induced velocity in forward flight, v_i/v_h = sqrt(sqrt(1 + m^4/4) - m^2/2), "
     "m = V/v_h",
-    distinguished_by="a straight line flown fast and slow at the same tank level",
     apply=_kappa,
 )
 
@@ -63,7 +61,6 @@ GROUND_EFFECT = Effect(
     needs=("radius_over_height",),
     neutral={"radius_over_height": 0.0},
     source="Cheeseman and Bennett: 1/kappa = 1 - k (R/z)^2, k = 1/16 for one rotor",
-    distinguished_by="hover as low as is safe over flat ground, then at five rotor radii",
     apply=lambda p, x: 1.0 / (1.0 - p["strength"] * x.radius_over_height**2),
 )
 

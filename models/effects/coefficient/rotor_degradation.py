@@ -30,12 +30,11 @@ def _torque(p, x: Channels):
 
 def _after_onset(p, x: Channels):
     if "onset_clock" in p:
-        since = x.clock_s - p["onset_clock"]
-    elif "onset_time" in p:
-        since = x.time_s - p["onset_time"]
-    else:
+        began = _risen(x.clock_s - p["onset_clock"])
+        return began * _risen(p["end_clock"] - x.clock_s) if "end_clock" in p else began
+    if "onset_time" not in p:
         return 1.0 + 0.0 * x.time_s
-    began = _risen(since)
+    began = _risen(x.time_s - p["onset_time"])
     return began * _risen(p["end_time"] - x.time_s) if "end_time" in p else began
 
 
@@ -62,8 +61,6 @@ ROTOR_DEGRADATION = Effect(
     kind=Kind.COEFFICIENT,
     parameters=(LOSS, TORQUE_SHARE),
     source="a worn, chipped or dirty propeller makes less thrust at a speed",
-    distinguished_by="with the battery off, fit a new propeller of the same kind: the loss of a "
-    "worn one goes, that of a motor or a wrong sensor stays",
     apply=_kappa,
     torque=_torque,
     of_one_rotor=True,
@@ -98,22 +95,34 @@ ROTOR_DEGRADATION_EACH = replace(
     afterwards=None,
 )
 
+_CLOCK = replace(ONSET_TIME, name="onset_clock", upper=1e11)
+
 ROTOR_DEGRADATION_SINCE = replace(
     ROTOR_DEGRADATION_EACH,
     variant="since",
-    parameters=(LOSS, replace(ONSET_TIME, name="onset_clock", upper=1e11), TORQUE_SHARE),
+    parameters=(LOSS, _CLOCK, TORQUE_SHARE),
     needs=("clock_s",),
     neutral={"clock_s": lambda p, x: p["onset_clock"] - LONG_BEFORE},
     source="a propeller that chips in one flight stays so in the flights after it",
     afterwards=ROTOR_DEGRADATION,
 )
 
+ROTOR_DEGRADATION_UNTIL = replace(
+    ROTOR_DEGRADATION_SINCE,
+    variant="until repaired",
+    parameters=(LOSS, _CLOCK, replace(_CLOCK, name="end_clock"), TORQUE_SHARE),
+    source="a propeller that was weak in some flights in a row and was replaced after them",
+    afterwards=None,
+    gone=True,
+)
+
 #: A rotor that goes bad at a moment: in one flight, in it for a while, in each at one time, in one
-#: and all later.
+#: and all later, in some flights in a row.
 ONSETS = (
     ROTOR_DEGRADATION_ONSET,
     ROTOR_DEGRADATION_WHILE,
     ROTOR_DEGRADATION_EACH,
     ROTOR_DEGRADATION_SINCE,
+    ROTOR_DEGRADATION_UNTIL,
 )
 EFFECTS = (ROTOR_DEGRADATION, *ONSETS)

@@ -37,7 +37,6 @@ PARASITE_DRAG = Effect(
     of_every_aircraft=True,
     source="thrust carries weight, drag and acceleration: |m (a - g) - D|, D = rho CdA V^2 / 2, so "
     "its square has D^2 and, while speeding up along the way, 2 D m a",
-    distinguished_by="a straight line flown fast and slow at the same tank level",
     apply=_dragged,
     looks=lambda p: (derivative_look(ALONG_SPAN), derivative_look(ALONG_SPAN)),
 )

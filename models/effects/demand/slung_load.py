@@ -181,8 +181,6 @@ def _bracket(number: int) -> Effect:
         with_tank=False,
         source="a load on a cable swings as a spherical pendulum below the aircraft, driven by the "
         "specific force that the aircraft feels; its mass is part of the weight already",
-        distinguished_by="hover until the load hangs still, fly slowly, then brake and let it "
-        "swing",
         apply=_slung_load,
         own_channel=cable_pull,
     )

@@ -16,7 +16,6 @@ EXTRA_MASS = Effect(
     ),
     needs=("total_mass",),
     source="weight: mass that the tank gauge does not see",
-    distinguished_by="disarmed, weigh the aircraft; or hover 60 s full and 60 s empty",
     apply=lambda p, x, thrust: thrust * (1.0 + p["mass"] / x.total_mass),
     on_airframe=lambda p, airframe, rotor: replace(
         airframe, empty_mass=airframe.empty_mass + float(p["mass"])
@@ -56,7 +55,6 @@ LOAD_FACTOR = Effect(
     source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts; "
     "the derivative correction gives back what reports a few times a second smooth away, or "
     "smooths their noise",
-    distinguished_by="stops and pull-ups at one tank level, with little in the tank",
     apply=_loaded,
     change=lambda effect, has, scatter: None,  # Newton's law is the same on every day
     looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),

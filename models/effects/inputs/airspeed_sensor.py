@@ -42,7 +42,6 @@ AIRSPEED_BIAS = Effect(
     needs=("airspeed", "airspeed_bias"),
     own_channel=of_sensor,
     source="a sensor whose zero is off: true airspeed = shown + bias, and never below nothing",
-    distinguished_by="hover in still air, then fly a straight line both ways at two speeds",
     apply=lambda p, x, airspeed, tank_kg: (np.clip(airspeed + p["bias"], 0.0, None), tank_kg),
 )
 
@@ -55,7 +54,6 @@ AIRSPEED_GAIN = Effect(
     own_channel=of_sensor,
     source="a pitot tube in the rotors' flow, or thin air read as dense: true airspeed = gain x "
     "shown",
-    distinguished_by="fly a straight line both ways at two speeds in still air",
     apply=lambda p, x, airspeed, tank_kg: (airspeed * p["gain"], tank_kg),
 )
 

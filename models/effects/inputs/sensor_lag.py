@@ -25,7 +25,6 @@ SENSOR_LAG = Effect(
     own_channel=of_sensor,
     neutral={"airspeed_shifts": lambda p, x: x.airspeed[:, None]},
     source="the airspeed channel reports late by `lag`",
-    distinguished_by="quick changes of speed: accelerate and brake on a straight line",
     apply=_airspeed_late,
     looks=lambda p: shifts_look(p["lag"]),
 )
@@ -48,7 +47,6 @@ ROTOR_SPEED_LAG = Effect(
     needs=("airspeed_shifts",),
     neutral={"airspeed_shifts": lambda p, x: x.airspeed[:, None]},
     source="the rotor speeds are reported late by `lag`: telemetry that queues or comes rarely",
-    distinguished_by="quick changes of speed and heading: accelerate, brake and turn",
     apply=_rotor_speed_late,
     looks=lambda p: shifts_look(0.0),
     delays=True,

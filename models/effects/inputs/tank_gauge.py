@@ -21,7 +21,6 @@ TANK_SCALE = Effect(
     parameters=(instrument_gain(0.01),),
     needs=("tank_kg",),
     source="a gauge whose slope is wrong: true mass = gain x shown mass",
-    distinguished_by="hover 60 s full and 60 s empty",
     apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg * p["gain"]),
 )
 
@@ -41,7 +40,6 @@ TANK_ZERO = Effect(
     ),
     needs=("tank_kg",),
     source="a gauge that is set to zero anew before each flight: true mass = shown mass + offset",
-    distinguished_by="read the gauge with an empty tank before each flight, disarmed",
     apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg + p["offset"]),
     weight=_spread,
     by_flights=True,
@@ -63,7 +61,6 @@ TANK_DRIFT = Effect(
     needs=("tank_kg",),
     source="a gauge that drifts, or adds up a flow that is wrong: true mass = shown mass + rate x "
     "time since the start",
-    distinguished_by="after landing, disarmed, weigh what is left in the tank",
     apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg + p["rate"] * x.time_s),
 )
 

@@ -44,7 +44,6 @@ WIND = Effect(
         "velocity_east": lambda p, x: p["wind_east"],
     },
     source="airspeed is the speed over ground less the wind",
-    distinguished_by="one line flown both ways at the same speed and tank level",
     apply=_through_air,
     weight=_weight,
 )

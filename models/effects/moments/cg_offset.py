@@ -33,8 +33,6 @@ CG_OFFSET = Effect(
     parameters=(_offset("x"), _offset("y")),
     of_every_aircraft=True,
     source="balance of moments: thrust stands off the centre of gravity by (x, y)",
-    distinguished_by="hover 60 s full and 60 s empty; or, with the battery off, weigh it under "
-    "each arm",
     apply=_fixed,
 )
 
@@ -46,7 +44,6 @@ CG_OFFSET_TANK = Effect(
     needs=("tank_kg",),
     of_every_aircraft=True,
     source="balance of moments: a tank mounted off centre shifts the balance as it fills",
-    distinguished_by="hover 60 s full and 60 s empty",
     apply=_with_tank,
 )
 

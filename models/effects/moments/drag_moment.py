@@ -69,7 +69,6 @@ DRAG_MOMENT = Effect(
     of_every_aircraft=True,
     source="balance of forces in wind: the force in the rotors' plane is drag, which acts at a "
     "height above the centre of gravity that holds the rotors' own moment in flow",
-    distinguished_by="hover in wind with the nose to it, then with each side to it",
     # As the moment of flow: a sprayer, slow under its load, shows too little of it.
     with_tank=False,
     looks=lambda p: (LOOK, LOOK),

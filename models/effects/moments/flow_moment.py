@@ -41,7 +41,6 @@ FLOW_MOMENT = Effect(
     of_every_aircraft=True,
     source="flapping of advancing and retreating blades, and front rotors in cleaner air than rear "
     "ones: moment = gain x thrust x propeller diameter x speed / induced velocity of hover",
-    distinguished_by="a straight line flown forwards, backwards and sideways at one slow speed",
     # Slow under its load, a sprayer shows too little of it: looked for there, it takes the place
     # of a speed channel that is late.
     with_tank=False,

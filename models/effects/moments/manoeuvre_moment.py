@@ -99,8 +99,6 @@ def _changed(effect: Effect, has: Sequence[Values], scatter: Mapping[str, float]
         effect,
         variant="changed",
         parameters=(share,),
-        distinguished_by="with the battery off, weigh what arms and booms carry; or turn the nose "
-        "quickly in a hover, with little in the tank",
         apply=lambda p, x, thrust: effect.apply(kept(p), x, thrust),
         looks=lambda p: effect.looks(has[0]),
         change=None,
@@ -131,8 +129,6 @@ MANOEUVRE_MOMENT = Effect(
     source="Euler: moment = I d(omega)/dt + damping x omega; I goes with the load, as liquid and "
     "hidden mass change it; the derivative correction gives back what differences of a sampled "
     "rate smooth away; about yaw the rotors' own inertia acts too, by `spin_up`",
-    distinguished_by="quick turns of the nose and short quick moves to each side, with "
-    "little in the tank",
     apply=_turned,
     change=_changed,
     looks=lambda p: shifts_look(p["lag"], derivative_look(RATE_SPAN)),

@@ -31,8 +31,6 @@ YAW_TRIM = Effect(
     of_every_aircraft=True,
     source="a tilted motor turns part of its thrust into a yaw moment, in proportion to it; the "
     "moment is that of a hover with half a tank",
-    distinguished_by="with the battery off, level the motors; if the moment stays, fit new "
-    "propellers, each of the kind of its own motor; or hover 60 s at two tank levels",
     apply=_tilted,
 )
 
@@ -62,7 +60,6 @@ WEATHERVANE = Effect(
     of_every_aircraft=True,
     source="drag that acts ahead of the centre of gravity or behind it: moment = lever x thrust x "
     "sideways speed / induced velocity of hover",
-    distinguished_by="a straight line flown sideways, to the right and to the left",
     with_tank=False,  # as the moment of flow
     own_channel=flow,
     apply=_turned,

@@ -67,8 +67,6 @@ def followed_wind(
         upper=value + half,
         rmse_before_rpm=before,
         rmse_after_rpm=after,
-        p_value=p,
-        indistinguishable_from=(),
     )
 
 

@@ -136,9 +136,7 @@ class LeftOut:
 
     def with_carried(self, members: Collection[int]) -> Floats:
         """The same with those of the effects alone that flights to come will have."""
-        lasting = {
-            c for c in members if not any(p.per_flight for p in self._term(c).effect.parameters)
-        }
+        lasting = {c for c in members if not self._term(c).effect.of_its_flights}
         values = [fold.values(self.search, members) for fold in self.folds]
         return self._without([{c: v for c, v in of.items() if c in lasting} for of in values])
 

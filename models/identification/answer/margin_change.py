@@ -8,6 +8,7 @@ the lowest 1 % of the rows, at their upper end.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +37,8 @@ class MarginChange:
 
 
 def margin_changes(found: Identification) -> tuple[tuple[MarginChange, ...], MarginChange]:
-    """The change by each effect found, in order, and by all of them for the worst rotor.
+    """The change by each effect found, in order, and by all of them for the worst rotor, with what
+    has no name.
 
     Predicted for the held-out flights; for the fitted ones where there are none, or where an
     effect has values of its flights that others do not have.
@@ -54,7 +56,9 @@ def margin_changes(found: Identification) -> tuple[tuple[MarginChange, ...], Mar
         _change(stages[k], stages[k + 1], effect.term.rotor, flights)
         for k, effect in enumerate(found.found)
     )
-    return steps, _change(stages[0], stages[-1], None, flights)
+    unnamed = [one.placed for one in found.open_causes]
+    whole = utilisation(_speeds(problem, found.found, own, unnamed), limit)
+    return steps, _change(stages[0], whole, None, flights)
 
 
 def _ceiling(problem: Problem) -> Floats:
@@ -63,7 +67,9 @@ def _ceiling(problem: Problem) -> Floats:
     return limits.max_rotor_speed_rpm
 
 
-def _speeds(problem: Problem, effects: tuple[Found, ...], own: bool) -> Floats:
+def _speeds(
+    problem: Problem, effects: tuple[Found, ...], own: bool, unnamed: Sequence[Placed] = ()
+) -> Floats:
     placed = [
         Placed(
             effect=f.term.effect,
@@ -75,7 +81,7 @@ def _speeds(problem: Problem, effects: tuple[Found, ...], own: bool) -> Floats:
         )
         for f in effects
     ]
-    every = [tolerant(item) for item in (*problem.placed, *placed)]
+    every = [tolerant(item) for item in (*problem.placed, *placed, *unnamed)]
     return rotor_speed_rpm(problem.base, every, problem.channels)
 
 

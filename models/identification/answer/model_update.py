@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.base import Effect, Values
+from thrustmargin.models.effects.base import Values
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.result import Found, Identification, OpenCause
 from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS, learnt_spread
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import ensemble_speed
@@ -55,9 +55,10 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
         )
     names = found.problem.names
     records = [record_of(f, names, date) for f in found.found]
-    notes = [_left_behind(f, names) for f in found.found if of_single_flights(f.term.effect)]
+    notes = [_left_behind(f, names) for f in found.found if f.term.effect.of_its_flights]
     interval, about = _interval(model, found)
     added = tuple(r for r in records if r is not None)
+    added += tuple(_as_seen(one, names, date) for one in found.open_causes)
     return ModelUpdate(
         model=replace(
             model,
@@ -69,15 +70,10 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
     )
 
 
-def of_single_flights(effect: Effect) -> bool:
-    """True when the effect has values of single flights."""
-    return any(p.per_flight for p in effect.parameters)
-
-
 def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRecord | None:
     """The effect as a model file keeps it; None when it belongs to its flights alone."""
     effect = found.term.effect.afterwards or found.term.effect
-    if of_single_flights(effect):
+    if effect.of_its_flights:
         return None
     if effect.kept_as is not None:
         return _as_kept(found, effect.kept_as, names, date)
@@ -96,6 +92,22 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
             for k, p in enumerate(found.term.effect.parameters)
             if p.name in kept
         },
+        flights=names,
+        date=date,
+    )
+
+
+def _as_seen(one: OpenCause, names: tuple[str, ...], date: str) -> EffectRecord:
+    """A cause without a name, with the range in which it was seen."""
+    parameters = {}
+    for p in one.effect.parameters:
+        value, half = one.values[p.name], one.half_widths.get(p.name, 0.0)
+        parameters[p.name] = Identified(value=value, unit=p.unit, ci95=(value - half, value + half))
+    return EffectRecord(
+        name=one.effect.name,
+        variant=one.effect.variant,
+        rotor=None,
+        parameters=parameters,
         flights=names,
         date=date,
     )
@@ -127,6 +139,11 @@ def _left_behind(found: Found, names: tuple[str, ...]) -> str:
         return (
             f"rotor {(found.term.rotor or 0) + 1} went bad during {names[found.flight]}: "
             "the new model has it bad throughout, as after the onset"
+        )
+    if effect.gone:
+        return (
+            f"rotor {(found.term.rotor or 0) + 1} was repaired during these flights: the new model "
+            "has it sound"
         )
     return (
         f"the {effect.name} was that of its flights and is not in the new model: "

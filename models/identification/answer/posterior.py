@@ -210,8 +210,8 @@ class Posterior:
             by_weight = [c for c in by_weight if c not in group]
         return tuple(found)
 
-    def mentioned(self, named: Sequence[int]) -> tuple[Mentioned, ...]:
-        """Rotors without a name that still have weight."""
+    def mentioned(self, named: Sequence[int]) -> tuple[tuple[Mentioned, int], ...]:
+        """Rotors without a name that still have weight, each with its likeliest candidate."""
         candidates = self.search.candidates
         safe = {candidates[c].term.rotor for c in named}
         rotors: dict[int, list[int]] = {}
@@ -228,14 +228,10 @@ class Posterior:
             estimate = self.estimate(likeliest)
             largest = int(np.argmax(np.abs(estimate.value[:, 0])))
             loss, half = (float(v[largest, 0]) for v in (estimate.value, estimate.half_width))
-            found.append(
-                Mentioned(
-                    rotor=rotor,
-                    probability=probability,
-                    loss=loss,
-                    ci95=(loss - half, loss + half),
-                )
+            one = Mentioned(
+                rotor=rotor, probability=probability, loss=loss, ci95=(loss - half, loss + half)
             )
+            found.append((one, likeliest))
         return tuple(found)
 
     def excluded(self, linear: Linear, named: Sequence[int]) -> tuple[Excluded, ...]:

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.effects.unnamed import CONSTANT
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.adequacy import Unexplained
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import Problem
-from thrustmargin.models.model.json_values import to_json_values
+from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.rotor_model import RotorModel
 
 
@@ -64,8 +66,6 @@ class Found:
     upper: Floats
     rmse_before_rpm: float
     rmse_after_rpm: float
-    p_value: float
-    indistinguishable_from: tuple[str, ...]
     probability: float = 1.0
 
     def __repr__(self) -> str:
@@ -111,13 +111,41 @@ class Found:
             "parameters": self.parameters(names),
             "rmse_before_rpm": self.rmse_before_rpm,
             "rmse_after_rpm": self.rmse_after_rpm,
-            "p_value": self.p_value,
-            "indistinguishable_from": list(self.indistinguishable_from),
-            "tell_apart_by": self.term.effect.distinguished_by
-            if self.indistinguishable_from
-            else None,
             "source": self.term.effect.source,
             "already_followed": followed,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OpenCause:
+    """One curve along a channel: the value of each parameter and half its 95 % interval."""
+
+    effect: Effect
+    mode: str
+    channel: str
+    alike: tuple[str, ...]  # other channels along which it would go as well in these flights
+    values: dict[str, float]
+    half_widths: dict[str, float]
+    rms_rpm: float  # of what it changes in these flights
+
+    @property
+    def placed(self) -> Placed:
+        return Placed(effect=self.effect, values=self.values)
+
+    def to_json(self) -> dict[str, Any]:
+        """Mode, channel, the range in which it was seen, and the curve with its intervals."""
+        units = {p.name: p.unit for p in self.effect.parameters}
+        knots = [k for k in self.values if k in self.half_widths]
+        channel = None if self.channel == CONSTANT else self.channel
+        return {
+            "mode": self.mode,
+            "channel": channel,
+            "alike": list(self.alike),
+            "range": [self.values["low"], self.values["high"]] if channel else None,
+            "unit": units.get("low"),
+            "curve": [self.values[k] for k in knots],
+            "half_widths": [self.half_widths[k] for k in knots],
+            "rms_rpm": self.rms_rpm,
         }
 
 
@@ -141,6 +169,7 @@ class Identification:
     one_of: tuple[OneOf, ...] = ()
     excluded: tuple[Excluded, ...] = ()
     mentioned: tuple[Mentioned, ...] = ()
+    open_causes: tuple[OpenCause, ...] = ()  # without a name, in the new model as they were seen
     followed: tuple[Found, ...] = ()  # what the flights have and a channel reports to the model
     untried: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
@@ -226,6 +255,7 @@ class Identification:
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
+                "unnamed_causes": [one.to_json() for one in self.open_causes],
                 "floor_rpm": self.floor_rpm,
                 "sensor_noise_rpm": self.sensor_noise_rpm,
             }

@@ -28,11 +28,12 @@ from thrustmargin.models.identification.answer.posterior import (
     Posterior,
     posterior_of,
 )
-from thrustmargin.models.identification.answer.result import OneOf
+from thrustmargin.models.identification.answer.result import Mentioned, OneOf
 from thrustmargin.models.identification.answer.uneven_loss import (
     uneven_loss,
     unexplained_loss,
 )
+from thrustmargin.models.identification.costs import COSTS
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.sets.search_space import SearchSpace
 from thrustmargin.models.identification.sets.set_search import Progress, Search
@@ -49,6 +50,7 @@ class StandingNames:
     one_of: tuple[OneOf, ...]
     left: Unexplained | None
     closest: tuple[int, ...]  # to what is left
+    mentioned: tuple[Mentioned, ...]
 
     @property
     def members(self) -> list[int]:
@@ -117,6 +119,7 @@ def standing_names(
         left = unexplained(space, search, first.of_alone(said))
         closest = closest_to(left, silent, search, answer.best)
         left = left if closest else None
+    members = [e.candidate for e in estimates]
     return StandingNames(
         answer=answer,
         left_out=left_out,
@@ -125,6 +128,12 @@ def standing_names(
         one_of=one_of,
         left=left,
         closest=tuple(closest),
+        mentioned=tuple(
+            one
+            for one, c in answer.mentioned(members)
+            if one.probability >= COSTS["rotor"].asked_from
+            and error(members) >= (1.0 + LEAST_FALL) * error([*members, c])
+        ),
     )
 
 

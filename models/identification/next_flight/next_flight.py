@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import ndtr, ndtri
 
-from thrustmargin.models.effects import BY_KEY, effects_for
+from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -96,8 +96,8 @@ def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> Ne
 def explanations_of(found: Identification) -> tuple[Terms, Terms] | None:
     """The two likeliest explanations that an identification could not distinguish.
 
-    In this order: one of several effects, two sets of effects, a rotor that is not cleared, an
-    effect and another that would do as well. None when it left nothing open.
+    In this order: one of several effects, two sets of effects, a rotor that is not cleared. None
+    when it left nothing open.
     """
     named = tuple(f.term for f in found.found)
     for one in found.one_of:
@@ -109,11 +109,6 @@ def explanations_of(found: Identification) -> tuple[Terms, Terms] | None:
         return found.alternatives[0].terms, found.alternatives[1].terms
     for rotor in sorted(found.mentioned, key=lambda one: -one.probability):
         return named, (*named, Term(effect=ROTOR_DEGRADATION, rotor=rotor.rotor))
-    for one in found.found:
-        for name in one.indistinguishable_from:
-            if name in BY_KEY:
-                rest = tuple(t for t in named if t.key != one.term.key)
-                return named, (*rest, Term(effect=BY_KEY[name].scaled(found.model.airframe)))
     return None
 
 

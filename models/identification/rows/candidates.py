@@ -24,6 +24,8 @@ from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 #: is mostly of one, and two imitate a centre of gravity and a yaw moment
 EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005
 EVEN = 1.0  # odds of what every aircraft has, where no flight of this one has taught the model
+#: a propeller of the next size: 5 % of diameter more makes (1.05)^4, a fifth more thrust at a speed
+MOST_GAIN = 0.15
 STEP = 1e-3  # of a parameter's usual size, of the central difference
 
 
@@ -158,7 +160,7 @@ def _flyable_loss(reduced: Reduced) -> float:
 def _bounded(effect: Effect, most: float) -> Effect:
     """A rotor's loss that nobody could have flown with is none, nor is a rotor that gains."""
     kept = tuple(
-        replace(p, lower=-p.smallest, upper=min(p.upper, max(most, p.scale)))
+        replace(p, lower=-MOST_GAIN, upper=min(p.upper, max(most, p.scale)))
         if p.name == LOSS.name
         else p
         for p in effect.parameters

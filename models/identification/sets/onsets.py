@@ -1,10 +1,10 @@
 """A rotor that goes bad at a moment: which rotor, when, and in which flights.
 
 About a set without any bad rotor, the gain of a loss that begins at a time is g²/2h of its column,
-the loss's derivative from that time on. Four kinds of step are looked for: in one flight, in it for
-a while, at one time of every flight, and from a moment of one flight on through all later ones. The
-best of each rotor and kind becomes a candidate of the search; that it was chosen among many times
-is in its prior.
+the loss's derivative from that time on. Five kinds of step are looked for: in one flight, in it for
+a while, at one time of every flight, from a moment of one flight on through all later ones, and, of
+however many flights, in some of them in a row, by their clock. The best of each rotor and kind
+becomes a candidate of the search; that it was chosen among many times is in its prior.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from thrustmargin.models.effects.coefficient.rotor_degradation import (
     ROTOR_DEGRADATION_EACH,
     ROTOR_DEGRADATION_ONSET,
     ROTOR_DEGRADATION_SINCE,
+    ROTOR_DEGRADATION_UNTIL,
     ROTOR_DEGRADATION_WHILE,
 )
 from thrustmargin.models.flight import Bools, Floats
@@ -44,6 +45,7 @@ KINDS = {
     "while": (ROTOR_DEGRADATION_WHILE, "onset_time"),
     "each": (ROTOR_DEGRADATION_EACH, "onset_time"),
     "since": (ROTOR_DEGRADATION_SINCE, "onset_clock"),
+    "until": (ROTOR_DEGRADATION_UNTIL, "onset_clock"),
 }
 
 
@@ -84,6 +86,11 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
                 gain, ends = _while(sums, step)
                 if gain > best.get("while", (0.0,))[0]:
                     best["while"] = (gain, step.flight or 0, ends)
+        spans = list(sums.spans())
+        tries += search.reduced.flights**2 // 2 if spans else 0
+        for kind, gain, flight, ends in spans:
+            if gain > best.get(kind, (0.0,))[0]:
+                best[kind] = (gain, flight, ends)
         # What the same rotor's loss from the beginning says far better is no step.
         least = _gains(sums.throughout())[0] - FAR
         for kind, (gain, flight, when) in best.items():
@@ -133,15 +140,14 @@ class _LossSums:
     search: Search
     columns: Floats  # (N, R, 2) rpm in modes: the loss throughout, and the residual
     level: int
-    shared: Sequence[Floats]  # (X, 2) of each flight; of none where they are too many
+    shared: Sequence[Floats]  # (X, 2) of each flight
     own: Sequence[Floats]  # (2, 2)
 
     @classmethod
     def of(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
         columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
         flight, flights = search.nuisance.whitening.flight, search.reduced.flights
-        alone = range(flights) if flights <= MOST_FLIGHTS else ()
-        parts = [search.nuisance.of_means(flight == f).sums(columns) for f in alone]
+        parts = [search.nuisance.of_means(flight == f).sums(columns) for f in range(flights)]
         return cls(
             search=search,
             columns=columns,
@@ -154,6 +160,39 @@ class _LossSums:
         """(2, 2) of the loss in all flights from their beginning, and of the residual."""
         level = slice(self.level, self.level + 1)
         return self.search.solved.reduce(self.search.nuisance.sums(self.columns), level)[0]
+
+    def spans(self) -> Iterator[tuple[str, float, int, tuple[float, ...]]]:
+        """Of a loss in some flights in a row, by their clock: the best that lasts to the end, and
+        the best that ends before it: kind, gain, -1 for a moment of no flight, and Unix times."""
+        x, flight, flights = self.search.reduced.channels, self.search.reduced.flight, len(self.own)
+        ends = np.array([x.clock_s[flight == f][[0, -1]] for f in range(flights)])
+        if flights < 3 or not np.isfinite(ends).all():
+            return
+        order = np.argsort(ends[:, 0])
+        shared, own = (np.array([of[f] for f in order]) for of in (self.shared, self.own))
+        # Sums of the loss over flights i to j, with the residual of all flights beside them.
+        loss = np.concatenate([np.zeros_like(shared[:1, :, 0]), np.cumsum(shared[:, :, 0], axis=0)])
+        power = np.concatenate([[0.0], np.cumsum(own[:, 0, 0])])
+        along = np.concatenate([[0.0], np.cumsum(own[:, 0, 1])])
+        inside = self.search.solved.shared[self.level]
+        residual = inside @ shared[:, :, 1].sum(axis=0)
+        best: dict[str, tuple[float, int, int]] = {}
+        for i in range(flights):
+            stops = np.arange(i + 1, flights + (i > 0))
+            part = loss[stops] - loss[i]
+            size = power[stops] - power[i] - np.einsum("sx,xy,sy->s", part, inside, part)
+            pull = np.maximum(along[stops] - along[i] - part @ residual, 0.0)
+            for stop, gain in zip(stops, pull**2 / np.maximum(size, 1e-12) / 2, strict=True):
+                kind = "since" if stop == flights else "until"
+                if gain > best.get(kind, (0.0,))[0]:
+                    best[kind] = (float(gain), i, int(stop))
+        before = np.append(ends[order, 0], np.inf)  # midway between two flights is in neither
+        after = np.append(-np.inf, ends[order, 1])
+        for kind, (gain, i, stop) in best.items():
+            first = ends[order[i], 0] - GRID if i == 0 else (after[i] + before[i]) / 2.0
+            last = (after[stop] + before[stop]) / 2.0
+            times = (first,) if kind == "since" else (first, last)
+            yield kind, gain, -1, times
 
     def gram(self, step: _Step, times: Floats) -> Floats:
         """(S + 1, S + 1) of a loss from each of some times on and of the residual."""
@@ -219,14 +258,16 @@ def _candidate(
     names = [p.name for p in effect.parameters]
     start = plain.start.copy()
     time = when[0]
-    if kind == "while":
-        start[:, names.index("end_time")] = when[1]
-    if kind == "since":
+    if kind in ("while", "until"):
+        start[:, names.index("end_clock" if kind == "until" else "end_time")] = when[1]
+    if kind == "since" and flight >= 0:
         x = search.reduced.channels
         first = int(np.argmax(search.reduced.flight == flight))
         time += float(x.clock_s[first] - x.time_s[first])
     start[:, names.index(clock)] = time
     free = plain.free
+    if flight < 0:  # between flights no row shows the moment
+        free = tuple((k, f) for k, f in free if not names[k].endswith("_clock"))
     if kind in ("one", "while"):
         free = tuple((k, f) for k, f in plain.free if f == flight)
     prior = float(np.log(ROTOR_PRIOR / len(KINDS)) - np.log(tries))

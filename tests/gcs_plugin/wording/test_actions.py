@@ -42,9 +42,9 @@ def crosses(sentence: str) -> bool:
 
 
 def read_by_people() -> list[str]:
-    """All sentences: the list of wording, what distinguishes effects, and the documents."""
+    """All sentences: the list of wording and the documents."""
     listed = (ROOT / "tests/gcs_plugin/wording/sentences.txt").read_text("utf-8").splitlines()
-    texts = [one.text for one in TABLE.values()] + [e.distinguished_by for e in CATALOGUE]
+    texts = [one.text for one in TABLE.values()]
     for path in sorted((ROOT / "docs").glob("*.md")):
         whole = " ".join(path.read_text("utf-8").split())
         texts += re.split(r"(?<=[.:|])\s", whole)
@@ -81,15 +81,6 @@ def test_hands_on_the_aircraft_are_asked_for_with_motors_off(name: str):
         assert OFF.search(one.text)
         assert one.when in (When.BATTERY_OFF, When.NEXT_FLIGHT)
     assert one.when is When.IN_FLIGHT or not one.text.startswith("land")
-
-
-def test_what_tells_effects_apart_by_hand_says_that_motors_are_off():
-    by_hand = re.compile(r"\b(level the|fit|weigh|swap|read the gauge)\b")
-    texts = [e.distinguished_by for e in CATALOGUE if by_hand.search(e.distinguished_by)]
-    assert len(texts) >= 5
-    assert [text for text in texts if not OFF.search(text)] == []
-    # Nobody flies a battery empty, or hovers on the ground, to learn something.
-    assert [e.key for e in CATALOGUE if "empty battery" in e.distinguished_by] == []
 
 
 def test_every_effect_and_every_value_of_a_season_takes_its_action_from_the_table():

@@ -53,6 +53,7 @@ ADVICE = Advice(
     battery=Battery(),
     fill=FILL,
     faults=(),
+    repaired=(),
     losses=(),
     rotor_count=4,
     rotor_names=("front right", "rear left", "front left", "rear right"),

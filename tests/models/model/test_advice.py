@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.advice_words import facts
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.model_file import shipped_model
@@ -91,3 +93,41 @@ def test_the_gravest_has_the_smallest_gravity():
     )
     assert FlightLevel.CRITICAL.gravity < FlightLevel.OVER.gravity < FlightLevel.NEAR.gravity
     assert FlightLevel.NEAR.gravity < FlightLevel.UNDER.gravity < FlightLevel.UNKNOWN.gravity
+
+
+def worn_model(loss: float):
+    """The shipped model with a weak rotor 1 added to it, as `identify --out` adds one."""
+    values = {"loss": (loss, "1"), "torque_share": (1.0, "1")}
+    parameters = {
+        name: Identified(value=value, unit=unit, ci95=(value - 0.01, value + 0.01))
+        for name, (value, unit) in values.items()
+    }
+    record = EffectRecord(name="rotor_degradation", rotor=1, parameters=parameters)
+    return replace(shipped_model(), effects=(*shipped_model().effects, record))
+
+
+def test_a_loss_that_was_added_to_the_model_is_not_repaired_by_it(sitl_logs):
+    track = read_log(sitl_logs / "dev" / "worn_prop_3.tlog").track
+    made = advise(analyse(track, worn_model(0.08))).advice
+    assert made.level is FlightLevel.DAMAGED
+    (episode,) = made.faults
+    assert (episode.fault.rotor, episode.end_s, made.repaired) == (0, None, ())
+    assert episode.fault.size == pytest.approx(0.08)
+    # Without measured speeds nothing shows it sound.
+    blind = replace(track, rotor_speed_rpm=np.full_like(track.rotor_speed_rpm, np.nan))
+    assert advise(analyse(blind, worn_model(0.08))).advice.level is FlightLevel.DAMAGED
+    assert "holding damage: rotor 1 at 8 % less thrust" in worn_model(0.08).description
+
+
+def test_a_rotor_that_flies_sound_is_repaired_though_the_model_holds_its_loss(sound):
+    made = advise(analyse(sound.track, worn_model(0.08))).advice
+    assert FlightLevel.DAMAGED not in made.levels
+    assert made.faults == ()
+    assert [fault.rotor for fault in made.repaired] == [0]
+    said = dict(facts(made))
+    assert said["model"].startswith("rotor 1 is sound again, and the model still holds its loss")
+
+
+def test_a_loss_that_no_alarm_would_name_is_none(sound):
+    made = advise(analyse(sound.track, worn_model(0.02))).advice
+    assert (made.faults, made.repaired) == ((), ())

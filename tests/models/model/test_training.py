@@ -9,8 +9,8 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.reports.margin.accuracy import model_use
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.model.model_file import load_model, save_model, shipped_model
 from thrustmargin.models.model.predict import Basis, predict
 from thrustmargin.models.model.training import TrainSettings, _slow_rows, train

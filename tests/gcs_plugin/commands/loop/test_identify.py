@@ -136,8 +136,6 @@ def test_the_json_has_the_keys_of_its_schema(done):
         "parameters",
         "rmse_before_rpm",
         "rmse_after_rpm",
-        "p_value",
-        "indistinguishable_from",
     } <= set(effect)
     assert (effect["name"], effect["rotor"]) == ("rotor_degradation", 1)
     loss = effect["parameters"]["loss"]

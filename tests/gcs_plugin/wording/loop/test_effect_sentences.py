@@ -1,6 +1,7 @@
 """Each effect in words: the right rotor, sign, unit and interval, and what its owner does next."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,10 @@ from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
 )
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.coefficient.rotor_degradation import (
+    ROTOR_DEGRADATION_SINCE,
+    ROTOR_DEGRADATION_UNTIL,
+)
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.answer.already_followed import FOLLOWED_WIND
 from thrustmargin.models.identification.answer.result import Found, Identification
@@ -31,7 +36,7 @@ def whole() -> Identification:
     )
 
 
-def found(key: str | Effect, values: list, half: list, *, rotor=None, **given) -> Found:
+def found(key: str | Effect, values: list, half: list, *, rotor=None) -> Found:
     effect = BY_KEY[key] if isinstance(key, str) else key
     value = np.atleast_2d(np.array(values, dtype=np.float64))
     width = np.atleast_2d(np.array(half, dtype=np.float64))
@@ -42,8 +47,6 @@ def found(key: str | Effect, values: list, half: list, *, rotor=None, **given) -
         upper=value + width,
         rmse_before_rpm=61.2,
         rmse_after_rpm=9.4,
-        p_value=0.01,
-        indistinguishable_from=given.get("alike", ()),
     )
 
 
@@ -66,7 +69,7 @@ def test_every_effect_of_the_table_has_words(whole, effect):
 
 
 def test_no_words_are_of_an_effect_that_is_gone():
-    effects = (*CATALOGUE, FOLLOWED_WIND, changed_inertia())
+    effects = (*BY_KEY.values(), FOLLOWED_WIND, changed_inertia())
     assert set(WORDS) <= {e.key for e in effects} | {e.name for e in effects}
 
 
@@ -100,8 +103,8 @@ def test_no_two_effects_are_called_alike():
             [-0.05, 0.7],
             [0.01, 0.1],
             2,
-            "Rotor 3 (front left) makes 5 % more thrust (4 to 6): with the "
-            "battery off, inspect its propeller or fit a new one of the same kind",
+            "Rotor 3 (front left) makes 5 % more thrust (4 to 6): with the battery off, compare "
+            "the size and pitch of its propeller with the others', and fit one of the same kind",
         ),
         (
             "rotor_degradation:onset",
@@ -310,3 +313,25 @@ def test_outputs_alone_do_not_tell_propeller_motor_and_esc_apart(whole):
         "with the battery off, inspect its propeller or fit a new one of the same kind, then look "
         "at its motor and ESC, which outputs cannot distinguish from it"
     )
+
+
+def test_a_repaired_rotor_is_of_the_flights_in_a_row_by_their_clock(whole):
+    """Flights flown in another order than they were given."""
+    problem = SimpleNamespace(
+        names=("b.tlog", "a.tlog", "c.tlog"),
+        flight_start_unix_s=np.array([2000.0, 1000.0, 3000.0]),
+        first_row_s=np.zeros(3),
+        durations=np.full(3, 100.0),
+        of_outputs=False,
+    )
+    of = replace(whole, problem=problem)
+    values = [[0.07, 900.0, 2500.0, 1.0]] * 3
+    one = found(ROTOR_DEGRADATION_UNTIL, values, [0.01, 0.0, 0.0, 0.1], rotor=1)
+    assert effect_sentence(one, of) == (
+        "Rotor 2 (rear left) lost 7 % of its thrust (6 to 8) in a.tlog to b.tlog, and is sound in "
+        "the flights after, so it was repaired: nothing to do"
+    )
+    since = found(ROTOR_DEGRADATION_SINCE, [[0.07, 1500.0, 1.0]] * 3, [0.01, 0.0, 0.1], rotor=1)
+    assert "of its thrust (6 to 8) from b.tlog on, and has stayed so" in effect_sentence(since, of)
+    within = found(ROTOR_DEGRADATION_SINCE, [[0.07, 1060.0, 1.0]] * 3, [0.01, 0.0, 0.1], rotor=1)
+    assert "1:00 into a.tlog, and has stayed so" in effect_sentence(within, of)

@@ -10,7 +10,6 @@ from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     answer,
     at_most,
-    chance,
     claims,
     excluded_rows,
     margin_words,
@@ -21,13 +20,17 @@ from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     set_words,
     unexplained,
 )
+from thrustmargin.gcs_plugin.wording.numbers import chance
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.result import (
     Excluded,
     Identification,
     Mentioned,
     OneOf,
+    OpenCause,
     SetWeight,
 )
 from thrustmargin.models.identification.loop import identify
@@ -122,10 +125,10 @@ def test_nothing_is_missing_only_where_that_is_likely(sound):
     assert first(replace(none, probability=0.8)) == "Nothing is found missing (80 %)"
     other = SetWeight(probability=0.3, terms=mass)
     assert first(other, rotor, replace(none, probability=0.06)) == (
-        "Something may be missing (94 %), and these flights do not show what; likeliest is "
-        "a weak rotor 3 (front left) (63 %)"
+        "Something small may be missing (94 %), and these flights do not show what: "
+        "nothing to repair"
     )
-    assert first(other, rotor).startswith("Something may be missing (93 %)")
+    assert first(other, rotor).startswith("Something small may be missing (93 %)")
 
 
 def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
@@ -342,17 +345,6 @@ def test_one_flight_says_what_cannot_be_claimed(worn):
     assert claims(worn) == ()
 
 
-def test_what_cannot_be_told_apart_comes_with_the_flight_that_would_tell(worn):
-    (rotor,) = worn.found
-    alike = replace(rotor, indistinguishable_from=("thrust_drift", "extra_mass"))
-    lines = answer(replace(worn, found=(alike,)), change())
-    assert lines[1] == (
-        "These flights cannot distinguish a weak rotor 1 (front right) from all rotors "
-        "weakening or hidden mass: with the battery off, fit a new propeller of the same kind: the "
-        "loss of a worn one goes, that of a motor or a wrong sensor stays."
-    )
-
-
 def test_every_sentence_ends_once(worn):
     assert all(line.endswith(".") and not line.endswith("..") for line in said(worn))
 
@@ -375,3 +367,41 @@ def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
         next_flight_words(following, NAMES, "next.plan"),
     ):
         assert f"| {sentence} |" in shown
+
+
+def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
+    along = UNNAMED["pitch", "airspeed"]
+    values = {"at_1": 0.0, "at_2": 0.01, "at_3": 0.01, "at_4": 0.02, "low": 2.0, "high": 9.0}
+    cause = OpenCause(
+        effect=along,
+        mode="pitch",
+        channel="airspeed",
+        alike=("advance_ratio",),
+        values=values,
+        half_widths={"at_1": 0.001},
+        rms_rpm=12.3,
+    )
+    constant = replace(
+        cause, effect=UNNAMED["yaw", "constant"], mode="yaw", channel="constant", alike=()
+    )
+    line = answer(replace(sound, open_causes=(cause, constant)), change())[1]
+    assert line == (
+        "Without a name, as it was seen: pitch along airspeed (or climb (axial advance ratio)), "
+        "2.0 to 9.0 m/s (12 rpm); yaw all along (12 rpm); keep it in the model with --out, held at "
+        "its edge beyond that range, with twice the interval."
+    )
+
+
+def test_a_loss_that_the_model_already_holds_is_still_a_bad_rotor(sound):
+    """Added by an identification before: the flights fit it, and nobody has repaired it."""
+    values = {"loss": (0.08, "1"), "torque_share": (1.0, "1")}
+    parameters = {
+        name: Identified(value=value, unit=unit, ci95=(value - 0.01, value + 0.01))
+        for name, (value, unit) in values.items()
+    }
+    record = EffectRecord(name="rotor_degradation", rotor=2, parameters=parameters)
+    lines = answer(replace(sound, model=replace(sound.model, effects=(record,))), change())
+    assert lines[0] == (
+        "The model already holds rotor 2 (rear left) at 8 % less thrust: unless that was repaired, "
+        "with the battery off, inspect its propeller or fit a new one of the same kind."
+    )

@@ -29,7 +29,7 @@ def problems():
 
 
 def found(problem, held_out, *effects: Any) -> Any:
-    return SimpleNamespace(found=effects, problem=problem, held_out=held_out)
+    return SimpleNamespace(found=effects, problem=problem, held_out=held_out, open_causes=())
 
 
 def heavier(kg: float, flights: int = 2) -> Any:

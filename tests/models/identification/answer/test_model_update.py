@@ -9,6 +9,7 @@ from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights,
 from thrustmargin.models.effects.coefficient.rotor_degradation import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
+    ROTOR_DEGRADATION_UNTIL,
 )
 from thrustmargin.models.effects.inputs.wind import WIND
 from thrustmargin.models.effects.stored import EffectRecord, Identified
@@ -51,8 +52,6 @@ def found_by_hand(effect, rows: list[list[float]], rotor: int | None = None) -> 
         upper=values + 0.01,
         rmse_before_rpm=40.0,
         rmse_after_rpm=10.0,
-        p_value=0.01,
-        indistinguishable_from=(),
     )
 
 
@@ -271,3 +270,12 @@ def test_an_identification_prints_in_a_few_lines(worn):
     loss = worn.found[0].value[0, 0]
     assert second == f"rotor_degradation of rotor 1: loss {loss:.2g} ({low:.2g} to {high:.2g})"
     assert "no effect is missing" in repr(replace(worn, found=()))
+
+
+def test_a_rotor_that_was_repaired_is_sound_in_the_new_model(worn):
+    found = found_by_hand(ROTOR_DEGRADATION_UNTIL, [[0.1, 1e9, 1e9 + 600.0, 1.0]] * 2, 2)
+    update = update_model(worn.model, replace(worn, found=(found,), open_causes=()))
+    assert update.model.effects == worn.model.effects
+    assert update.notes[0].startswith("rotor 3 was repaired during these flights")
+    assert ROTOR_DEGRADATION_UNTIL.of_its_flights
+    assert not ROTOR_DEGRADATION.of_its_flights

@@ -159,8 +159,9 @@ def test_one_alone_whose_size_may_be_nothing_is_not_one_of_several():
 
 def test_a_rotor_that_has_weight_is_mentioned_and_a_named_one_is_not_said_twice():
     listed = answer_of(a_set(0.9), a_set(0.1, loss=(0.03, 0.01)))
-    (rotor,) = listed.mentioned([])
-    assert (rotor.rotor, rotor.probability) == (2, pytest.approx(0.1))
+    ((rotor, likeliest),) = listed.mentioned([])
+    assert (rotor.rotor, likeliest) == (2, 3)
+    assert rotor.probability == pytest.approx(0.1)
     assert rotor.ci95 == pytest.approx((0.03 - 0.0196, 0.03 + 0.0196), abs=1e-4)
     assert listed.mentioned([3]) == ()
     assert answer_of(a_set(0.97), a_set(0.03, loss=(0.03, 0.01))).mentioned([]) == ()
@@ -295,7 +296,7 @@ def test_what_is_named_or_has_weight_is_not_excluded():
 
 def test_a_rotor_without_weight_does_not_end_the_list():
     sets = (a_set(0.87), a_set(0.03, loss=(0.03, 0.01)), a_set(0.1, last=(0.04, 0.01)))
-    assert [m.rotor for m in answer_of(*sets).mentioned([])] == [3]
+    assert [m.rotor for m, _ in answer_of(*sets).mentioned([])] == [3]
 
 
 def test_values_of_single_flights_are_averaged_flight_by_flight():
@@ -344,7 +345,7 @@ def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
     )
     sets = [rare, a_set(0.8)]
     search: Any = SimpleNamespace(fitted={s.key: s for s in sets}, candidates=[onset])
-    (rotor,) = posterior_of(search).mentioned([])
+    ((rotor, _),) = posterior_of(search).mentioned([])
     assert (rotor.rotor, rotor.loss) == (1, pytest.approx(0.09))
     assert rotor.probability == pytest.approx(0.2)
     p = onset.term.effect.parameters[0]

@@ -115,8 +115,8 @@ def left_open(**given):
     return SimpleNamespace(**{**nothing, "model": MODEL, **given})
 
 
-def named(term, alike=()):
-    return SimpleNamespace(term=term, indistinguishable_from=alike)
+def named(term):
+    return SimpleNamespace(term=term)
 
 
 def keys(found):
@@ -145,8 +145,6 @@ def test_explanations_are_what_the_identification_left_open():
         ["extra_mass"],
         ["extra_mass", "rotor_degradation@3"],
     )
-    alike = (named(LOSS), named(MASS, ("tank_scale",)))
-    assert keys(left_open(found=alike)) == (["yaw_trim", "extra_mass"], ["yaw_trim", "tank_scale"])
 
 
 def test_a_flight_that_tells_no_more_than_chance_is_not_asked_for():

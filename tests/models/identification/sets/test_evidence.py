@@ -28,7 +28,6 @@ def held(*parameters: Parameter, prior: float = 0.0, at=None) -> Held:
         kind=Kind.DEMAND,
         parameters=parameters,
         source="",
-        distinguished_by="",
         apply=lambda *given: given[-1],
     )
     start = np.array([[p.start for p in parameters]])

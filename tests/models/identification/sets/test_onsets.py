@@ -16,7 +16,7 @@ from thrustmargin.models.identification.sets.onsets import onset_candidates
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import FAR, Search
 
-IN_ONE, FOR_A_WHILE, IN_EACH, SINCE = (effect.variant for effect in ONSETS)
+IN_ONE, FOR_A_WHILE, IN_EACH, SINCE, UNTIL = (effect.variant for effect in ONSETS)
 
 
 def searched(durations: list[float], dated: bool = True) -> Search:
@@ -56,6 +56,8 @@ def acts(search: Search, one: Candidate) -> Bools:
     variant = one.term.effect.variant
     if variant == SINCE:
         return x.clock_s >= value(one, "onset_clock")
+    if variant == UNTIL:
+        return (x.clock_s >= value(one, "onset_clock")) & (x.clock_s < value(one, "end_clock"))
     later = x.time_s >= value(one, "onset_time")
     if variant == IN_EACH:
         return later
@@ -136,15 +138,15 @@ def test_the_prior_of_a_step_is_a_bad_rotors_shared_by_kinds_and_all_that_was_tr
     # A step in each flight and since each, any two in a flight, and a time of all flights.
     tried = 2 * (9 + 9 + 36) + 9
     for one in steps(search, loss_of(search, 1, 0.1, when)):
-        assert one.log_prior == pytest.approx(np.log(0.005 / 4 / tried))
+        assert one.log_prior == pytest.approx(np.log(0.005 / 5 / tried))
     undated = searched([59.5, 61.6], dated=False)
     for one in steps(undated, loss_of(undated, 1, 0.1, when)):
-        assert one.log_prior == pytest.approx(np.log(0.005 / 4 / (2 * (9 + 36) + 9)))
+        assert one.log_prior == pytest.approx(np.log(0.005 / 5 / (2 * (9 + 36) + 9)))
         assert one.term.effect.variant != SINCE
     alone = searched([61.6])
     found = steps(alone, loss_of(alone, 1, 0.1, alone.reduced.channels.time_s >= 30.0))
     assert {one.term.effect.variant for one in found} == {IN_ONE, FOR_A_WHILE}
-    assert all(one.log_prior == pytest.approx(np.log(0.005 / 4 / (9 + 36))) for one in found)
+    assert all(one.log_prior == pytest.approx(np.log(0.005 / 5 / (9 + 36))) for one in found)
 
 
 @pytest.mark.parametrize("level", [0, 5])
@@ -159,7 +161,7 @@ def test_a_step_counts_when_it_gains_3_more_than_the_choice_among_all_times(leve
     assert not steps(search, -1.01 * just * residual, level)  # what gains thrust is no damage
 
 
-def test_the_eight_steps_that_gain_most_are_kept_the_largest_first():
+def test_the_ten_steps_that_gain_most_are_kept_the_largest_first():
     search = searched([59.5, 61.6])
     x, flight = search.reduced.channels, search.reduced.flight
     residual = loss_of(search, 0, 0.03, (x.time_s >= 20.0) & (flight == 1))
@@ -167,7 +169,7 @@ def test_the_eight_steps_that_gain_most_are_kept_the_largest_first():
         residual += loss_of(search, rotor, size, x.time_s >= 30.0)
     found = steps(search, residual)
     gains = [gain_of(search, one, residual) for one in found]
-    assert len(found) == 8
+    assert len(found) == 10
     assert gains == sorted(gains, reverse=True)
     assert gains[-1] > 3.0
 
@@ -193,13 +195,44 @@ def test_what_a_rotors_loss_from_the_beginning_says_far_better_is_no_step(monkey
     assert "rotor_degradation:in each flight@2" in {one.key for one in every} - set(kept)
 
 
-def test_of_more_than_24_flights_only_what_begins_in_each_is_looked_for():
+def test_of_more_than_24_flights_no_moment_of_a_single_one_is_looked_for():
     for count, of_one in ((24, True), (25, False)):
         search = searched([25.0] * count)
         when = (search.reduced.channels.time_s >= 12.0) & (search.reduced.flight == 3)
         found = steps(search, loss_of(search, 1, 0.1, when))
         assert any(one.term.effect.variant == IN_ONE for one in found) == of_one
-        assert of_one or {one.term.effect.variant for one in found} <= {IN_EACH}
+        others = {IN_EACH, SINCE, UNTIL}  # these by flights
+        assert of_one or {one.term.effect.variant for one in found} <= others
+
+
+@pytest.mark.parametrize(("first", "stop"), [(2, 4), (0, 3), (1, 5)])
+def test_a_loss_in_some_flights_in_a_row_is_dated_between_flights(first, stop):
+    """Flights by their clock: the second flown is the first of the list, and the first its second.
+
+    It ends before the last one, so it was repaired; nothing is free but its size and its torque.
+    """
+    search = searched([30.0] * 6)
+    order = [1, 0, 2, 3, 4, 5]  # place in time of each flight of the list
+    place = np.array(order)[search.reduced.flight]
+    when = (place >= first) & (place < stop)
+    best = steps(search, loss_of(search, 2, 0.1, when))[0]
+    assert (best.term.rotor, best.term.effect.variant) == (2, UNTIL)
+    np.testing.assert_array_equal(acts(search, best), when)
+    assert {best.term.effect.parameters[k].name for k, _ in best.free} == {"loss", "torque_share"}
+
+
+def test_a_loss_from_the_sixteenth_of_thirty_flights_on_is_found_between_them():
+    search = searched([25.0] * 30)
+    place = search.reduced.flight
+    best = steps(search, loss_of(search, 1, 0.05, place >= 15))[0]
+    assert (best.term.rotor, best.term.effect.variant) == (1, SINCE)
+    np.testing.assert_array_equal(acts(search, best), place >= 15)
+
+
+def test_without_clocks_or_with_two_flights_nothing_is_in_a_row():
+    for search in (searched([30.0] * 4, dated=False), searched([30.0] * 2)):
+        found = steps(search, loss_of(search, 1, 0.1, search.reduced.flight == 1))
+        assert UNTIL not in {one.term.effect.variant for one in found}
 
 
 def test_no_step_is_found_in_flights_that_are_too_short_for_one():

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from thrustmargin.models.model.json_values import from_json_values, to_json_values
+from thrustmargin.models.json_values import from_json_values, to_json_values
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,84 @@
+"""What no effect explains, in words: what is left, and what of it goes into the new model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import MappingProxyType
+
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
+from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, chance, channel_name, number
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.unnamed import CONSTANT
+from thrustmargin.models.identification.answer.adequacy import OWN_THRUST
+from thrustmargin.models.identification.answer.result import Identification, OpenCause
+from thrustmargin.models.identification.rows.candidates import Term
+
+#: What only causes without a name go along, beside the channels of the figures.
+ALONG_WORDS = MappingProxyType(
+    {
+        **CHANNEL_WORDS,
+        "forward_speed": ("speed forward", "m/s", 1.0),
+        "side_speed": ("speed to the right", "m/s", 1.0),
+        "along_acceleration": ("speeding up", "m/s²", 1.0),
+        "air_temperature": ("air temperature", "K", 1.0),
+    }
+)
+
+
+def unexplained(found: Identification) -> str:
+    """What is left that no effect explains; empty when nothing is."""
+    left = found.unexplained()
+    if left["mode"] is None:
+        return ""
+    share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
+    along = f"goes with {channel_name(left['channel'])}"
+    action = actions.COMPARE_SOUND.text
+    if not found.open_causes:
+        action = f"nothing was added for it; {action}"
+    if left["wanders"]:
+        along = "comes and goes within flights more than in good ones, and goes with no channel"
+        action = f"{actions.LOOK_FOR_ICE.text}; {actions.COMPARE_WIND.text}"
+    names = found.model.airframe.rotor_names
+    if left.get("rotor"):
+        goes = "goes with its own thrust" if left["channel"] == OWN_THRUST else along
+        return (
+            f"{rotor_words(left['rotor'] - 1, names).capitalize()} does not lose the same share of "
+            f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
+            f"that, so none was added; {actions.INSPECT.text}, and {actions.UNSTEADY.text}"
+        )
+    things = " or ".join(dict.fromkeys(_thing_of(w, names) for w in left.get("closest") or ()))
+    close = f"; closest in the table: {things}" if things else ""
+    return (
+        f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"
+        f": {action}"
+    )
+
+
+def unnamed_causes(causes: Sequence[OpenCause]) -> str:
+    """What has no name and is in the new model: mode, channel, range and size of each."""
+    each = []
+    for one in causes:
+        size = f"({number(one.rms_rpm, 'rpm', 0)})"
+        if one.channel == CONSTANT:
+            each.append(f"{one.mode} all along {size}")
+            continue
+        name, unit, factor = ALONG_WORDS[one.channel]
+        low, high = (one.values[end] * factor for end in ("low", "high"))
+        seen = f"{number(low, '', 1)} to {number(high, unit, 1)}"
+        as_well = [ALONG_WORDS[other][0] for other in one.alike if other != CONSTANT]
+        others = f" (or {', '.join(as_well)})" if as_well else ""
+        each.append(f"{one.mode} along {name}{others}, {seen} {size}")
+    return (
+        f"Without a name, as it was seen: {'; '.join(each)}; {actions.KEEP_AS_SEEN.text}, held at "
+        "its edge beyond that range, with twice the interval"
+    )
+
+
+def _thing_of(words: str, names: Sequence[str]) -> str:
+    """What an effect is called, from `Term.words`: its name, and its rotor from 1."""
+    name, _, rotor = words.partition(" of rotor ")
+    if name not in BY_KEY:
+        return words.replace("_", " ")
+    return effect_thing(Term(effect=BY_KEY[name], rotor=int(rotor) - 1 if rotor else None), names)

@@ -1,0 +1,41 @@
+"""Whether a person is asked to do something: by its probability, and by what an error costs.
+
+To ask for nothing costs `missed` where the part is bad, to ask costs `needless` where it is sound.
+What is cheaper on the average is done (Berger 1985, Statistical Decision Theory, section 1.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Of a needless action and of a missed one, both in times a look at a propeller."""
+
+    needless: float
+    missed: float
+
+    @property
+    def asked_from(self) -> float:
+        """The probability from which to ask costs less than not to."""
+        return self.needless / (self.needless + self.missed)
+
+    def of_asking(self, probability: float) -> float:
+        """Expected cost of the action, for a part that is bad with a probability."""
+        return (1.0 - probability) * self.needless
+
+
+#: Part -> what errors cost. A propeller is looked at in minutes, and breaks in flight when it is
+#: not; a needless look ends in the exchange of a sound part one time in a few. What is weighed,
+#: levelled or set by a needless action is wrong afterwards, so these wait until they are likelier
+#: than not.
+COSTS: Mapping[str, Cost] = MappingProxyType(
+    {
+        "rotor": Cost(needless=1.0, missed=4.0),
+        "aircraft": Cost(needless=2.0, missed=2.0),
+        "instrument": Cost(needless=2.0, missed=2.0),
+    }
+)

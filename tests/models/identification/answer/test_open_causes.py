@@ -1,0 +1,112 @@
+"""What no name explains goes into the new model where flights left out show it again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import curve_model, made_flights
+from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.unnamed import UNNAMED
+from thrustmargin.models.identification.answer.open_causes import change_on, open_causes
+from thrustmargin.models.identification.loop import identify
+from thrustmargin.models.identification.rows.problem import assemble
+
+NOISE = 5.0  # rpm
+PITCH = Placed(
+    effect=UNNAMED["pitch", "time_s"],
+    values={"at_1": 0.0, "at_2": 0.02, "at_3": 0.04, "at_4": 0.06, "low": 0.0, "high": 60.0},
+)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return assemble(curve_model(), made_flights(4, duration=60.0))
+
+
+def left(problem, cause=None, of_flights=(0, 1, 2, 3), seed=1):
+    """A residual (T, R) of noise, and of a cause in some of the flights."""
+    noise = np.random.default_rng(seed).normal(0.0, NOISE, problem.measured_rpm.shape)
+    if cause is None:
+        return noise
+    change = problem.speeds([cause]) - problem.speeds()
+    return noise + change * np.isin(problem.flight, of_flights)[:, None]
+
+
+def rms(values) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def test_a_cause_in_every_flight_is_found_where_it_acts_and_leaves_the_noise(problem):
+    residual = left(problem, PITCH)
+    assert rms(residual) > 2.0 * NOISE
+    found = open_causes(problem, residual, ())
+    first = found.causes[0]
+    assert first.mode == "pitch"
+    assert "time_s" in (first.channel, *first.alike)
+    assert not {"yaw_rate", "constant"} & {first.channel, *first.alike}
+    assert rms(residual - found.left_out_rpm) < 1.05 * NOISE
+    assert rms(residual - found.change_rpm) < 1.02 * NOISE
+    wanted = problem.speeds([PITCH]) - problem.speeds()
+    assert rms(change_on(problem, found.causes) - wanted) < 0.2 * rms(wanted)
+    assert 0.0 < max(first.half_widths.values()) < 0.01
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_alone_is_no_cause(problem, seed):
+    found = open_causes(problem, left(problem, seed=seed), ())
+    assert found.causes == ()
+    assert np.all(np.asarray(found.left_out_rpm) == 0.0)
+
+
+def test_what_one_flight_shows_and_the_others_do_not_is_no_cause(problem):
+    found = open_causes(problem, left(problem, PITCH, of_flights=(2,)), ())
+    assert found.causes == ()
+
+
+def test_the_change_of_a_flight_comes_from_the_other_flights(problem):
+    """With the sign turned in one flight, that one is made worse by what the others show."""
+    turned = replace(PITCH, values={k: -v if k[:2] == "at" else v for k, v in PITCH.values.items()})
+    residual = left(problem, PITCH, of_flights=(0, 1, 2))
+    mine = problem.flight == 3
+    residual[mine] += (problem.speeds([turned]) - problem.speeds())[mine]
+    found = open_causes(problem, residual, ())
+    left_out = residual - found.left_out_rpm
+    assert rms(left_out[mine]) > 1.5 * rms(residual[mine])
+
+
+def test_one_flight_and_motor_outputs_show_no_cause():
+    one = assemble(curve_model(), made_flights(1, duration=60.0))
+    assert open_causes(one, left(one, PITCH, of_flights=(0,)), ()).causes == ()
+    several = assemble(curve_model(), made_flights(3, duration=60.0))
+    outputs = replace(several, of_outputs=True)
+    assert open_causes(outputs, left(several, PITCH), ()).causes == ()
+
+
+def test_no_search_looks_for_what_has_no_name():
+    assert not {e.name for e in CATALOGUE} & {e.name for e in UNNAMED.values()}
+
+
+def test_the_answer_of_a_cause_that_no_effect_has_comes_down_to_the_noise():
+    """A pitching moment that grows with time, and a table that has mass alone."""
+    model = curve_model()
+    tracks = made_flights(4, duration=90.0)
+    problem = assemble(model, tracks)
+    assert problem.flights == 4
+    changed = []
+    for track in tracks:
+        alone = assemble(model, [track])
+        more = np.zeros_like(track.rotor_speed_rpm)
+        rows = np.searchsorted(track.time_s, alone.channels.time_s + track.time_s[0])
+        more[rows] = alone.speeds([PITCH]) - alone.speeds()
+        changed.append(replace(track, rotor_speed_rpm=track.rotor_speed_rpm + more))
+    few = [e for e in CATALOGUE if e.key == "extra_mass"]
+    found = identify(changed, model, catalogue=few)
+    assert found.open_causes[0].mode == "pitch"
+    assert found.after.rmse_rpm < 0.5 * found.before.rmse_rpm
+    (told, *_) = found.to_json()["unnamed_causes"]
+    assert told["mode"] == "pitch"
+    assert len(told["curve"]) in (1, 4)
