@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 from markupsafe import Markup
 from plotly.graph_objects import Figure
 
@@ -109,17 +105,15 @@ def csv_bytes(report: Report) -> bytes:
     the file, so that no spreadsheet can take it for a formula.
     """
     rotors = max((len(f.rotors) for f in report.flights), default=0)
-    buffer = io.BytesIO()
-    tables = []
+    lines: list[str] = []
     for k, flight in enumerate(report.flights):
-        rows = flight.rows["time_s"].size
-        columns = {"flight_number": pa.array(np.full(rows, k + 1))}
-        for header, values in csv_columns(flight.rows, rotors):
-            columns[header] = pa.array(values, from_pandas=True)
-        tables.append(pa.table(columns))
-    if tables:
-        pyarrow.csv.write_csv(pa.concat_tables(tables), buffer)
-    return buffer.getvalue()
+        columns = dict(csv_columns(flight.rows, rotors))
+        if not lines:
+            lines.append(",".join(f'"{name}"' for name in ("flight_number", *columns)))
+        for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+            cells = ("" if v != v else repr(v).removesuffix(".0") for v in row)
+            lines.append(f"{k + 1},{','.join(cells)}")
+    return "".join(f"{line}\n" for line in lines).encode()
 
 
 def pdf_bytes(report: Report, written: Written | None) -> bytes:
