@@ -54,7 +54,7 @@ $(VENV)/.demo: $(VENV)/.venv pyproject.toml constraints.txt
 	touch $@
 
 $(VENV)/.test: $(VENV)/.demo
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[train,mavproxy,fleet,test]'
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[all,test]'
 	mkdir -p $(LINKS)
 	ln -sfn ../../../gcs_plugin/api/__init__.py $(LINKS)/__init__.py
 	for package in models mission gcs_plugin; do ln -sfn ../../../$$package $(LINKS)/$$package; done

@@ -9,12 +9,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from markupsafe import Markup
-from plotly.graph_objects import Figure
 
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
+from thrustmargin.gcs_plugin.reports.shared.figure import Figure
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
@@ -129,7 +129,7 @@ def pdf_bytes(report: Report, written: Written | None) -> bytes:
 
 def html_text(report: Report, written: Written) -> str:
     """The page; the figures of every flight are drawn when they come into view."""
-    drawn = {name: packed(str(made.to_json())) for name, made in _drawn(report).items()}
+    drawn = {name: packed(made.to_json()) for name, made in _drawn(report).items()}
     return _page(report, written, drawn)
 
 

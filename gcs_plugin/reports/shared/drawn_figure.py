@@ -1,178 +1,324 @@
-"""A report's plotly figure drawn by matplotlib, for paper: no browser, the same data and colours.
+"""A figure drawn on a canvas, for paper: the same tables that plotly.js draws on the page.
 
-Only what plot_style and route_map make is known: panels of lines and areas over time, and maps of
-coloured marks. A pixel of the page is PIXEL of paper.
+Only what this project's figures use is known: panels of lines and areas over time or any number,
+maps of coloured marks, limits across, texts, arrows and a key. Anything else is an error.
 """
 
 from __future__ import annotations
 
-import io
 import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import unescape
 from typing import Any
 
 import numpy as np
-from plotly.graph_objects import Figure
 
-WIDTH_PX, PIXEL = 1000.0, 1 / 140.0  # inch a pixel: type of 16 pixels is 8 pt
-RESOLUTION = 170  # dots an inch
-_DASHES = {"dash": "--", "dot": ":", "dashdot": "-."}
-_MARKS = {"square-x-open": "s", "circle-open": "o"}
+from thrustmargin.gcs_plugin.reports.shared.axis import Axis, axis_over
+from thrustmargin.gcs_plugin.reports.shared.canvas import Box, Canvas, Colour
+from thrustmargin.gcs_plugin.reports.shared.figure import Figure, Trace
+from thrustmargin.models.flight import Floats
 
-
-def png(made: Figure) -> tuple[bytes, float, float]:
-    """The figure as PNG, and its width and height in mm."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure as Canvas
-
-    layout: Any = made.layout  # plotly makes its properties at run time
-    margin = layout.margin
-    height_px = float(layout.height or 450)
-    on_map = bool(layout.yaxis.scaleanchor)
-    width_px = 0.5 * WIDTH_PX if on_map else WIDTH_PX  # two maps stand beside each other
-    paper = Canvas((width_px * PIXEL, height_px * PIXEL), dpi=RESOLUTION)
-    FigureCanvasAgg(paper)
-    left, bottom = (margin.l or 60) / width_px, (margin.b or 50) / height_px
-    wide = 1.0 - left - (margin.r or 40) / width_px
-    high = 1.0 - bottom - (margin.t or 60) / height_px
-    axes = {}
-    panels = [name for name in ("yaxis", *(f"yaxis{k}" for k in range(2, 40))) if name in layout]
-    for name in panels:
-        axis, across = layout[name], layout["x" + name[1:]]
-        low, top = axis.domain or (0.0, 1.0)
-        ax = paper.add_axes((left, bottom + low * high, wide, (top - low) * high))
-        axes["y" + name.removeprefix("yaxis")] = ax
-        _style(ax, axis, across, bare=name != panels[-1] and len(panels) > 1)
-    shown: dict[str, Any] = {}
-    traces: Any = made.data
-    for trace in traces:
-        if trace.visible is not False:
-            handle = _trace(axes[trace.yaxis or "y"], trace, paper)
-            if trace.showlegend is not False and trace.name and handle is not None:
-                shown.setdefault(trace.name, handle)
-    for shape in layout.shapes:
-        axes[shape.yref.split()[0]].axhline(shape.y0, color=shape.line.color, linewidth=1.5)
-    area = (left, bottom, wide, high)
-    for note in layout.annotations:
-        _annotate(axes, note, area, width_px, height_px)
-    for name in panels:
-        ax, axis = axes["y" + name.removeprefix("yaxis")], layout[name]
-        if axis.scaleanchor:
-            ax.set_aspect("equal", adjustable="datalim")
-        if axis.range is not None:
-            ax.set_ylim(*axis.range)
-    if shown:
-        place = "lower left" if on_map else "upper left"
-        columns = 2 if on_map or max(map(len, shown)) > 30 else 4
-        key = {"loc": place, "bbox_to_anchor": (left, bottom if on_map else 1.0)}
-        look = {"ncols": columns, "fontsize": 7.5, "frameon": on_map, "framealpha": 0.8}
-        paper.legend(shown.values(), shown.keys(), **key, **look)
-    buffer = io.BytesIO()
-    paper.savefig(buffer, format="png")
-    return buffer.getvalue(), width_px * PIXEL * 25.4, height_px * PIXEL * 25.4
+WIDTH_PX = 1000.0  # of a figure; two maps stand beside each other
+TYPE, SMALL = 16.0, 15.0  # pixels, as on the page
+INK, GRID = (0.0, 0.0, 0.0), (208.0, 208.0, 208.0)
+_DASHES = {"dash": (9.0, 5.0), "dot": (2.5, 4.0), "dashdot": (9.0, 4.0, 2.5, 4.0)}
+_OPEN = {"square-x-open", "circle-open", "square-open"}
 
 
-def _style(ax: Any, axis: Any, across: Any, *, bare: bool) -> None:
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A pair of axes and plotly's properties of them."""
 
-    ax.grid(color="#d0d0d0", linewidth=0.6)
-    ax.set_axisbelow(True)
-    ax.tick_params(labelsize=7.5, labelbottom=not bare)
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.margins(x=0.01)
-    ax.set_ylabel(_plain(axis.title.text or ""), fontsize=8)
-    ax.set_xlabel("" if bare else _plain(across.title.text or ""), fontsize=8)
-    suffix = axis.ticksuffix or ""
-    ax.yaxis.set_major_locator(MaxNLocator(max(2, int(axis.nticks or 6) - 1)))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}{suffix}"))
-    if across.type == "date":
-        ax.xaxis.set_major_locator(MaxNLocator(9, steps=[1.2, 1.8, 3, 6, 10]))
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _clock(value)))
+    x: Axis
+    y: Axis
+    across: Mapping[str, Any]
+    upright: Mapping[str, Any]
 
+    @property
+    def box(self) -> Box:
+        return self.x.begin, self.y.end, self.x.end - self.x.begin, self.y.begin - self.y.end
 
-def _trace(ax: Any, trace: Any, paper: Any) -> Any:
-    x, y = (np.asarray(values, dtype=float) for values in (trace.x, trace.y))
-    if trace.fill == "toself":
-        return ax.fill(x, y, color=_colour(trace.fillcolor), linewidth=0)[0]
-    mode = trace.mode or "lines"
-    if "markers" not in mode:
-        line = trace.line
-        style, width = _DASHES.get(line.dash, "-"), 0.5 * (line.width or 2.0)
-        return ax.plot(x, y, style, color=_colour(line.color), linewidth=width)[0]
-    marker = trace.marker
-    if marker.colorscale is None or np.ndim(marker.color) == 0:
-        form, colour = _MARKS.get(marker.symbol, "o"), _colour(marker.color or "#000")
-        hollow = "none" if str(marker.symbol).endswith("open") else colour
-        size = 0.5 * (np.max(marker.size) if marker.size is not None else 6)
-        return ax.plot(x, y, form, color=colour, markersize=size, markerfacecolor=hollow)[0]
-    from matplotlib.colors import LinearSegmentedColormap, Normalize
-
-    stops = [(place, _colour(colour)) for place, colour in marker.colorscale]
-    scale = LinearSegmentedColormap.from_list("scale", stops, N=1024)
-    drawn = ax.scatter(
-        x, y, c=np.asarray(marker.color, dtype=float), s=14, cmap=scale,
-        norm=Normalize(marker.cmin, marker.cmax), linewidths=0, zorder=3,
-    )  # fmt: skip
-    place = ax.get_position()
-    bar = paper.add_axes((place.x0, place.y1 + 0.012, 0.95 * place.width, 0.02))
-    key = paper.colorbar(drawn, cax=bar, orientation="horizontal")
-    key.set_ticks(list(marker.colorbar.tickvals), labels=[*map(_plain, marker.colorbar.ticktext)])
-    bar.tick_params(labelsize=7.5, top=True, labeltop=True, bottom=False, labelbottom=False)
-    return None
+    def points(self, x: Any, y: Any) -> Floats:
+        """Pixels (N, 2) of values (N,)."""
+        return np.column_stack([self.x.at(x), self.y.at(y)])
 
 
-def _annotate(axes: Any, note: Any, area: Any, width_px: float, height_px: float) -> None:
-    left, bottom, wide, high = area
-    xref, yref = str(note.xref or "paper"), str(note.yref or "paper")
-    x, y = note.x, note.y
-    if yref.split()[0] in axes and yref != "paper":
-        ax = axes[yref.split()[0]]
-        whole = ax.get_xaxis_transform() if "domain" in yref else ax.transData
-        across = ax.get_yaxis_transform() if "domain" in xref else whole
-        place = {"xy": (x, y), "xycoords": across}
-    else:
-        place = {
-            "xy": (left + x * wide, bottom + y * high),
-            "xycoords": "figure fraction",
+def size(made: Figure) -> tuple[float, float]:
+    """Width and height in pixels; a map is half as wide as the page."""
+    layout = made.layout
+    on_map = "scaleanchor" in layout["yaxis"]
+    # Buttons, which need room below on the page, are none on paper.
+    unused = max(layout["margin"]["b"] - 90.0, 0.0) if "updatemenus" in layout else 0.0
+    return (0.5 if on_map else 1.0) * WIDTH_PX, layout["height"] - unused
+
+
+def draw(made: Figure, canvas: Canvas) -> None:
+    """Draw all of it from the canvas's corner on, in its `size`."""
+    panels = _panels(made)
+    for panel in panels.values():
+        _axes(panel, canvas)
+    key: dict[str, Trace] = {}
+    for trace in made.data:
+        if trace.get("visible", True):
+            panel = panels[trace.get("yaxis", "y")]
+            with canvas.clipped(panel.box):
+                _trace(trace, panel, canvas)
+            if trace.get("showlegend", True) and trace.get("name"):
+                key.setdefault(_plain(trace["name"]), trace)
+            if "colorbar" in trace.get("marker", {}):
+                _colour_bar(trace["marker"], panel, canvas)
+    for shape in made.layout.get("shapes", ()):
+        panel, line = panels[shape["yref"]], shape["line"]
+        left, _, wide, _ = panel.box
+        y = float(panel.y.at(shape["y0"]))
+        ends = np.array([[left, y], [left + wide, y]])
+        dash = _DASHES.get(line.get("dash", ""), ())
+        canvas.line(ends, colour_of(line["color"]), line["width"], dash)
+    for note in made.layout.get("annotations", ()):
+        _note(note, panels, _whole(made), canvas)
+    _key(key, made, canvas)
+
+
+def _whole(made: Figure) -> Box:
+    """The rectangle within the margins."""
+    margin = made.layout["margin"]
+    wide, high = size(made)[0], made.layout["height"]
+    inner = wide - margin["l"] - margin["r"], high - margin["t"] - margin["b"]
+    return margin["l"], margin["t"], *inner
+
+
+def _panels(made: Figure) -> dict[str, Panel]:
+    """The axes of each name as traces have it: y, y2 and so on."""
+    layout, (left, top, wide, high) = made.layout, _whole(made)
+    found = {}
+    for name in [n for n in layout if re.fullmatch(r"yaxis\d*", n)]:
+        upright, key = layout[name], name.replace("axis", "")
+        side = upright.get("anchor", "x")
+        across = layout.get(f"xaxis{side[1:]}", {})
+        group = across.get("matches", side)
+        drawn = [t for t in made.data if t.get("visible", True)]
+        alike = {side} | {
+            f"x{n[5:]}"
+            for n, a in layout.items()
+            if re.fullmatch(r"xaxis\d*", n) and a.get("matches", f"x{n[5:]}") == group
         }
-        ax = next(iter(axes.values()))
-    if note.showarrow:
-        tail = place["xy"][0] + note.ax / width_px, place["xy"][1] - note.ay / height_px
-        arrow = {"arrowstyle": "-|>", "linewidth": 2.2, "color": "black", "shrinkB": 0}
-        ax.annotate(
-            "", **place, xytext=tail, textcoords=place["xycoords"], arrowprops=arrow,
-            annotation_clip=False,
-        )  # fmt: skip
+        x = axis_over(
+            across, [t["x"] for t in drawn if t.get("xaxis", "x") in alike], left, left + wide
+        )
+        low, upper = upright.get("domain", (0.0, 1.0))
+        begin, end = top + (1.0 - low) * high, top + (1.0 - upper) * high
+        y = axis_over(upright, [t["y"] for t in drawn if t.get("yaxis", "y") == key], begin, end)
+        if "scaleanchor" in upright:
+            scale = 0.94 * min(x.scale, y.scale)
+            x, y = x.with_scale(scale), y.with_scale(scale)
+        found[key] = Panel(x, y, across, upright)
+    return found
+
+
+def _axes(panel: Panel, canvas: Canvas) -> None:
+    """Grid, lines, marks and titles."""
+    left, top, wide, high = panel.box
+    right, low = left + wide, top + high
+    beside = panel.upright.get("side") == "right"  # a second axis of the same panel
+    edge, out, align = (right, 6.0, "left") if beside else (left, -6.0, "right")
+    most = max(2, int(panel.upright.get("nticks", 7)) - 1)
+    widest = 0.0
+    for value, words in panel.y.marks(most):
+        words += panel.upright.get("ticksuffix", "")
+        y = float(panel.y.at(value))
+        if not beside:
+            canvas.line(np.array([[left, y], [right, y]]), GRID, 0.8, ())
+        canvas.text((edge + out, y), words, SMALL, across=align)
+        widest = max(widest, canvas.width(words, SMALL))
+    labelled = panel.across.get("showticklabels", True) and not beside
+    for value, words in [] if beside else panel.x.marks(8 if wide > 600.0 else 6):
+        x = float(panel.x.at(value))
+        canvas.line(np.array([[x, top], [x, low]]), GRID, 0.8, ())
+        if labelled:
+            canvas.text((x, low + 7.0), words, SMALL, across="center", down="top")
+    canvas.line(np.array([[edge, top], [edge, low]]), INK, 1.4, ())
+    if not beside:
+        canvas.line(np.array([[left, low], [right, low]]), INK, 1.4, ())
+    place = edge + np.sign(out) * (widest + 24.0)
+    if title := _title(panel.upright):
+        canvas.text((place, 0.5 * (top + low)), title, TYPE, across="center", turned=True)
+    if labelled and (title := _title(panel.across)):
+        canvas.text((0.5 * (left + right), low + 27.0), title, TYPE, across="center", down="top")
+
+
+def _trace(trace: Trace, panel: Panel, canvas: Canvas) -> None:
+    if trace["type"] != "scatter":
+        raise ValueError(f"a trace of type {trace['type']} is not drawn on paper")
+    points, line = panel.points(trace["x"], trace["y"]), trace.get("line", {})
+    if trace.get("fill") == "toself":
+        canvas.area(points, colour_of(trace["fillcolor"]))
         return
-    ax.annotate(
-        _plain(note.text or ""),
-        **place,
-        ha={"left": "left", "right": "right"}.get(note.xanchor, "center"),
-        # Left to itself plotly hangs what is at the top from there.
-        va={"middle": "center", "bottom": "bottom"}.get(note.yanchor, "top"),
-        fontsize=8,
-        fontweight="bold" if "<b>" in (note.text or "") else "normal",
-        color=_colour(note.font.color or "#000"),
-        annotation_clip=False,
-    )
+    mode = trace["mode"]
+    if "lines" in mode:
+        known = np.isfinite(points).all(axis=1)
+        breaks = np.flatnonzero(np.diff(known.astype(np.int8), prepend=0, append=0))
+        for begin, end in breaks.reshape(-1, 2):
+            if end - begin > 1:
+                dash = _DASHES.get(line.get("dash", ""), ())
+                width = line.get("width", 2.0)
+                canvas.line(points[begin:end], colour_of(line["color"]), width, dash)
+    if "markers" in mode:
+        _marks(trace["marker"], points, canvas)
+    if "text" in mode:
+        for (x, y), words in zip(points, trace["text"], strict=True):
+            canvas.text(
+                (x, y - 14.0), _plain(words), TYPE, across="center", down="bottom", bold=True
+            )
+
+
+def _marks(marker: Mapping[str, Any], points: Floats, canvas: Canvas) -> None:
+    colour, across = marker.get("color", "#000000"), float(np.max(marker.get("size", 6.0)))
+    if "colorscale" in marker:
+        share = (np.asarray(colour) - marker["cmin"]) / (marker["cmax"] - marker["cmin"])
+        canvas.discs(points, _shades(marker["colorscale"], share), 0.75 * across)
+        return
+    form, shade = marker.get("symbol", "circle"), colour_of(colour)
+    turn = np.linspace(0.0, 2.0 * np.pi, 5 if form.startswith("square") else 33)
+    turn = turn + np.pi / 4.0 * form.startswith("square")
+    ring = 0.4 * across * np.column_stack([np.cos(turn), np.sin(turn)])
+    for point in points[np.isfinite(points).all(axis=1)]:
+        if form in _OPEN:
+            canvas.line(point + ring, shade, marker.get("line", {}).get("width", 2.0), ())
+        else:
+            canvas.area(point + ring, shade)
+
+
+def _colour_bar(marker: Mapping[str, Any], panel: Panel, canvas: Canvas) -> None:
+    left, top, wide, _ = panel.box
+    scale = Axis("linear", marker["cmin"], marker["cmax"], left, left + 0.96 * wide)
+    y, thick, parts = top - 26.0, 14.0, 120
+    edges = np.linspace(scale.begin, scale.end, parts + 1)
+    middles = (np.arange(parts) + 0.5) / parts
+    for begin, end, shade in zip(
+        edges, edges[1:], _shades(marker["colorscale"], middles), strict=False
+    ):
+        corners = [[begin, y], [end + 0.3, y], [end + 0.3, y + thick], [begin, y + thick]]
+        canvas.area(np.array(corners), shade)
+    bar = marker["colorbar"]
+    for value, words in zip(bar["tickvals"], bar["ticktext"], strict=True):
+        x = float(scale.at(value))
+        canvas.line(np.array([[x, y - 4.0], [x, y + thick]]), INK, 1.0, ())
+        canvas.text((x, y - 6.0), _plain(words), SMALL, across="center", down="bottom")
+
+
+def _note(note: Mapping[str, Any], panels: Mapping[str, Panel], whole: Box, canvas: Canvas) -> None:
+    """A text, and the arrow from it to its place, where it has one."""
+    x = _place(note["x"], note.get("xref", "x"), panels, whole, upright=False)
+    y = _place(note["y"], note.get("yref", "y"), panels, whole, upright=True)
+    x, y = x + note.get("xshift", 0.0), y - note.get("yshift", 0.0)
+    font, words = note.get("font", {}), note["text"]
+    down = note.get("yanchor", "top" if note.get("yref") == "paper" else "middle")
+    if note["showarrow"]:
+        tail, head = np.array([x + note["ax"], y + note["ay"]]), np.array([x, y])
+        along = (head - tail) / max(float(np.hypot(*(head - tail))), 1e-9)
+        side = np.array([-along[1], along[0]])
+        neck = head - 12.0 * along
+        canvas.line(np.stack([tail, neck]), INK, note["arrowwidth"], ())
+        canvas.area(np.stack([head, neck + 6.0 * side, neck - 6.0 * side]), INK)
+        x, y, down = *tail.tolist(), "bottom"
+        y -= 3.0
+    lines = _plain(words).split("\n")
+    step = 1.2 * TYPE
+    y -= {"top": 0.0, "middle": 0.5, "bottom": 1.0}[down] * (len(lines) - 1) * step
+    across = note.get("xanchor", "center")
+    for k, line in enumerate(lines):
+        canvas.text(
+            (x, y + k * step), line, font.get("size", TYPE),
+            colour=colour_of(font.get("color", "#000000")), across=across, down=down,
+            bold="<b>" in words,
+        )  # fmt: skip
+
+
+def _place(
+    value: float, reference: str, panels: Mapping[str, Panel], whole: Box, *, upright: bool
+) -> float:
+    """A note's place in pixels, by values of an axis, or shares of a panel or of the figure."""
+    name, _, domain = reference.partition(" ")
+    box = whole
+    if name != "paper":
+        panel = next(p for key, p in panels.items() if name in (key, f"x{key[1:]}"))
+        if not domain:
+            return float((panel.y if upright else panel.x).at(value))
+        box = panel.box
+    left, top, wide, high = box
+    return top + (1.0 - value) * high if upright else left + value * wide
+
+
+def _key(shown: Mapping[str, Trace], made: Figure, canvas: Canvas) -> None:
+    """Names and looks of the traces: at the top, under a map, or where the layout says."""
+    left, top, wide, high = _whole(made)
+    own = made.layout.get("legend", {})
+    x, y, line = left, 12.0, 22.0
+    if own.get("orientation") == "v":
+        x, y = left + own["x"] * wide, top + (1.0 - own["y"]) * high
+    elif own:
+        y = top + high + 58.0
+    begin = x
+    if heading := own.get("title", {}).get("text"):
+        canvas.text((x, y), _plain(heading), SMALL)
+        y += line
+    for k, (name, trace) in enumerate(shown.items()):
+        across = canvas.width(name, SMALL) + 74.0
+        stacked = own.get("orientation") == "v"
+        if k and (stacked or x + across - 24.0 > left + wide + made.layout["margin"]["r"]):
+            x, y = begin, y + line
+        sample = {k: v for k, v in trace.items() if k not in ("text", "visible")}
+        _sample(sample, (x, y), canvas)
+        canvas.text((x + 42.0, y), name, SMALL)
+        x += across
+
+
+def _sample(trace: Trace, at: tuple[float, float], canvas: Canvas) -> None:
+    """How a trace looks, beside its name."""
+    x, y = at
+    span = Axis("linear", 0.0, 1.0, x, x + 34.0), Axis("linear", 0.0, 1.0, y + 6.0, y - 6.0)
+    panel = Panel(*span, {}, {})
+    if trace.get("fill") == "toself":
+        corners = {"x": np.array([0.0, 1.0, 1.0, 0.0]), "y": np.array([0.0, 0.0, 1.0, 1.0])}
+        _trace(trace | corners, panel, canvas)
+        return
+    mode = trace["mode"].replace("+text", "")
+    if "lines" in mode:
+        _trace(trace | {"mode": "lines", "x": [0.0, 1.0], "y": [0.5, 0.5]}, panel, canvas)
+    if "markers" in mode:
+        _trace(trace | {"mode": "markers", "x": [0.5], "y": [0.5]}, panel, canvas)
+
+
+def _shades(stops: Sequence[Sequence[Any]], shares: Floats) -> list[Colour]:
+    """Colours at shares (N,) of a scale whose stops are pairs of 0..1 and a colour."""
+    at = np.array([float(place) for place, _ in stops])
+    rgb = np.array([colour_of(colour) for _, colour in stops])
+    shares = np.clip(shares, 0.0, 1.0)
+    upper = np.clip(np.searchsorted(at, shares, side="right"), 1, at.size - 1)
+    span = np.maximum(at[upper] - at[upper - 1], 1e-12)
+    share = np.clip((shares - at[upper - 1]) / span, 0.0, 1.0)[:, None]
+    return [tuple(c) for c in (rgb[upper - 1] * (1.0 - share) + rgb[upper] * share).tolist()]
+
+
+def colour_of(css: str) -> Colour:
+    """Red, green and blue of 0 to 255, and how much it covers where that is given.
+
+    Raises ValueError for what is neither #rrggbb nor rgb or rgba with numbers.
+    """
+    if re.fullmatch(r"#[0-9a-fA-F]{6}", css):
+        return tuple(float(int(css[k : k + 2], 16)) for k in (1, 3, 5))
+    found = re.fullmatch(r"rgba?\(([\d., ]+)\)", css)
+    if found is None:
+        raise ValueError(f"{css!r} is no colour that is drawn on paper")
+    return tuple(float(part) for part in found[1].split(","))
+
+
+def _title(properties: Mapping[str, Any]) -> str:
+    return _plain(properties.get("title", {}).get("text", ""))
 
 
 def _plain(text: str) -> str:
-    """The text without markup; a dollar sign is no formula."""
-    from html import unescape
-
-    return unescape(re.sub(r"<[^>]+>", "", text.replace("<br>", "\n"))).replace("$", r"\$")
-
-
-def _colour(css: str) -> Any:
-    """matplotlib's form of a CSS colour."""
-    if not css.startswith("rgb"):
-        return css
-    parts = [float(part) for part in re.findall(r"[\d.]+", css)]
-    return (*(part / 255.0 for part in parts[:3]), *parts[3:])
-
-
-def _clock(milliseconds: float) -> str:
-    seconds = round(milliseconds / 1000.0)
-    hours, minutes = seconds // 3600, seconds // 60 % 60
-    tail = f"{minutes:02d}:{seconds % 60:02d}"
-    return f"{hours}:{tail}" if hours else tail
+    """The text without markup, and without what no printer has."""
+    shown = unescape(re.sub(r"<[^>]+>", "", text.replace("<br>", "\n")))
+    return "".join(letter for letter in shown if letter.isprintable() or letter == "\n")
