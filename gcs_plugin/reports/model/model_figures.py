@@ -206,9 +206,7 @@ def loss_figure(curves: Sequence[LossCurve]) -> Figure:
         at = [curve.best_epoch], [lowest]
         made.add(
             [
-                scatter(
-                    epochs, curve.training_loss, line={"color": BLUE}, name="training", **shown
-                ),
+                scatter(epochs, curve.training_loss, line=training, name="training", **shown),
                 scatter(epochs, curve.validation_loss, line=validation, name="validation", **shown),
                 scatter(*at, mode="markers", marker=kept, name="kept", **shown),
             ],
