@@ -15,12 +15,12 @@ from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
     per_flight,
     rows_of,
 )
-from thrustmargin.gcs_plugin.reports.shared.figure import Figure
 from thrustmargin.gcs_plugin.reports.shared.page_shell import (
     packed,
     page_text,
     software_version,
 )
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     chance,

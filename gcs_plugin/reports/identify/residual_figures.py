@@ -14,7 +14,6 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.reports.shared.figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     AFTER,
     BEFORE,
@@ -25,6 +24,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     rotor_panels,
     single,
 )
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, channel_title
 from thrustmargin.gcs_plugin.wording.palette import residual_scale

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport
-from thrustmargin.gcs_plugin.reports.shared.figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     BAND,
     INK,
@@ -24,6 +23,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     over_time,
     rotor_panels,
 )
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, moved, route_map
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, SPINS

@@ -14,8 +14,8 @@ from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
-from thrustmargin.gcs_plugin.reports.shared.figure import Figure
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
@@ -119,7 +119,7 @@ def csv_bytes(report: Report) -> bytes:
 def pdf_bytes(report: Report, written: Written | None) -> bytes:
     """The page on A4, with the same words and figures: one flight on three to four, of several
     what was decided and its figure, two to a page."""
-    from thrustmargin.gcs_plugin.reports.shared import pdf_page
+    from thrustmargin.gcs_plugin.reports.paper import pdf_page
 
     brief = len(report.flights) > 1
     drawn = {n: made for n, made in _drawn(report).items() if not brief or n.startswith("use_")}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.shared.figure import Figure, Trace, scatter, titled
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter, titled
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.training import LossCurve
 from thrustmargin.models.physics.atmosphere import G0
@@ -139,7 +139,7 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
 
     Raises DataError when one cannot be written.
     """
-    from thrustmargin.gcs_plugin.reports.shared.figure_file import file_bytes
+    from thrustmargin.gcs_plugin.reports.paper.drawn_figure import file_bytes
 
     paths = figure_paths(out)
     for path in paths:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.reports.shared.figure import Figure, Trace, scatter
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter
 from thrustmargin.models.flight import Floats
 
 INK = "#000000"
@@ -69,6 +69,10 @@ class Panel:
     height_px: int = ROTOR_PX
     limit: tuple[float, str] | None = None  # level, text: drawn across in red
     title: str = ""
+
+    def __post_init__(self) -> None:
+        if unknown := [name for name in self.axis if "_" in name]:
+            raise ValueError(f"plotly.js knows no {unknown}: its properties are nested")
 
 
 def rotor_panels(

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import shapely
 
-from thrustmargin.gcs_plugin.reports.shared.figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     GRID,
     INK,
@@ -19,6 +18,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     milliseconds,
     single,
 )
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.wording.numbers import from_direction
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, css
 from thrustmargin.mission.field import Field

@@ -14,10 +14,9 @@ from fpdf import FPDF
 from fpdf.enums import TableBordersLayout
 from fpdf.fonts import FontFace
 
-from thrustmargin.gcs_plugin.reports.shared.canvas import PdfCanvas, with_fonts
-from thrustmargin.gcs_plugin.reports.shared.drawn_figure import draw, size
-from thrustmargin.gcs_plugin.reports.shared.figure import Figure
-from thrustmargin.gcs_plugin.reports.shared.figure_file import PIXEL
+from thrustmargin.gcs_plugin.reports.paper.canvas import PIXEL, PdfCanvas, with_fonts
+from thrustmargin.gcs_plugin.reports.paper.drawn_figure import draw, size
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
 
 MARGIN = 12.0  # mm
 TILES = 4  # beside each other

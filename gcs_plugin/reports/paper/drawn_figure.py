@@ -9,14 +9,24 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from html import unescape
 from typing import Any
 
 import numpy as np
+from fpdf import FPDF
 
-from thrustmargin.gcs_plugin.reports.shared.axis import Axis, axis_over
-from thrustmargin.gcs_plugin.reports.shared.canvas import Box, Canvas, Colour
-from thrustmargin.gcs_plugin.reports.shared.figure import Figure, Trace
+from thrustmargin.gcs_plugin.reports.paper.axis import Axis, axis_over
+from thrustmargin.gcs_plugin.reports.paper.canvas import (
+    PIXEL,
+    Box,
+    Canvas,
+    Colour,
+    PdfCanvas,
+    SvgCanvas,
+    with_fonts,
+)
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace
 from thrustmargin.models.flight import Floats
 
 WIDTH_PX = 1000.0  # of a figure; two maps stand beside each other
@@ -27,7 +37,7 @@ _OPEN = {"square-x-open", "circle-open", "square-open"}
 
 
 @dataclass(frozen=True, slots=True)
-class Panel:
+class PlotArea:
     """A pair of axes and plotly's properties of them."""
 
     x: Axis
@@ -80,6 +90,20 @@ def draw(made: Figure, canvas: Canvas) -> None:
     _key(key, made, canvas)
 
 
+def file_bytes(made: Figure, ending: str) -> bytes:
+    """The figure as .svg or .pdf; the same figure makes the same bytes."""
+    wide, high = size(made)
+    if ending == ".svg":
+        drawing = SvgCanvas(wide, high)
+        draw(made, drawing)
+        return drawing.document().encode("utf-8", "replace")
+    pdf = with_fonts(FPDF(unit="mm", format=(wide * PIXEL, high * PIXEL)))
+    pdf.set_creation_date(datetime.fromtimestamp(0, UTC))
+    pdf.add_page()
+    draw(made, PdfCanvas(pdf, 0.0, 0.0, PIXEL))
+    return bytes(pdf.output())
+
+
 def _whole(made: Figure) -> Box:
     """The rectangle within the margins."""
     margin = made.layout["margin"]
@@ -88,7 +112,7 @@ def _whole(made: Figure) -> Box:
     return margin["l"], margin["t"], *inner
 
 
-def _panels(made: Figure) -> dict[str, Panel]:
+def _panels(made: Figure) -> dict[str, PlotArea]:
     """The axes of each name as traces have it: y, y2 and so on."""
     layout, (left, top, wide, high) = made.layout, _whole(made)
     found = {}
@@ -112,11 +136,11 @@ def _panels(made: Figure) -> dict[str, Panel]:
         if "scaleanchor" in upright:
             scale = 0.94 * min(x.scale, y.scale)
             x, y = x.with_scale(scale), y.with_scale(scale)
-        found[key] = Panel(x, y, across, upright)
+        found[key] = PlotArea(x, y, across, upright)
     return found
 
 
-def _axes(panel: Panel, canvas: Canvas) -> None:
+def _axes(panel: PlotArea, canvas: Canvas) -> None:
     """Grid, lines, marks and titles."""
     left, top, wide, high = panel.box
     right, low = left + wide, top + high
@@ -147,7 +171,7 @@ def _axes(panel: Panel, canvas: Canvas) -> None:
         canvas.text((0.5 * (left + right), low + 27.0), title, TYPE, across="center", down="top")
 
 
-def _trace(trace: Trace, panel: Panel, canvas: Canvas) -> None:
+def _trace(trace: Trace, panel: PlotArea, canvas: Canvas) -> None:
     if trace["type"] != "scatter":
         raise ValueError(f"a trace of type {trace['type']} is not drawn on paper")
     points, line = panel.points(trace["x"], trace["y"]), trace.get("line", {})
@@ -189,7 +213,7 @@ def _marks(marker: Mapping[str, Any], points: Floats, canvas: Canvas) -> None:
             canvas.area(point + ring, shade)
 
 
-def _colour_bar(marker: Mapping[str, Any], panel: Panel, canvas: Canvas) -> None:
+def _colour_bar(marker: Mapping[str, Any], panel: PlotArea, canvas: Canvas) -> None:
     left, top, wide, _ = panel.box
     scale = Axis("linear", marker["cmin"], marker["cmax"], left, left + 0.96 * wide)
     y, thick, parts = top - 26.0, 14.0, 120
@@ -207,7 +231,9 @@ def _colour_bar(marker: Mapping[str, Any], panel: Panel, canvas: Canvas) -> None
         canvas.text((x, y - 6.0), _plain(words), SMALL, across="center", down="bottom")
 
 
-def _note(note: Mapping[str, Any], panels: Mapping[str, Panel], whole: Box, canvas: Canvas) -> None:
+def _note(
+    note: Mapping[str, Any], panels: Mapping[str, PlotArea], whole: Box, canvas: Canvas
+) -> None:
     """A text, and the arrow from it to its place, where it has one."""
     x = _place(note["x"], note.get("xref", "x"), panels, whole, upright=False)
     y = _place(note["y"], note.get("yref", "y"), panels, whole, upright=True)
@@ -236,7 +262,7 @@ def _note(note: Mapping[str, Any], panels: Mapping[str, Panel], whole: Box, canv
 
 
 def _place(
-    value: float, reference: str, panels: Mapping[str, Panel], whole: Box, *, upright: bool
+    value: float, reference: str, panels: Mapping[str, PlotArea], whole: Box, *, upright: bool
 ) -> float:
     """A note's place in pixels, by values of an axis, or shares of a panel or of the figure."""
     name, _, domain = reference.partition(" ")
@@ -278,7 +304,7 @@ def _sample(trace: Trace, at: tuple[float, float], canvas: Canvas) -> None:
     """How a trace looks, beside its name."""
     x, y = at
     span = Axis("linear", 0.0, 1.0, x, x + 34.0), Axis("linear", 0.0, 1.0, y + 6.0, y - 6.0)
-    panel = Panel(*span, {}, {})
+    panel = PlotArea(*span, {}, {})
     if trace.get("fill") == "toself":
         corners = {"x": np.array([0.0, 1.0, 1.0, 0.0]), "y": np.array([0.0, 0.0, 1.0, 1.0])}
         _trace(trace | corners, panel, canvas)
