@@ -68,10 +68,10 @@ class VehicleLink:
     @classmethod
     def open(cls, url: str) -> Self:
         """A link of MAVSDK's own at a URL. Raises LinkError when it cannot be opened."""
-        from mavsdk import ConnectionResult
-
         translated = mavsdk_url(url)
         link = cls(url)
+        from mavsdk import ConnectionResult
+
         result = link._mavsdk.add_any_connection(translated)
         if result != ConnectionResult.SUCCESS:
             link.close()
