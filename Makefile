@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 # The import name as folders, for pyright: it does not follow an editable install.
 LINKS := $(VENV)/links/thrustmargin
 
-.PHONY: demo fleet-demo test pytest check bench measured mutation screenshots clean
+.PHONY: demo fleet-demo test pytest check bench measured mutation package screenshots clean
 
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
@@ -35,6 +35,13 @@ measured: $(VENV)/.test
 mutation: $(VENV)/.test
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[mutation]'
 	nice $(BIN)/python tests/mutation/mutate.py $(MUTATION_ARGS)
+
+# What an index takes: the wheel is built from the source archive, so that neither lacks a file.
+package: $(VENV)/.test
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[release]'
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation
+	$(BIN)/twine check --strict dist/*
 
 screenshots: $(VENV)/.test
 	$(BIN)/python docs/screenshots.py

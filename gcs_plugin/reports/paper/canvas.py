@@ -19,6 +19,7 @@ from thrustmargin.models.flight import Floats
 
 Colour = tuple[float, ...]
 Box = tuple[float, float, float, float]  # left, top, width, height
+_FONTS = "thrustmargin.gcs_plugin.reports.paper"
 ACROSS = {"left": 0.0, "center": 0.5, "right": 1.0}
 DOWN = {"top": 0.76, "middle": 0.36, "bottom": -0.22}  # of the size, from there to the baseline
 PIXEL = 25.4 / 140.0  # mm on paper: type of 16 pixels is 8 pt
@@ -67,7 +68,7 @@ class Canvas(Protocol):
 def with_fonts(pdf: FPDF) -> FPDF:
     """The document with the family "body", plain and bold, embedded."""
     for style, name in (("", "DejaVuSans.ttf"), ("B", "DejaVuSans-Bold.ttf")):
-        with resources.as_file(resources.files(__package__) / name) as path:
+        with resources.as_file(resources.files(_FONTS) / name) as path:
             pdf.add_font("body", style, path)
     return pdf
 
