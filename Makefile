@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 # The import name as folders, for pyright: it does not follow an editable install.
 LINKS := $(VENV)/links/thrustmargin
 
-.PHONY: demo fleet-demo test pytest check bench measured mutation screenshots clean
+.PHONY: demo fleet-demo test pytest check bench measured mutation package screenshots clean
 
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
@@ -36,6 +36,13 @@ mutation: $(VENV)/.test
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[mutation]'
 	nice $(BIN)/python tests/mutation/mutate.py $(MUTATION_ARGS)
 
+# What an index takes: the wheel is built from the source archive, so that neither lacks a file.
+package: $(VENV)/.test
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[release]'
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation
+	$(BIN)/twine check --strict dist/*
+
 screenshots: $(VENV)/.test
 	$(BIN)/python docs/screenshots.py
 
@@ -54,7 +61,7 @@ $(VENV)/.demo: $(VENV)/.venv pyproject.toml constraints.txt
 	touch $@
 
 $(VENV)/.test: $(VENV)/.demo
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[train,mavproxy,fleet,test]'
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[all,test]'
 	mkdir -p $(LINKS)
 	ln -sfn ../../../gcs_plugin/api/__init__.py $(LINKS)/__init__.py
 	for package in models mission gcs_plugin; do ln -sfn ../../../$$package $(LINKS)/$$package; done

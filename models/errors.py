@@ -39,9 +39,21 @@ class InstallError(ThrustMarginError):
     """An optional part of the installation is missing."""
 
 
-def require_torch(task: str) -> None:
-    """Raise InstallError where torch is missing, which only training and identification need."""
-    if find_spec("torch") is None:
-        raise InstallError(
-            f"{task} needs torch, which is not installed; run: pip install 'thrustmargin[train]'"
-        )
+#: library -> the extra that installs it
+EXTRAS = {
+    "torch": "train",
+    "mavsdk": "vehicle",
+    **dict.fromkeys(
+        ("pyarrow", "duckdb", "fsspec", "filelock", "ruptures", "distributed", "s3fs"), "fleet"
+    ),
+}
+
+
+def require(task: str, *libraries: str) -> None:
+    """Raise InstallError where one of the libraries, that only some tasks need, is missing."""
+    for library in libraries:
+        if find_spec(library) is None:
+            raise InstallError(
+                f"{task} needs {library}, which is not installed; "
+                f"run: pip install 'thrustmargin[{EXTRAS[library]}]'"
+            )

@@ -1,24 +1,32 @@
-"""Frozen dataclasses of numbers, text and tuples as JSON values and back, by cattrs."""
+"""Frozen dataclasses of numbers, text and tuples as JSON values and back."""
 
 from __future__ import annotations
 
 import math
-from enum import StrEnum
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from enum import Enum, StrEnum
+from functools import cache
 from reprlib import repr as shortly
-from types import MappingProxyType
-from typing import Any, get_origin
-
-from cattrs import Converter, transform_error
-from cattrs.errors import ForbiddenExtraKeysError
+from types import NoneType
+from typing import Any, get_args, get_origin, get_type_hints
 
 from thrustmargin.models.errors import ModelError
-
-_CONVERTER = Converter(forbid_extra_keys=True)
 
 
 def to_json_values(value: Any) -> Any:
     """Lists, dicts, text and numbers; NaN becomes None, because JSON has no NaN."""
-    return _CONVERTER.unstructure(value)
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if is_dataclass(value):
+        return {f.name: to_json_values(getattr(value, f.name)) for f in fields(value) if f.init}
+    if isinstance(value, Mapping):
+        return {str(key): to_json_values(one) for key, one in value.items()}
+    if isinstance(value, (tuple, list, set, frozenset)):
+        return [to_json_values(one) for one in value]
+    return value
 
 
 def from_json_values(kind: Any, data: Any, where: str) -> Any:
@@ -27,70 +35,57 @@ def from_json_values(kind: Any, data: Any, where: str) -> Any:
     Raises ValueError that names the place, from `where` on, when data is missing, unknown or of
     another type.
     """
-    try:
-        return _CONVERTER.structure(data, kind)
-    except Exception as error:  # cattrs raises groups of whatever its hooks raised
-        first = transform_error(error, where, format_exception=_words)[0]
-        what, _, place = first.partition(" @ ")
-        raise ValueError(f"{place} {what}") from error
+    of = get_args(kind)
+    if NoneType in of:
+        (kind,) = (one for one in of if one is not NoneType)
+        return None if data is None else from_json_values(kind, data, where)
+    if get_origin(kind) is tuple:
+        if not isinstance(data, list):
+            raise ValueError(f"{where} is {type(data).__name__}, not a list")
+        kinds = of[:1] * len(data) if of[-1] is Ellipsis else of
+        if len(kinds) != len(data):
+            raise ValueError(f"{where} has {len(data)} entries, not {len(kinds)}")
+        return tuple(from_json_values(k, d, where) for k, d in zip(kinds, data, strict=True))
+    if kind in (float, int, str, bool) or issubclass(get_origin(kind) or kind, StrEnum):
+        return _scalar(kind, data, where)
+    if not isinstance(data, dict):
+        raise ValueError(f"{where} is not a table")
+    if not is_dataclass(kind):
+        return {key: from_json_values(of[1], one, f"{where}[{key!r}]") for key, one in data.items()}
+    return _dataclass(kind, data, where)
 
 
-class Refused(TypeError):
-    """A value that is not of the type that is due."""
-
-
-def _words(error: BaseException, kind: type | None) -> str:  # noqa: ARG001
-    if isinstance(error, KeyError):
-        return "is missing"
-    if isinstance(error, ForbiddenExtraKeysError):
-        return f"has an unknown {min(error.extra_fields)!r}"
-    return str(error) if isinstance(error, (Refused, ModelError)) else "is not a table"
-
-
-def _scalar(data: Any, kind: Any) -> Any:
+def _scalar(kind: Any, data: Any, where: str) -> Any:
     if kind is float and data is None:
         return math.nan
     if issubclass(kind, StrEnum):
-        return _member(data, kind)
+        if data not in list(kind):
+            raise ValueError(f"{where} is {shortly(data)}, none of {', '.join(kind)}")
+        return kind(data)
     accepted = (int, float) if kind is float else kind
     if not isinstance(data, accepted) or (isinstance(data, bool) and kind is not bool):
-        raise Refused(f"is {shortly(data)}, not {kind.__name__}")
-    return kind(data)
-
-
-def _member(data: Any, kind: type[StrEnum]) -> StrEnum:
+        raise ValueError(f"{where} is {shortly(data)}, not {kind.__name__}")
     try:
         return kind(data)
-    except ValueError as error:
-        known = ", ".join(kind)
-        raise Refused(f"is {shortly(data)}, none of {known}") from error
+    except OverflowError as error:  # an int that no float can hold
+        raise ValueError(f"{where} is {shortly(data)}, not {kind.__name__}") from error
 
 
-def _lists_only(kind: Any, converter: Converter) -> Any:
-    """What makes tuples from lists, and from nothing else that can be walked through."""
-    arguments = kind.__args__
+def _dataclass(kind: Any, data: dict[str, Any], where: str) -> Any:
+    expected = {f.name: f for f in fields(kind) if f.init}
+    for name, field in expected.items():
+        if name not in data and field.default is field.default_factory is MISSING:
+            raise ValueError(f"{where}.{name} is missing")
+    if more := data.keys() - expected.keys():
+        raise ValueError(f"{where} has an unknown {min(more)!r}")
+    kinds = _kinds(kind)
+    values = {n: from_json_values(kinds[n], one, f"{where}.{n}") for n, one in data.items()}
+    try:
+        return kind(**values)
+    except ModelError as error:
+        raise ValueError(f"{where} {error}") from error
 
-    def structure(data: Any, _: Any) -> Any:
-        if not isinstance(data, list):
-            raise Refused(f"is {type(data).__name__}, not a list")
-        kinds = arguments[:1] * len(data) if arguments[-1] is Ellipsis else arguments
-        if len(kinds) != len(data):
-            raise Refused(f"has {len(data)} entries, not {len(kinds)}")
-        return tuple(converter.structure(d, k) for d, k in zip(data, kinds, strict=True))
 
-    return structure
-
-
-for _kind in (float, int, str, bool):
-    _CONVERTER.register_structure_hook(_kind, _scalar)
-_CONVERTER.register_structure_hook_factory(lambda kind: get_origin(kind) is tuple)(_lists_only)
-_CONVERTER.register_unstructure_hook(
-    float, lambda v: None if isinstance(v, float) and not math.isfinite(v) else v
-)
-_CONVERTER.register_unstructure_hook(
-    MappingProxyType, lambda v: {str(k): _CONVERTER.unstructure(x) for k, x in v.items()}
-)
-_CONVERTER.register_unstructure_hook(tuple, lambda v: [_CONVERTER.unstructure(x) for x in v])
-_CONVERTER.register_unstructure_hook_func(
-    lambda kind: get_origin(kind) is tuple, lambda v: [_CONVERTER.unstructure(x) for x in v]
-)
+@cache
+def _kinds(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)

@@ -29,7 +29,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.recording.event_record import EventRecord
 from thrustmargin.gcs_plugin.live.recording.recorded_table import sample_batch
-from thrustmargin.gcs_plugin.live.recording.recorder import Recorder, RecorderStatus
+from thrustmargin.gcs_plugin.live.recording.recorder import Recorder, RecorderStatus, tabulates
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
@@ -300,7 +300,7 @@ class LiveMonitor:
             self._event(vehicle, event, round(event.time_s * 1e6))
 
     def _publish(self, update: Update) -> None:
-        if self.recorder is not None:
+        if self.recorder is not None and tabulates():
             rows = sample_batch(update, slice(update.unsettled, None))
             settled = update.settled - update.unsettled
             self.recorder.samples(

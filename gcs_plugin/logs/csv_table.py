@@ -22,9 +22,11 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +70,9 @@ _WITH_UNIT = re.compile(r"(\w+) \[(.*)\]")  # a heading of a margin report's CSV
 _LATEST = 1e11  # s of Unix time
 _SHOWN = 50  # rows by which the decimal sign is known
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(e[-+]?[0-9]+)?", re.IGNORECASE)
-_NULLS = ["", "-", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A"]
+_NULLS = {"", "-", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A"}
+_STATES = {"true": "1", "false": "0"}
+_ROWS = 4096  # that are held as text at a time
 
 
 def write_csv(track: FlightTrack, path: Path) -> None:
@@ -145,9 +149,6 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
 
     Raises LogError naming the column or row that is wrong.
     """
-    import pyarrow as pa
-    from pyarrow import csv as table_of
-
     comments, names, body, separator = _parts(decoded(path.read_bytes()))
     stated = stated_columns(path, unit_of_column)
     if "time_s" not in stated and "time_s" not in names:
@@ -162,49 +163,19 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
     twice = next((name for name in used if used.count(name) > 1), None)
     if twice is not None:
         raise LogError(f"{path.name}: column {twice!r} is there twice; keep one")
-    first_rows = csv.reader(body.split("\n", _SHOWN)[1:_SHOWN], delimiter=separator)
-    torn: list[object] = []
     states = {stated[n].column if n in stated else n for n in ("flying", "spraying")}
-    comma = any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in first_rows for cell in row)
     try:
-        table = table_of.read_csv(
-            io.BytesIO(body.encode("utf-8", "replace")),
-            # Names that no other column has: what is not used may be called alike.
-            read_options=table_of.ReadOptions(
-                column_names=[n if n in used else f"{k} {n}" for k, n in enumerate(names)],
-                skip_rows=1,
-            ),
-            parse_options=table_of.ParseOptions(
-                delimiter=separator, invalid_row_handler=lambda row: torn.append(row) or "skip"
-            ),
-            convert_options=table_of.ConvertOptions(
-                column_types={n: pa.string() if n in states else pa.float64() for n in used},
-                include_columns=used,
-                null_values=_NULLS,
-                quoted_strings_can_be_null=True,
-                decimal_point="," if comma else ".",
-            ),
-        )
-    except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
+        table, torn = _columns(body, separator, names, used, states)
+    except (ValueError, csv.Error) as error:
         reason = clean(" ".join(str(error).split())[:160])
         raise LogError(f"{path.name}: not a table of numbers: {reason}") from error
-    # One is what is left when a logger is switched off, or where two writes met.
-    if len(torn) > (1 + table.num_rows // 100 if table.num_rows else 0):
-        raise LogError(
-            f"{path.name}: not a table of numbers: {len(torn)} rows have another number of "
-            f"columns than the {len(names)} of its heading"
-        )
-    try:
-        table = {n: _states(table[n]) if n in states else table[n].to_numpy() for n in used}
-    except ValueError as error:
-        raise LogError(f"{path.name}: not a table of numbers: {error}") from error
     rows = next((column.size for column in table.values()), 0)
     found = {n: column for n, column in table.items() if _known(n) and n not in stated}
     found |= in_our_columns(stated, table, rows)
     unused = [name for name in names if name not in used]
     about, notes = _about(comments, path), []
     if torn:
-        notes.append(f"{len(torn)} torn row(s) are left out")
+        notes.append(f"{torn} torn row(s) are left out")
     if unused:
         notes.append(clean(f"columns not used: {', '.join(unused)[:200]}"))
     if "flight_number" in found:
@@ -227,11 +198,52 @@ def unit_of_column(name: str) -> str | None:
     return "" if unit == "0/1" else unit
 
 
-def _states(column: Any) -> Floats:
-    """1, 0 and NaN of true, false, numbers and nothing. Raises ValueError for other words."""
-    words = {"true": "1", "false": "0", "": "nan"}
-    texts = ((text or "").strip().lower().replace(",", ".") for text in column.to_pylist())
-    return np.array([float(words.get(text, text)) for text in texts])
+def _columns(
+    body: str, separator: str, names: Sequence[str], used: Sequence[str], states: set[str]
+) -> tuple[dict[str, Floats], int]:
+    """The used columns as numbers (T,), NaN where empty, and how many rows are torn.
+
+    Raises ValueError or csv.Error where it is no table of numbers.
+    """
+    first_rows = csv.reader(body.split("\n", _SHOWN)[1:_SHOWN], delimiter=separator)
+    comma = any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in first_rows for cell in row)
+    rows = csv.reader(io.StringIO(body, newline=""), delimiter=separator)
+    next(rows, None)
+    places = {name: names.index(name) for name in used}
+    pieces: dict[str, list[Floats]] = {name: [] for name in used}
+    torn = whole = 0
+    while read := list(islice(rows, _ROWS)):
+        fit = [row for row in read if len(row) == len(names)]
+        torn += sum(map(bool, read)) - sum(map(bool, fit))  # an empty line is none
+        whole += len(fit)
+        for (name, place), found in zip(places.items(), pieces.values(), strict=True):
+            number = _state if name in states else _number
+            found.append(np.array([number(row[place], comma, name) for row in fit]))
+    # One is what is left when a logger is switched off, or where two writes met.
+    if torn > (1 + whole // 100 if whole else 0):
+        raise ValueError(
+            f"{torn} rows have another number of columns than the {len(names)} of its heading"
+        )
+    return {n: np.concatenate(p) if p else np.empty(0) for n, p in pieces.items()}, torn
+
+
+def _number(cell: str, comma: bool, name: str) -> float:
+    """A cell as a number, NaN for nothing. Raises ValueError for anything else."""
+    cell = cell.strip()
+    if cell in _NULLS:
+        return math.nan
+    # Python's own float takes underscores; and a point is no decimal sign where a comma is one.
+    try:
+        if "_" in cell or (comma and "." in cell):
+            raise ValueError
+        return float(cell.replace(",", ".") if comma else cell)
+    except ValueError:
+        raise ValueError(f"{cell[:40]!r} in column {name}") from None
+
+
+def _state(cell: str, comma: bool, name: str) -> float:
+    """1, 0 and NaN of true, false, numbers and nothing."""
+    return _number(_STATES.get(cell.strip().lower(), cell), comma, name)
 
 
 def _parts(text: str) -> tuple[list[str], list[str], str, str]:

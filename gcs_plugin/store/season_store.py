@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from thrustmargin.gcs_plugin.store.schema import table_schema
-from thrustmargin.models.errors import DataError
+from thrustmargin.models.errors import DataError, require
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ class SeasonStore:
     @classmethod
     def open(cls, url: str) -> Self:
         """The store at a folder or address. Raises DataError when the address is no such."""
+        require("a season's store", "fsspec", "pyarrow", "filelock")
         from fsspec.core import url_to_fs
 
         try:

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
-from thrustmargin.models.errors import DataError
+from thrustmargin.models.errors import DataError, require
 
 if TYPE_CHECKING:
     import duckdb
@@ -32,6 +32,7 @@ def query(store: SeasonStore, sql: str) -> pa.Table:
 
     Raises DataError with duckdb's reason where it is none. Ctrl-C ends a query that does not.
     """
+    require("--sql", "duckdb")
     import duckdb
 
     with duckdb.connect() as connection:

@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.link.transport import parse_url
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
-from thrustmargin.models.errors import LinkError
+from thrustmargin.models.errors import LinkError, require
 
 if TYPE_CHECKING:
     from mavsdk import Autopilot, LogLevel, Mavsdk, System
@@ -54,6 +54,7 @@ class VehicleLink:
     """
 
     def __init__(self, name: str) -> None:
+        require("talking to a vehicle", "mavsdk")
         from mavsdk import ComponentType, Configuration, Mavsdk
 
         _take_log()
@@ -67,10 +68,10 @@ class VehicleLink:
     @classmethod
     def open(cls, url: str) -> Self:
         """A link of MAVSDK's own at a URL. Raises LinkError when it cannot be opened."""
-        from mavsdk import ConnectionResult
-
         translated = mavsdk_url(url)
         link = cls(url)
+        from mavsdk import ConnectionResult
+
         result = link._mavsdk.add_any_connection(translated)
         if result != ConnectionResult.SUCCESS:
             link.close()

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.models.errors import PlanError, ThrustMarginError
+from thrustmargin.models.errors import PlanError, ThrustMarginError, require
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
@@ -56,6 +56,7 @@ class MissionFetcher(Subscriber):
         sign: Callable[[bytes], bytes] | None = None,
         timeout: float = 10.0,
     ) -> None:
+        require("--fetch-mission", "mavsdk")
         self._listener = listener
         self._sign = sign
         self._timeout = timeout

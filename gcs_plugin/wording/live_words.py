@@ -65,6 +65,10 @@ FIELD_WORDS: Mapping[str, str] = {
 
 NO_VEHICLE = "no vehicle heard yet"
 NO_ALARM = "no alarm"
+NO_SAMPLES = (
+    "messages and events are recorded, and no table of samples, which needs pyarrow; "
+    "to have it run: pip install 'thrustmargin[fleet]'"
+)
 HEARD, WATCHED_AGAIN, RECORDING_AGAIN = "heard", "watched again", "recording again"
 NOT_BEHIND = "no longer behind"
 ON_GROUND, NO_VERDICT, OLD = "on ground", "NO VERDICT", "OLD"

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.errors import DataError, require_torch
+from thrustmargin.models.errors import DataError, require
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.network.ensemble import Float32s, RotorNetwork
 
@@ -110,7 +110,7 @@ def fit_network(
         )
     if not (np.all(np.isfinite(inputs)) and np.all(np.isfinite(rotor_speed_rpm))):
         raise DataError("rows with a missing airspeed, tank or rotor speed cannot be fitted")
-    require_torch("train")
+    require("train", "torch")
     import torch
 
     threads = torch.get_num_threads()

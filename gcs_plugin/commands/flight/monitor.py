@@ -89,10 +89,11 @@ def monitor(
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
+    from thrustmargin.gcs_plugin.live.recording.recorder import tabulates
     from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
-    from thrustmargin.gcs_plugin.wording.live_words import FETCH, RATES
+    from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES
 
     check_utilisation(max_utilisation)
     where = {"host": host, "port": port, "token": page_token(host, token_file)}
@@ -127,6 +128,8 @@ def monitor(
     )
     chosen = chosen_model(model, airframe)
     check_source(chosen.airframe.tank_source)
+    if not tabulates():
+        Terminal(stderr=True, soft_wrap=True).print(f"note: {NO_SAMPLES}", markup=False)
     live = LiveMonitor(chosen, settings, accept=accept, refused_why=why)
     if announce or request_rates:
         from thrustmargin.gcs_plugin.link.sender import Sender

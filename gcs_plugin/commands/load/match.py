@@ -43,9 +43,10 @@ def match(
         airframe: Name of an airframe that ships with thrustmargin, or path of your .toml file;
             without it that of --model, else the paper's own aircraft, which is then said.
         model: Rotor speed model whose predictions are drawn as points; else the shipped one.
-        out: Figure to write, .svg or .png; without an ending both are written.
+        out: Figure to write, .svg or .pdf; without an ending both are written.
     """
     from thrustmargin.gcs_plugin.reports.model.model_figures import (
+        ENDINGS,
         figure10,
         figure_paths,
         write_figure,
@@ -55,7 +56,7 @@ def match(
     from thrustmargin.models.physics.matching import match_airframe
 
     check_outputs(
-        [Output("--out", path, endings=(".svg", ".png")) for path in figure_paths(out)],
+        [Output("--out", path, endings=ENDINGS) for path in figure_paths(out)],
         inputs=[model, airframe],
     )
     if airframe is None and model is not None:

@@ -10,7 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
-from thrustmargin.models.errors import LogError, require_torch
+from thrustmargin.models.errors import LogError, require
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -91,7 +91,7 @@ def train(
 
     progress = Terminal(stderr=True)
     logs = require_logs(logs)
-    require_torch("train")
+    require("train", "torch")
     check_outputs(
         [
             Output("--out-model", out_model, (".safetensors",), keep=not force),

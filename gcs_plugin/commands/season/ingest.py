@@ -28,7 +28,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, transfer_bar
-from thrustmargin.models.errors import DataError, InstallError
+from thrustmargin.models.errors import DataError, require
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.store.ingest_run import IngestOutcome, LogSource
@@ -113,8 +113,8 @@ def ingest(
         key=own_key() if anonymise else None,
     )
     season_model(settings.model, settings.airframe)  # a wrong one is said before anything is read
-    found, refused = find_logs(logs)
     target = SeasonStore.open(where)
+    found, refused = find_logs(logs)
     with ExitStack() as stack:
         if cluster is None:
             make, at_once = local_processes(workers or own_cores())
@@ -273,12 +273,9 @@ def _begin_worker() -> None:
 
 def _client(scheduler: str) -> Any:
     """Of a Dask cluster, to be closed. Raises InstallError or DataError where there is none."""
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise InstallError(
-            "--cluster needs Dask, which is not installed; run: pip install 'thrustmargin[fleet]'"
-        ) from error
+    require("--cluster", "distributed")
+    from distributed import Client
+
     try:
         return Client(scheduler, timeout=10)
     except (OSError, TimeoutError, ValueError) as error:

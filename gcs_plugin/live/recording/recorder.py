@@ -3,7 +3,8 @@
 One folder a session:
     telemetry.tlog      each frame as it came after eight bytes of Unix µs; ground stations read it
     options.json        what the user said of the flight, for whoever reads the .tlog
-    samples/*.parquet   one file a minute, together one table (columns: live/recorded_table)
+    samples/*.parquet   one file a minute, together one table (columns: recorded_table), where
+                        pyarrow is installed
     events.jsonl        alarms raised and cleared, restarts, notes
 Written by a thread of its own, so that a slow disk never holds up a socket. Everything is on the
 disk (fsync) within a second. The .tlog and events only grow, and a frame cut by a power loss ends
@@ -22,6 +23,8 @@ import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,6 +60,12 @@ class RecorderStatus:
     slowest_sync_s: float
 
 
+@cache
+def tabulates() -> bool:
+    """Whether samples are written too, which takes pyarrow; a report makes them anew without."""
+    return find_spec("pyarrow") is not None
+
+
 class Recorder:
     """Writes one session into a new folder below `parent`, with the files `beside` by name.
 
@@ -72,12 +81,14 @@ class Recorder:
             parent.mkdir(parents=True, exist_ok=True)
             for number in range(2, 1000):
                 with contextlib.suppress(FileExistsError):
-                    (self.folder / "samples").mkdir(parents=True)
+                    self.folder.mkdir(parents=True)
                     break
                 self.folder = parent / f"{stem}-{number}"
             for file, content in (beside or {}).items():
                 with whole_file(self.folder / file) as draft:
                     draft.write_bytes(content)
+            if tabulates():
+                (self.folder / "samples").mkdir()
             self._telemetry = _Appended(self.telemetry)
             self._events = _Appended(self.folder / "events.jsonl")
         except OSError as error:
@@ -177,6 +188,8 @@ class Recorder:
         self._events.sync()
 
     def _write_samples(self) -> None:
+        if not tabulates():
+            return
         with self._lock:
             rows, self._rows = self._rows, []
             later = [batch for _, batch in self._later.values()]

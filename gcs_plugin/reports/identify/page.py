@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from plotly.graph_objects import Figure
-
 from thrustmargin.gcs_plugin.reports.identify.identify_result import (
     Result,
     effect_rows,
@@ -22,6 +20,7 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import (
     page_text,
     software_version,
 )
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     excluded_rows,
@@ -52,7 +51,7 @@ def html_text(result: Result) -> str:
     """The page; figures are drawn when they come into view."""
     rows = rows_of(result.unseen, result.tracks)
     shown = rows.worst_first()[:MOST_FLIGHTS]
-    made = {n: packed(str(f.to_json())) for n, f in figures(rows, shown).items()}
+    made = {n: packed(f.to_json()) for n, f in figures(rows, shown).items()}
     context = {
         "result": result,
         "found": result.found,
@@ -67,6 +66,6 @@ def html_text(result: Result) -> str:
 
 
 def figures(rows: Rows, shown: list[int]) -> dict[str, Figure]:
-    """Name -> plotly figure; over time and on the route those of the flights `shown`."""
+    """Name -> figure; over time and on the route those of the flights `shown`."""
     channels = {f"channels_{m}": figure for m, figure in channels_figures(rows).items()}
     return {"modes": modes_figure(rows), **channels, **per_flight(rows, shown)}

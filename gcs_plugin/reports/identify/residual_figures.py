@@ -13,8 +13,6 @@ from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
-from plotly.graph_objects import Figure, Scatter
-from plotly.subplots import make_subplots
 
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     AFTER,
@@ -26,6 +24,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     rotor_panels,
     single,
 )
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, channel_title
 from thrustmargin.gcs_plugin.wording.palette import residual_scale
@@ -151,7 +150,7 @@ def time_figure(rows: Rows, flight: int) -> Figure:
             line(time_s, table[:, k], color=color, name=name, width=1.5, legend=legend)
             for name, color, table in (("before", BEFORE, before), ("after", AFTER, after))
         ],
-        axis={"title_text": "rpm", "range": [-reach, reach]},
+        axis=titled("rpm", range=[-reach, reach]),
     )
     return over_time(panels, end_s=float(time_s[-1]))
 
@@ -169,22 +168,25 @@ def _broken(time_s: Floats, *tables: Floats) -> tuple[Floats, ...]:
 def modes_figure(rows: Rows) -> Figure:
     """RMS of each mode before and after."""
     margin = {"l": 80, "r": 20, "t": 40, "b": 40}
-    made = Figure(layout={"template": STYLE, "height": 340, "margin": margin})
+    y = titled("RMS, rpm", rangemode="tozero")
+    made = Figure({"template": STYLE, "height": 340, "margin": margin, "yaxis": y})
     for which, table, colour in (
         ("before", rows.before_modes, BEFORE),
         ("after", rows.after_modes, AFTER),
     ):
-        made.add_bar(
-            name=which,
-            x=rows.mode_names,
-            y=np.sqrt(np.mean(table**2, axis=0)).tolist(),
-            marker_color=colour,
-            texttemplate="%{y:.0f}",
-            textposition="outside",
-            cliponaxis=False,
-            hovertemplate="%{x}: %{y:.1f} rpm<extra>" + which + "</extra>",
-        )
-    return made.update_yaxes(title_text="RMS, rpm", rangemode="tozero")
+        bars = {
+            "type": "bar",
+            "name": which,
+            "x": rows.mode_names,
+            "y": np.sqrt(np.mean(table**2, axis=0)).tolist(),
+            "marker": {"color": colour},
+            "texttemplate": "%{y:.0f}",
+            "textposition": "outside",
+            "cliponaxis": False,
+            "hovertemplate": "%{x}: %{y:.1f} rpm<extra>" + which + "</extra>",
+        }
+        made.add([bars])
+    return made
 
 
 def channels_figures(rows: Rows) -> dict[int, Figure]:
@@ -202,37 +204,38 @@ def channels_figures(rows: Rows) -> dict[int, Figure]:
 def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: float) -> Figure:
     lines = -(-len(made) // ACROSS)
     height = lines * (PANEL_PX + UNDER_PX) - UNDER_PX
-    figure = make_subplots(
-        rows=lines,
-        cols=ACROSS,
-        shared_yaxes="all",  # pyright: ignore[reportArgumentType]
-        horizontal_spacing=0.04,
-        vertical_spacing=UNDER_PX / height if lines > 1 else 0.0,
-    )
+    margin = {"l": 70, "r": 10, "t": 40, "b": UNDER_PX}
+    whole = height + margin["t"] + margin["b"]
+    figure = Figure({"template": STYLE, "height": whole, "margin": margin})
+    small, wide = {"tickfont": {"size": 13}}, (1.0 - 0.04 * (ACROSS - 1)) / ACROSS
     for k, (channel, binned) in enumerate(made):
-        row, column = k // ACROSS + 1, k % ACROSS + 1
+        row, column = divmod(k, ACROSS)
+        axes = "" if k == 0 else str(k + 1)
         for which, x, y in binned:
-            shown = {"name": which, "legendgroup": which}
-            band = filled(x, y[:, 0], y[:, 2], color=BANDS[which], legendgroup=which)
-            median = Scatter(
+            median = scatter(
+                single(x),
+                single(y[:, 1]),
                 mode="lines+markers",
-                x=single(x),
-                y=single(y[:, 1]),
                 line={"color": BEFORE if which == "before" else AFTER, "width": 2.5},
                 marker={"size": 5},
+                name=which,
+                legendgroup=which,
                 showlegend=k == 0,
                 hovertemplate="%{x:.3g}: %{y:.1f} rpm<extra>" + which + "</extra>",
-                **shown,
             )
-            figure.add_traces([band, median], rows=row, cols=column)
+            band = filled(x, y[:, 0], y[:, 2], color=BANDS[which], legendgroup=which)
+            figure.add([band, median], axes)
+        left, top = column * (wide + 0.04), 1.0 - row * (PANEL_PX + UNDER_PX) / height
         title = {"text": escape(channel_title(channel)), "font": {"size": 14}, "standoff": 4}
-        figure.update_xaxes(title=title, nticks=5, tickangle=0, row=row, col=column)
-    figure.update_yaxes(range=[-reach, reach], zeroline=True)
-    figure.update_yaxes(title={"text": "rpm", "font": {"size": 14}}, col=1)
-    figure.for_each_xaxis(lambda axis: axis.update(visible=axis.title.text is not None))
-    margin = {"l": 70, "r": 10, "t": 40, "b": UNDER_PX}
-    figure.update_layout(template=STYLE, height=height + 40 + UNDER_PX, margin=margin)
-    return figure.update_xaxes(tickfont_size=13).update_yaxes(tickfont_size=13)
+        place = {"anchor": f"y{axes}", "domain": [left, left + wide]}
+        look = {"title": title, "nticks": 5, "tickangle": 0}
+        figure.layout[f"xaxis{axes}"] = {**place, **look, **small}
+        place = {"anchor": f"x{axes}", "domain": [max(top - PANEL_PX / height, 0.0), top]}
+        first = {"text": "rpm", "font": {"size": 14}}
+        beside = {"title": first} if column == 0 else {"showticklabels": False}
+        look = {"range": [-reach, reach], "zeroline": True, **({"matches": "y"} if k else {})}
+        figure.layout[f"yaxis{axes}"] = {**place, **look, **beside, **small}
+    return figure
 
 
 def _binned(rows: Rows, channel: str, mode: int) -> list[tuple[str, Floats, Floats]]:

@@ -1,11 +1,10 @@
-"""The plots of one flight's report as plotly figures, in the order in which they are read."""
+"""The plots of one flight's report, in the order in which they are read."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from plotly.graph_objects import Figure
 
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
@@ -24,6 +23,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     over_time,
     rotor_panels,
 )
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, moved, route_map
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, SPINS
@@ -92,7 +92,7 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> F
         line(time_s, mean, color=MEAN, name=words.MEAN_ROTOR, width=2),
     ]
     high = max(float(np.nanmax(top)) * 1.3, limit * 130)
-    axis = {"title_text": words.IN_USE, "ticksuffix": " %", "range": [0.0, high]}
+    axis = titled(words.IN_USE, ticksuffix=" %", range=[0.0, high])
     panels = [Panel(traces=traces, axis=axis, height_px=280, limit=_limit(limit))]
     if np.any(np.isfinite(tank)):
         sprayed = np.where(rows["spraying"] > 0.5, tank, np.nan)
@@ -105,12 +105,12 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> F
             line(time_s, tank, color=INK, name=named, width=2),
             line(time_s, sprayed, color=SPRAYING, name=words.TANK_SPRAYING, width=5),
         ]
-        axis = {"title_text": "tank, kg", "range": [0.0, float(np.nanmax(tank)) * 1.1 + 0.1]}
+        axis = titled("tank, kg", range=[0.0, float(np.nanmax(tank)) * 1.1 + 0.1])
         panels.append(Panel(traces=traces, axis=axis, height_px=80))
     made = over_time(panels, end_s=float(time_s[-1]))
     if worst is not None:
-        made.add_annotation(
-            text=f"<b>{worst.capacity_use * 100:.0f} % rotor {worst.rotor}</b>",
+        made.note(
+            f"<b>{worst.capacity_use * 100:.0f} % rotor {worst.rotor}</b>",
             x=milliseconds(np.array(worst.time_s)).item(),
             y=worst.capacity_use * 100,
             ax=0,
@@ -118,7 +118,7 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> F
             showarrow=True,
             arrowhead=2,
             arrowwidth=2,
-            font_size=18,
+            font={"size": 18},
         )
     return made
 
@@ -162,7 +162,7 @@ def residual_figure(rows: Rows, names: Sequence[str]) -> Figure:
             band(time_s, lower[:, k], upper[:, k], legend=legend, **promised),
             line(time_s, residual[:, k], legend=legend, **left),
         ],
-        axis={"title_text": "rpm", "range": [-reach, reach]},
+        axis=titled("rpm", range=[-reach, reach]),
     )
     return over_time(panels, end_s=float(time_s[-1]))
 
@@ -184,10 +184,10 @@ def redundancy_figure(rows: Rows, limit: float) -> Figure:
         name = words.fill_line(limit)
         fills.append(line(time_s, of_limit, color=PREDICTED, name=name, dash="dot"))
     high = max(1.2, float(np.nanmax([free, kept])) * 1.1)
-    over_weight = {"title_text": words.OVER_WEIGHT, "range": [-0.03, high]}
+    over_weight = titled(words.OVER_WEIGHT, range=[-0.03, high])
     kilograms = np.concatenate([tank, one_out, of_limit])
     low, high = min(0.0, float(np.nanmin(kilograms))), float(np.nanmax(kilograms)) * 1.1 + 0.1
-    in_tank = {"title_text": "kg", "range": [low, high]}
+    in_tank = titled("kg", range=[low, high])
     carries = (1.0, "1 = just\ncarries")
     panels = [
         Panel(traces=held, axis=over_weight, height_px=190, limit=carries),
@@ -200,10 +200,10 @@ def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> Figu
     """The route coloured by `use` (T,) of the worst rotor; the worst moment is ringed."""
     made = _map(rows, {"use": (use, use)}, moved(LOAD, limit))
     if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
-        made.add_scatter(
+        ring = scatter(
+            [worst.east],
+            [worst.north],
             mode="markers+text",
-            x=[worst.east],
-            y=[worst.north],
             marker={"size": 22, "symbol": "circle-open", "color": INK, "line": {"width": 4}},
             text=["<b>worst</b>"],
             textposition="top center",
@@ -211,6 +211,7 @@ def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> Figu
             hoverinfo="skip",
             showlegend=False,
         )
+        made.add([ring])
     return made
 
 
@@ -221,7 +222,9 @@ def redundancy_map(rows: Rows) -> Figure:
     if not np.any(np.isfinite(kept)):
         return _map(rows, coloured, REDUNDANCY)
     made = _map(rows, coloured | {HELD: (kept, -kept)}, REDUNDANCY)
-    return made.update_layout(height=650, margin_b=150)
+    made.layout["height"] = 650
+    made.layout["margin"]["b"] = 150
+    return made
 
 
 def _map(rows: Rows, coloured: Mapping[str, tuple[Floats, Floats]], scale: ColourScale) -> Figure:

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 from markupsafe import Markup
-from plotly.graph_objects import Figure
 
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
@@ -109,23 +105,21 @@ def csv_bytes(report: Report) -> bytes:
     the file, so that no spreadsheet can take it for a formula.
     """
     rotors = max((len(f.rotors) for f in report.flights), default=0)
-    buffer = io.BytesIO()
-    tables = []
+    lines: list[str] = []
     for k, flight in enumerate(report.flights):
-        rows = flight.rows["time_s"].size
-        columns = {"flight_number": pa.array(np.full(rows, k + 1))}
-        for header, values in csv_columns(flight.rows, rotors):
-            columns[header] = pa.array(values, from_pandas=True)
-        tables.append(pa.table(columns))
-    if tables:
-        pyarrow.csv.write_csv(pa.concat_tables(tables), buffer)
-    return buffer.getvalue()
+        columns = dict(csv_columns(flight.rows, rotors))
+        if not lines:
+            lines.append(",".join(f'"{name}"' for name in ("flight_number", *columns)))
+        for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+            cells = ("" if v != v else repr(v).removesuffix(".0") for v in row)
+            lines.append(f"{k + 1},{','.join(cells)}")
+    return "".join(f"{line}\n" for line in lines).encode()
 
 
 def pdf_bytes(report: Report, written: Written | None) -> bytes:
     """The page on A4, with the same words and figures: one flight on three to four, of several
     what was decided and its figure, two to a page."""
-    from thrustmargin.gcs_plugin.reports.shared import pdf_page
+    from thrustmargin.gcs_plugin.reports.paper import pdf_page
 
     brief = len(report.flights) > 1
     drawn = {n: made for n, made in _drawn(report).items() if not brief or n.startswith("use_")}
@@ -135,7 +129,7 @@ def pdf_bytes(report: Report, written: Written | None) -> bytes:
 
 def html_text(report: Report, written: Written) -> str:
     """The page; the figures of every flight are drawn when they come into view."""
-    drawn = {name: packed(str(made.to_json())) for name, made in _drawn(report).items()}
+    drawn = {name: packed(made.to_json()) for name, made in _drawn(report).items()}
     return _page(report, written, drawn)
 
 

@@ -4,100 +4,100 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter, titled
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.training import LossCurve
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from thrustmargin.models.model.network_points import NetworkPoints
     from thrustmargin.models.physics.matching import Matching
 
 INK = "#1f2933"
 BLUE = "#1f5fa8"
-BAND = "#9fc3e6"
+BAND = "rgba(159, 195, 230, 0.45)"
 WARN = "#b3261e"
 #: One colour and, because points of one load lie close together, one size an airspeed.
-MARKER_SIZES = (9, 6, 3.5, 9, 6)
+MARKER_SIZES = (18, 13, 9, 18, 13)
 SPEED_COLOURS = ("#fdae61", "#d95f0e", "#7f2704", "#4d4d4d", "#969696")
+ENDINGS = (".svg", ".pdf")
 
 
 def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
     """The paper's Figure 10: thrust curve, band of loads, maxima, the network's rotor speeds."""
-    from matplotlib.figure import Figure
-
     airframe, load = matching.airframe, matching.load
     share = float(airframe.rotor_effectiveness.mean())
     top = 1.12 * max(limit.max_thrust / G0 for limit in matching.ceilings)
     right = 1.04 * airframe.max_rotor_speed_rpm
-    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
-    axes = figure.add_subplot()
-
-    axes.axhspan(load.empty_load, load.full_load, color=BAND, alpha=0.45, linewidth=0)
+    made = Figure(
+        {
+            "height": 650,
+            "margin": {"l": 80, "r": 80, "t": 60, "b": 50},
+            "shapes": [],
+            "xaxis": titled("rotor speed [rpm]", range=[0.0, right]),
+            "yaxis": titled("thrust of a rotor [kgf]", range=[0.0, top], nticks=8),
+            "yaxis2": titled("[N]", range=[0.0, top * G0], side="right", nticks=8),
+            "legend": {"orientation": "v", "x": 0.56, "y": 0.2},
+        }
+    )
+    title = f"{escape(airframe.title)}: thrust curve and load"
+    made.note(title, x=0, y=1.03, xref="paper", yref="paper", xanchor="left", yanchor="bottom")
+    ends = np.array([0.0, right, right, 0.0]), np.repeat([load.empty_load, load.full_load], 2)
+    band = {"fill": "toself", "fillcolor": BAND, "showlegend": False}
     speed = np.linspace(0.0, airframe.max_rotor_speed_rpm, 300)
     curve = share * airframe.thrust_coefficient * speed**2 / G0
-    axes.plot(speed, curve, color=BLUE, linewidth=2.0)
-    axes.plot(
-        [matching.rotor_speed_empty_rpm, matching.rotor_speed_full_rpm],
-        [load.empty_load, load.full_load],
-        linestyle="none",
-        marker="o",
-        markersize=7,
-        markerfacecolor="white",
-        markeredgecolor=BLUE,
-        markeredgewidth=1.6,
-    )
-    for tank, mass, rpm in (
+    loads = (
         ("full", load.full_load, matching.rotor_speed_full_rpm),
         ("empty", load.empty_load, matching.rotor_speed_empty_rpm),
-    ):
-        _label(axes, f"{tank} tank {mass:.2f} kg, {rpm:.0f} rpm", (0.0, mass), color=INK)
-    _draw_ceilings(axes, matching, top=top, right=right)
+    )
+    ring = {"symbol": "circle-open", "color": BLUE, "size": 16, "line": {"width": 3}}
+    hover = [rpm for *_, rpm in loads], [mass for _, mass, _ in loads]
+    made.add(
+        [
+            scatter(*ends, **band),
+            scatter(speed, curve, line={"color": BLUE, "width": 3}, showlegend=False),
+            scatter(*hover, mode="markers", marker=ring, showlegend=False),
+        ]
+    )
+    for tank, mass, rpm in loads:
+        _label(made, f"{tank} tank {mass:.2f} kg, {rpm:.0f} rpm", (0.0, mass), color=INK)
+    _draw_ceilings(made, matching, top=top, right=right)
     if points is not None:
-        _draw_points(axes, points)
-    axes.set_xlim(0.0, right)
-    axes.set_ylim(0.0, top)
-    axes.set_xlabel("rotor speed [rpm]")
-    axes.set_ylabel("thrust of a rotor [kgf]")
-    newtons = axes.twinx()
-    newtons.set_ylim(0.0, top * G0)
-    newtons.set_ylabel("[N]")
-    newtons.spines[["top"]].set_visible(False)
-    axes.set_title(_literal(f"{airframe.title}: thrust curve and load"), loc="left", color=INK)
-    axes.spines[["top"]].set_visible(False)
-    return figure
+        made.add(_network_traces(points))
+        made.layout["legend"]["title"] = {"text": f"network, {escape(points.title)}"}
+    return made
 
 
-def _literal(text: str) -> str:
-    """Text from a file, in which a dollar sign would start mathematical notation."""
-    return text.replace("$", r"\$")
-
-
-def _draw_ceilings(axes: Axes, matching: Matching, *, top: float, right: float) -> None:
+def _draw_ceilings(made: Figure, matching: Matching, *, top: float, right: float) -> None:
     """A line for each ceiling, and the 50 % limit of the thrust curve's maximum."""
     heights: list[float] = []
     for limit in matching.ceilings:
         height = limit.max_thrust / G0
-        axes.axhline(height, color=WARN, linewidth=1.1)
         # Two ceilings of nearly one height would print their names over each other.
         below = any(abs(height - other) < 0.035 * top for other in heights)
         heights.append(height)
-        _label(axes, f"{limit.name}: {height:.2f} kgf", (0.0, height), below=below)
+        _across(made, height)
+        _label(made, f"{limit.name}: {height:.2f} kgf", (0.0, height), below=below)
     half = 0.5 * heights[1]
-    axes.axhline(half, color=WARN, linewidth=1.1, linestyle="--")
-    _label(axes, f"50 % limit: {half:.2f} kgf", (right, half), left=True)
+    _across(made, half, dash="dash")
+    _label(made, f"50 % limit: {half:.2f} kgf", (right, half), left=True)
+
+
+def _across(made: Figure, height: float, **look: str) -> None:
+    line = {"color": WARN, "width": 1.6, **look}
+    ends = {"x0": 0, "x1": 1, "xref": "x domain", "y0": height, "y1": height, "yref": "y"}
+    made.layout["shapes"].append({"type": "line", **ends, "line": line})
 
 
 def _label(
-    axes: Axes,
+    made: Figure,
     text: str,
     at: tuple[float, float],
     *,
@@ -106,60 +106,46 @@ def _label(
     color: str = WARN,
 ) -> None:
     """Text a little off the place (rpm, kgf)."""
-    axes.annotate(
-        text,
-        at,
-        xytext=(-6 if left else 6, -4 if below else 3),
-        textcoords="offset points",
-        ha="right" if left else "left",
-        va="top" if below else "bottom",
-        color=color,
-    )
+    beside = {"xanchor": "right" if left else "left", "yanchor": "top" if below else "bottom"}
+    shift = {"xshift": -8 if left else 8, "yshift": -4 if below else 4}
+    made.note(escape(text), x=at[0], y=at[1], font={"color": color}, **beside, **shift)
 
 
-def _draw_points(axes: Axes, points: NetworkPoints) -> None:
+def _network_traces(points: NetworkPoints) -> list[Trace]:
     """The network's rotor speeds against the load: mean of the rotors, bar over their range."""
+    traces = []
     for index, airspeed in enumerate(np.unique(points.airspeed)):
         chosen = points.airspeed == airspeed
-        rpm = points.rotor_speed_rpm[chosen]
-        middle = rpm.mean(axis=1)
-        axes.errorbar(
-            middle,
-            points.load[chosen] / G0,
-            xerr=[middle - rpm.min(axis=1), rpm.max(axis=1) - middle],
-            fmt="s",
-            markersize=MARKER_SIZES[index % len(MARKER_SIZES)],
-            capsize=3,
-            linewidth=1.0,
-            color=SPEED_COLOURS[index % len(SPEED_COLOURS)],
-            label=f"{airspeed:g} m/s: mean and range of rotors",
-        )
-    legend_title = _literal(f"network, {points.title}")
-    axes.legend(loc="lower right", frameon=False, title=legend_title, alignment="left")
+        rpm, load = points.rotor_speed_rpm[chosen], points.load[chosen] / G0
+        colour = SPEED_COLOURS[index % len(SPEED_COLOURS)]
+        size = MARKER_SIZES[index % len(MARKER_SIZES)]
+        name = f"{airspeed:g} m/s: mean and range of rotors"
+        gap = np.full(load.size, np.nan)
+        ranges = np.stack([rpm.min(axis=1), rpm.max(axis=1), gap], axis=1).ravel()
+        look = {"line": {"color": colour, "width": 1.4}, "showlegend": False}
+        mark = {"symbol": "square", "color": colour, "size": size}
+        traces.append(scatter(ranges, np.repeat(load, 3), **look))
+        traces.append(scatter(rpm.mean(axis=1), load, mode="markers", marker=mark, name=name))
+    return traces
 
 
 def figure_paths(out: Path) -> list[Path]:
-    """The files that `write_figure` writes: `out` itself, or without an ending .svg and .png."""
-    return [out] if out.suffix else [out.with_suffix(".svg"), out.with_suffix(".png")]
+    """The files that `write_figure` writes: `out` itself, or without an ending one of each kind."""
+    return [out] if out.suffix else [out.with_suffix(ending) for ending in ENDINGS]
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:
-    """Write the figure as .svg, .png or both; each file appears whole or not at all."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    """Write the figure as .svg, .pdf or both; each file appears whole or not at all.
 
-    FigureCanvasAgg(figure)
+    Raises DataError when one cannot be written.
+    """
+    from thrustmargin.gcs_plugin.reports.paper.drawn_figure import file_bytes
+
     paths = figure_paths(out)
     for path in paths:
-        kind = path.suffix[1:]
         try:
-            with rc_context({"svg.hashsalt": "thrustmargin"}), whole_file(path) as draft:
-                figure.savefig(
-                    draft,
-                    format=kind,
-                    dpi=150,
-                    metadata={"Date": None} if kind == "svg" else None,
-                )
+            with whole_file(path) as draft:
+                draft.write_bytes(file_bytes(figure, path.suffix))
         except OSError as error:
             raise DataError(f"cannot write {path}: {error.strerror}; check the folder") from error
     return paths
@@ -205,25 +191,31 @@ def write_table(curves: Sequence[LossCurve], path: Path) -> None:
 
 def loss_figure(curves: Sequence[LossCurve]) -> Figure:
     """Loss against epoch, a panel a network; the dot is the epoch whose weights are kept."""
-    from matplotlib.figure import Figure
-
-    columns = min(3, len(curves))
-    lines = -(-len(curves) // columns)
-    figure = Figure(figsize=(4.0 * columns, 2.8 * lines), layout="constrained")
+    high, gap = 150.0, 74.0
+    whole = len(curves) * (high + gap) - gap
+    margin = {"l": 80, "r": 20, "t": 70, "b": 60}
+    made = Figure({"height": whole + margin["t"] + margin["b"], "margin": margin})
     for index, curve in enumerate(curves):
-        axes = figure.add_subplot(lines, columns, index + 1)
-        epochs = range(1, curve.training_loss.size + 1)
-        axes.plot(epochs, curve.training_loss, color=BLUE, linewidth=1.2, label="training")
-        axes.plot(
-            epochs, curve.validation_loss, color=SPEED_COLOURS[1], linewidth=1.2, label="validation"
-        )
+        axes, top = str(index + 1) if index else "", 1.0 - index * (high + gap) / whole
+        epochs = np.arange(1.0, curve.training_loss.size + 1)
         lowest = curve.validation_loss[curve.best_epoch - 1]
-        axes.plot(curve.best_epoch, lowest, marker="o", color=SPEED_COLOURS[2], markersize=5)
-        axes.set_yscale("log")
-        axes.set_title(f"{curve.name}: lowest {lowest:.3g} at epoch {curve.best_epoch}", fontsize=9)
-        axes.set_xlabel("epoch")
-        axes.set_ylabel("loss")
-        axes.spines[["top", "right"]].set_visible(False)
-        if index == 0:
-            axes.legend(frameon=False)
-    return figure
+        shown, orange = {"showlegend": index == 0}, SPEED_COLOURS[1]
+        training = {"color": BLUE, "width": 2}
+        validation = {"color": orange, "width": 2, "dash": "dash"}
+        kept = {"color": SPEED_COLOURS[2], "size": 10}
+        at = [curve.best_epoch], [lowest]
+        made.add(
+            [
+                scatter(epochs, curve.training_loss, line=training, name="training", **shown),
+                scatter(epochs, curve.validation_loss, line=validation, name="validation", **shown),
+                scatter(*at, mode="markers", marker=kept, name="kept", **shown),
+            ],
+            axes,
+        )
+        made.layout[f"xaxis{axes}"] = titled("epoch", anchor=f"y{axes}")
+        place = {"anchor": f"x{axes}", "domain": [max(top - high / whole, 0.0), top]}
+        made.layout[f"yaxis{axes}"] = titled("loss", type="log", **place)
+        words = f"{escape(curve.name)}: lowest {lowest:.3g} at epoch {curve.best_epoch}"
+        paper = {"xref": "paper", "yref": "paper", "xanchor": "right", "yanchor": "bottom"}
+        made.note(words, x=1, y=top, **paper)
+    return made

@@ -1,4 +1,4 @@
-"""Plotly figures in one style: colours, lines, and panels stacked over one time axis.
+"""Figures in one style: colours, lines, and panels stacked over one time axis.
 
 Black on white, thick lines, large type: they are looked at in the field. Blue is measured, dashed
 orange predicted, red the limit; a print in black and white still shows which is which.
@@ -14,10 +14,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from plotly.graph_objects import Figure, Layout, Scatter
-from plotly.graph_objs.layout import Template
-from plotly.subplots import make_subplots
 
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter
 from thrustmargin.models.flight import Floats
 
 INK = "#000000"
@@ -44,19 +42,17 @@ _AXIS = {
     "tickfont": {"size": 15},
     "title": {"font": {"size": 16}},
 }
-STYLE = Template(
-    data_scatter=[Scatter(mode="lines")],
-    layout=Layout(
-        paper_bgcolor="white",
-        plot_bgcolor="white",
-        font={"family": FONT, "size": 16, "color": INK},
-        hovermode="closest",
-        legend={"orientation": "h", "x": 0, "yref": "container", "y": 1.0, "yanchor": "top"},
-        xaxis=_AXIS,
-        yaxis=_AXIS,
-        annotationdefaults={"showarrow": False, "font": {"size": 16}},
-    ),
-)
+STYLE = {
+    "layout": {
+        "paper_bgcolor": "white",
+        "plot_bgcolor": "white",
+        "font": {"family": FONT, "size": 16, "color": INK},
+        "hovermode": "closest",
+        "legend": {"orientation": "h", "x": 0, "yref": "container", "y": 1.0, "yanchor": "top"},
+        "xaxis": _AXIS,
+        "yaxis": _AXIS,
+    }
+}
 
 #: A line keeps at most four points for each of these; a screen has about 1500 columns.
 LINE_BUCKETS = 400
@@ -68,15 +64,19 @@ ROTOR_PX = 96  # height of the strip of one rotor
 class Panel:
     """One strip of a figure over time: its traces, vertical axis and limit."""
 
-    traces: Sequence[Scatter | None]  # None: nothing to draw
+    traces: Sequence[Trace | None]  # None: nothing to draw
     axis: dict[str, Any]  # plotly's properties of the vertical axis
     height_px: int = ROTOR_PX
     limit: tuple[float, str] | None = None  # level, text: drawn across in red
     title: str = ""
 
+    def __post_init__(self) -> None:
+        if unknown := [name for name in self.axis if "_" in name]:
+            raise ValueError(f"plotly.js knows no {unknown}: its properties are nested")
+
 
 def rotor_panels(
-    names: Sequence[str], traces: Callable[[int, bool], Sequence[Scatter | None]], **panel: Any
+    names: Sequence[str], traces: Callable[[int, bool], Sequence[Trace | None]], **panel: Any
 ) -> list[Panel]:
     """A strip a rotor, alike in `panel`; `traces(rotor, legend)` makes those of a 0-based rotor."""
     return [
@@ -138,14 +138,14 @@ def line(
     width: float = 2.5,
     dash: str = "solid",
     legend: bool = True,
-) -> Scatter | None:
+) -> Trace | None:
     """A line of (T,) `values`, thinned with its extremes kept; None when it has no number."""
     if not np.any(np.isfinite(values)):
         return None
     kept = keep_extremes(values, LINE_BUCKETS)
-    return Scatter(
-        x=milliseconds(time_s[kept]),
-        y=single(values[kept]),
+    return scatter(
+        milliseconds(time_s[kept]),
+        single(values[kept]),
         line={"color": color, "width": width, "dash": dash},
         name=escape(name),
         legendgroup=escape(name),
@@ -162,7 +162,7 @@ def band(
     color: str,
     name: str = "",
     legend: bool = False,
-) -> Scatter | None:
+) -> Trace | None:
     """The area between two (T,) arrays, filled; None when nowhere both are known."""
     known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
     if not known.size:
@@ -174,46 +174,46 @@ def band(
     return filled(x, low[kept], high[kept], color=color, **shown)
 
 
-def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown: Any) -> Scatter:
+def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown: Any) -> Trace:
     """The area between two known (N,) arrays over `x` (N,), which is not rounded; `shown`
     are plotly's properties."""
-    return Scatter(
-        mode="none",
-        x=np.concatenate([x, x[::-1]]),
-        y=single(np.concatenate([upper, lower[::-1]])),
-        fill="toself",
-        fillcolor=color,
-        hoverinfo="skip",
+    return scatter(
+        np.concatenate([x, x[::-1]]),
+        single(np.concatenate([upper, lower[::-1]])),
+        **{"mode": "none", "fill": "toself", "fillcolor": color, "hoverinfo": "skip"},
         **{"showlegend": False, **shown},
     )
 
 
 def over_time(panels: Sequence[Panel], *, end_s: float) -> Figure:
     """Panels from top to bottom over one axis of log time; from an hour on it shows hours."""
-    heights = [panel.height_px for panel in panels]
-    whole = sum(heights) + GAP_PX * (len(panels) - 1)
-    made = make_subplots(
-        rows=len(panels),
-        shared_xaxes=True,
-        row_heights=heights,
-        vertical_spacing=GAP_PX / whole,
-        subplot_titles=[f"<b>{escape(panel.title)}</b>" if panel.title else "" for panel in panels],
-    )
-    made.update_annotations(x=1, xanchor="right")
-    for row, panel in enumerate(panels, 1):
-        made.add_traces([t for t in panel.traces if t is not None], rows=row, cols=1)
-        made.update_yaxes({"nticks": max(5, panel.height_px // 38), **panel.axis}, row=row)
+    whole = sum(panel.height_px for panel in panels) + GAP_PX * (len(panels) - 1)
+    margin = {"l": 80, "r": 84, "t": 60, "b": 50}
+    height = whole + margin["t"] + margin["b"]
+    made = Figure({"template": STYLE, "margin": margin, "height": height, "shapes": []})
+    shown = {"type": "date", "tickformat": "%H:%M:%S" if end_s >= 3600.0 else "%M:%S"}
+    last, top = str(len(panels)) if len(panels) > 1 else "", 1.0
+    for number, panel in enumerate(panels, 1):
+        this = "" if number == 1 else str(number)
+        low = max(top - panel.height_px / whole, 0.0)
+        ticks = {"nticks": max(5, panel.height_px // 38)}
+        place = {"anchor": f"x{this}", "domain": [low, top]}
+        made.layout[f"yaxis{this}"] = {**ticks, **place, **panel.axis}
+        alike = {} if this == last else {"matches": f"x{last}", "showticklabels": False}
+        made.layout[f"xaxis{this}"] = {"anchor": f"y{this}", **shown, **alike}
+        made.add(panel.traces, this)
+        if panel.title:
+            corner = {"x": 1, "y": top, "xanchor": "right", "yanchor": "bottom"}
+            paper = {"xref": "paper", "yref": "paper"}
+            made.note(f"<b>{escape(panel.title)}</b>", **corner, **paper)
         if panel.limit is not None:
             level, text = panel.limit
-            made.add_hline(
-                level,
-                row=row,  # pyright: ignore[reportArgumentType]
-                line={"color": OVER, "width": 3},
-                annotation={"x": 1, "xanchor": "left", "yanchor": "middle", "font_color": OVER},
-                annotation_text=f"<b>{escape(text)}</b>".replace("\n", "<br>"),
-            )
-    made.update_xaxes(type="date", tickformat="%H:%M:%S" if end_s >= 3600.0 else "%M:%S")
-    margin = {"l": 80, "r": 84, "t": 60, "b": 50}
-    return made.update_layout(
-        template=STYLE, margin=margin, height=whole + margin["t"] + margin["b"]
-    )
+            across = {"xref": f"x{this} domain", "yref": f"y{this}"}
+            line = {"type": "line", "x0": 0, "x1": 1, "y0": level, "y1": level}
+            look = {"color": OVER, "width": 3}
+            made.layout["shapes"].append({**line, **across, "line": look})
+            beside = {"x": 1, "y": level, "xanchor": "left", "yanchor": "middle", **across}
+            words = f"<b>{escape(text)}</b>".replace("\n", "<br>")
+            made.note(words, font={"color": OVER}, **beside)
+        top = low - GAP_PX / whole
+    return made

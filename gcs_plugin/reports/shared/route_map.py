@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from plotly.graph_objects import Figure
 
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     GRID,
@@ -19,6 +18,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     milliseconds,
     single,
 )
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.wording.numbers import from_direction
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, css
 from thrustmargin.mission.field import Field
@@ -51,30 +51,30 @@ def route_map(
     """
     north, east = place
     placed = np.isfinite(north) & np.isfinite(east)
-    made = Figure(layout={"template": STYLE, "height": height, "margin": dict(margin)})
-    made.update_xaxes(title_text="east, m")
-    made.update_yaxes(title_text="north, m", scaleanchor="x")
+    axes = {"xaxis": titled("east, m"), "yaxis": titled("north, m", scaleanchor="x")}
+    made = Figure({"template": STYLE, "height": height, "margin": dict(margin), **axes})
     flown = np.flatnonzero(placed)
     flown = flown[:: max(1, flown.size // MAP_POINTS)]
-    way = {"x": single(east[flown]), "y": single(north[flown])}
-    made.add_scatter(**way, line={"color": GRID, "width": 2}, hoverinfo="skip", showlegend=False)
+    way = {"line": {"color": GRID, "width": 2}, "hoverinfo": "skip", "showlegend": False}
+    made.add([scatter(single(east[flown]), single(north[flown]), **way)])
     number = "%{marker.color:" + form + "}" + scale.unit
     for k, (values, badness) in enumerate(coloured.values()):
         kept = keep_worst(np.where(placed, badness, np.nan), MAP_POINTS)
         # Worst last, so that a later pass over the same place does not hide it.
         kept = kept[np.argsort(badness[kept], kind="stable")]
-        made.add_scatter(
+        marks = scatter(
+            single(east[kept]),
+            single(north[kept]),
             mode="markers",
-            x=single(east[kept]),
-            y=single(north[kept]),
             marker=_marker(values[kept], scale),
             customdata=milliseconds(time_s[kept]),
             hovertemplate="%{customdata|%M:%S}  " + number + "<extra></extra>",
             showlegend=False,
             visible=k == 0,
         )
+        made.add([marks])
     if len(coloured) > 1:
-        made.update_layout(updatemenus=[_buttons(list(coloured))])
+        made.layout["updatemenus"] = [_buttons(list(coloured))]
     return made
 
 
@@ -97,29 +97,27 @@ def add_surroundings(
     if rings:
         # One trace of all parts: a row of NaN between two breaks the line.
         outline = np.concatenate([np.append(ring, [[np.nan] * 2], axis=0) for ring in rings])
-        made.add_scatter(
-            x=single(outline[:, 1]), y=single(outline[:, 0]), name="sprayed field", **_OUTLINE
-        )
+        outer = single(outline[:, 1]), single(outline[:, 0])
+        made.add([scatter(*outer, name="sprayed field", **_OUTLINE)])
     mark = {"size": 15, "symbol": "square-x-open", "color": INK, "line": {"width": 3}}
-    home = {"x": [float(east[0])], "y": [float(north[0])], "name": "take-off"}
-    made.add_scatter(mode="markers", marker=mark, hoverinfo="skip", showlegend=True, **home)
+    shown = {"hoverinfo": "skip", "showlegend": True}
+    home = [float(east[0])], [float(north[0])]
+    made.add([scatter(*home, mode="markers", marker=mark, name="take-off", **shown)])
     span = max(float(np.ptp(north)), float(np.ptp(east)), 5.0)
     bar = max(s for p in (1, 10, 100, 1000) for s in (p, 2 * p, 5 * p) if s <= max(0.4 * span, 1))
     left, low = float(east.min()), float(north.min()) - 0.12 * span
-    ends = {"x": [left, left + bar], "y": [low, low]}
     line = {"color": INK, "width": 5}
-    made.add_scatter(line=line, name=f"{bar} m", hoverinfo="skip", showlegend=True, **ends)
+    made.add([scatter([left, left + bar], [low, low], line=line, name=f"{bar} m", **shown)])
     if np.isfinite(wind_speed) and np.isfinite(wind_from_deg):
         to = np.radians(wind_from_deg + 180.0)
         text = f"<b>wind {wind_speed:.1f} m/s</b><br>{from_direction(wind_from_deg)}"
-        made.add_annotation(text=text, x=1, y=1, xref="paper", yref="paper", xanchor="right")
+        paper = {"xref": "paper", "yref": "paper"}
+        made.note(text, x=1, y=1, xanchor="right", yanchor="top", **paper)
         if wind_speed >= LEAST_WIND:
-            made.add_annotation(
-                **{"x": 0.88, "y": 0.72, "xref": "paper", "yref": "paper", "text": ""},
-                **{"ax": -46 * float(np.sin(to)), "ay": 46 * float(np.cos(to))},
-                **{"showarrow": True, "arrowhead": 2, "arrowwidth": 4, "arrowcolor": INK},
-            )
-    made.update_layout(legend={"y": 0.0, "yanchor": "bottom", "x": 0.0})
+            tail = {"ax": -46 * float(np.sin(to)), "ay": 46 * float(np.cos(to))}
+            arrow = {"showarrow": True, "arrowhead": 2, "arrowwidth": 4, "arrowcolor": INK}
+            made.note("", x=0.88, y=0.72, **paper, **tail, **arrow)
+    made.layout["legend"] = {"y": 0.0, "yanchor": "bottom", "x": 0.0}
 
 
 def _buttons(names: list[str]) -> dict[str, Any]:

@@ -137,10 +137,10 @@ def test_loss_curves_are_drawn_and_written_as_they_were(tmp_path):
     assert [r["kept"] for r in rows[:3]] == ["0", "1", "0"]
     assert float(rows[4]["validation_loss"]) == 1.45
     assert ET.parse(figure).getroot().tag.endswith("svg")
-    axes = loss_figure(curves).axes
-    assert len(axes) == 4
-    np.testing.assert_allclose(np.asarray(axes[1].lines[1].get_ydata()), curves[1].validation_loss)
-    assert np.asarray(axes[1].lines[2].get_data()).ravel().tolist() == [2, 1.45]
+    drawn = loss_figure(curves).data
+    assert [trace.get("yaxis", "y") for trace in drawn[::3]] == ["y", "y2", "y3", "y4"]
+    np.testing.assert_allclose(drawn[4]["y"], curves[1].validation_loss)
+    assert (drawn[5]["x"], drawn[5]["y"]) == ([2], [1.45])
 
 
 def test_a_model_file_that_is_there_is_not_replaced_unasked(few_logs, tmp_path):

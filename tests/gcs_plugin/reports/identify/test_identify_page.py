@@ -7,7 +7,6 @@ import re
 from dataclasses import replace
 from html import unescape
 from io import StringIO
-from typing import Any
 
 import numpy as np
 import pytest
@@ -225,7 +224,7 @@ def test_a_mode_is_drawn_along_the_channels_that_it_goes_with(rows):
     along = np.zeros_like(rows.before_modes)
     along[:, 1] = tank - tank.mean()
     drawn = channels_figures(replace(rows, before_modes=along))[1]
-    titles = [axis.title.text for axis in drawn.select_xaxes() if axis.title.text]
+    titles = [a["title"]["text"] for name, a in drawn.layout.items() if name.startswith("xaxis")]
     assert titles[0] == "tank level, kg"
     assert len(titles) == min(MOST_CHANNELS, len(rows.channels))
 
@@ -237,16 +236,14 @@ def test_before_and_after_share_axes_and_colours(rows):
     )
     assert first is not None
     assert second is not None
-    markers = [f["data"][1]["marker"] for f in (first, second)]
+    markers = [f.data[1]["marker"] for f in (first, second)]
     assert markers[0]["cmin"] == markers[1]["cmin"] == -limit
     assert markers[0]["colorscale"] == markers[1]["colorscale"]
-    traces: list[Any] = list(time_figure(rows, 0).select_traces())
-    names = [t.name for t in traces]
+    names = [trace["name"] for trace in time_figure(rows, 0).data]
     assert names == ["before", "after"] * 4
-    axes = [axis for f in channels_figures(rows).values() for axis in f.select_yaxes()]
-    assert len({axis.range for axis in axes}) == 1
-    axes = [axis for f in range(3) for axis in time_figure(rows, f).select_yaxes()]
-    assert len({axis.range for axis in axes}) == 1
+    for made in (channels_figures(rows).values(), [time_figure(rows, f) for f in range(3)]):
+        axes = [a for f in made for name, a in f.layout.items() if name.startswith("yaxis")]
+        assert len({tuple(axis["range"]) for axis in axes}) == 1
 
 
 def test_a_flight_without_positions_has_no_map(rows):
@@ -259,8 +256,8 @@ def test_a_pause_breaks_the_line():
     paused = _without(track, 30.0, 40.0)
     found = identify([paused], curve_model(), catalogue=table(["rotor_degradation"]))
     made = result_of(found, tracks=[paused])
-    trace: Any = next(time_figure(rows_of(made.unseen, made.tracks), 0).select_traces())
-    assert np.count_nonzero(np.isnan(trace.y)) == 1
+    trace = time_figure(rows_of(made.unseen, made.tracks), 0).data[0]
+    assert np.count_nonzero(np.isnan(trace["y"])) == 1
 
 
 def _without(track: FlightTrack, start_s: float, end_s: float) -> FlightTrack:

@@ -9,7 +9,6 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
-from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -201,20 +200,20 @@ def test_an_alarm_of_the_flight_and_what_to_do_both_stand_under_the_verdict(repo
 def test_the_maps_have_outline_take_off_scale_and_wind(report):
     made = figures(report.flights[0])
     for name in ("map_use", "map_redundancy"):
-        figure: Any = made[name]
-        shown = {trace.name: trace for trace in figure.data if trace.showlegend}
+        figure = made[name]
+        shown = {trace["name"]: trace for trace in figure.data if trace["showlegend"]}
         assert {"sprayed field", "take-off"} < set(shown)
         (scale,) = (key for key in shown if key.endswith(" m"))
-        assert np.ptp(np.asarray(shown[scale].x)) == pytest.approx(float(scale[:-2]))
-        assert "wind" in " ".join(a.text for a in figure.layout.annotations)
-        assert not figure.layout.images
+        assert np.ptp(np.asarray(shown[scale]["x"])) == pytest.approx(float(scale[:-2]))
+        assert "wind" in " ".join(a["text"] for a in figure.layout["annotations"])
+        assert "images" not in figure.layout
 
 
 def test_figures_hold_the_worst_value_after_thinning(report):
     of = report.flights[0]
     figure = figures(of)["use"]
-    trace: Any = next(figure.select_traces({"name": "worst rotor"}))
-    drawn = trace.y
+    (trace,) = (one for one in figure.data if one.get("name") == "worst rotor")
+    drawn = trace["y"]
     assert np.nanmax(drawn) == pytest.approx(of.verdict.worst.capacity_use * 100, rel=1 / 16000)
     assert drawn.size < 1700
 

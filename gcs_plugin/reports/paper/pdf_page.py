@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
-from pathlib import Path
 
-from plotly.graph_objects import Figure
+from fpdf import FPDF
+from fpdf.enums import TableBordersLayout
+from fpdf.fonts import FontFace
 
-from thrustmargin.gcs_plugin.reports.shared.drawn_figure import png
+from thrustmargin.gcs_plugin.reports.paper.canvas import PIXEL, PdfCanvas, with_fonts
+from thrustmargin.gcs_plugin.reports.paper.drawn_figure import draw, size
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
 
 MARGIN = 12.0  # mm
 TILES = 4  # beside each other
@@ -95,14 +98,8 @@ def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) 
 
 class _Paper:
     def __init__(self, figures: Mapping[str, Figure], brief: bool) -> None:
-        import matplotlib as mpl
-        from fpdf import FPDF
-
         self._figures, self._brief = figures, brief
-        self.pdf = pdf = FPDF(format="A4")
-        fonts = Path(mpl.get_data_path()) / "fonts" / "ttf"
-        pdf.add_font("body", "", fonts / "DejaVuSans.ttf")
-        pdf.add_font("body", "B", fonts / "DejaVuSans-Bold.ttf")
+        self.pdf = pdf = with_fonts(FPDF(format="A4"))
         pdf.set_margin(MARGIN)
         pdf.set_auto_page_break(True, MARGIN)
         pdf.add_page()
@@ -203,9 +200,6 @@ class _Paper:
         self.pdf.ln(1.0)
 
     def _table(self, node: Node) -> None:
-        from fpdf.enums import TableBordersLayout
-        from fpdf.fonts import FontFace
-
         pdf = self.pdf
         for caption in node.all("caption"):
             self._words(caption.text, 7)
@@ -241,8 +235,9 @@ class _Paper:
 
     def _figure(self, node: Node) -> None:
         name = next(one.attributes["data-figure"] for one in node.all("div"))
-        image, width, height = png(self._figures[name.removeprefix("figure-")])
+        made = self._figures[name.removeprefix("figure-")]
         pdf, half = self.pdf, 0.5 * self.pdf.epw
+        width, height = (PIXEL * pixels for pixels in size(made))
         scale = min(1.0, pdf.epw / width, (pdf.eph - 12.0) / height)
         beside = width * scale <= half + 1.0
         if beside and self._left is not None and self._left[0] == pdf.page:
@@ -261,4 +256,5 @@ class _Paper:
             pdf.set_x(x)
             wide = half - 2.0 if beside else pdf.epw
             pdf.multi_cell(wide, 3.2, caption.text, align="L", new_x="LMARGIN", new_y="NEXT")
-        pdf.image(image, w=width * scale, h=height * scale, x=x)
+        draw(made, PdfCanvas(pdf, x, pdf.y, PIXEL * scale))
+        pdf.y += height * scale

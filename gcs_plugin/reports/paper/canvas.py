@@ -1,0 +1,229 @@
+"""What a figure is drawn on: a rectangle of pixels on a page of PDF, or an SVG file.
+
+x goes to the right and y down, in pixels; lengths, widths and sizes of type too. A colour is three
+numbers of 0 to 255, and a fourth for how much it covers, of 0 to 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from html import escape
+from importlib import resources
+from typing import Protocol
+
+import numpy as np
+from fpdf import FPDF
+
+from thrustmargin.models.flight import Floats
+
+Colour = tuple[float, ...]
+Box = tuple[float, float, float, float]  # left, top, width, height
+_FONTS = "thrustmargin.gcs_plugin.reports.paper"
+ACROSS = {"left": 0.0, "center": 0.5, "right": 1.0}
+DOWN = {"top": 0.76, "middle": 0.36, "bottom": -0.22}  # of the size, from there to the baseline
+PIXEL = 25.4 / 140.0  # mm on paper: type of 16 pixels is 8 pt
+
+
+class Canvas(Protocol):
+    """Where to draw."""
+
+    def line(self, points: Floats, colour: Colour, width: float, dash: Sequence[float]) -> None:
+        """A line through points (N, 2); `dash` is the length of a stroke and of a gap, or none."""
+        ...
+
+    def area(self, points: Floats, colour: Colour) -> None:
+        """What points (N, 2) enclose."""
+        ...
+
+    def discs(self, centres: Floats, colours: Sequence[Colour], size: float) -> None:
+        """Filled circles of a diameter about centres (N, 2)."""
+        ...
+
+    def text(
+        self,
+        at: tuple[float, float],
+        words: str,
+        size: float,
+        *,
+        colour: Colour = (0, 0, 0),
+        across: str = "left",
+        down: str = "middle",
+        bold: bool = False,
+        turned: bool = False,
+    ) -> None:
+        """One line of words beside a place; turned words read upwards."""
+        ...
+
+    def width(self, words: str, size: float, *, bold: bool = False) -> float:
+        """How wide the words are."""
+        ...
+
+    @contextmanager
+    def clipped(self, box: Box) -> Iterator[None]:
+        """Nothing outside the box is drawn on."""
+        ...
+
+
+def with_fonts(pdf: FPDF) -> FPDF:
+    """The document with the family "body", plain and bold, embedded."""
+    for style, name in (("", "DejaVuSans.ttf"), ("B", "DejaVuSans-Bold.ttf")):
+        with resources.as_file(resources.files(_FONTS) / name) as path:
+            pdf.add_font("body", style, path)
+    return pdf
+
+
+class PdfCanvas:
+    """A rectangle of a page, with its left top at a place in mm and `pixel` mm a pixel."""
+
+    def __init__(self, pdf: FPDF, left_mm: float, top_mm: float, pixel: float) -> None:
+        self._pdf, self._corner, self._pixel = pdf, np.array([left_mm, top_mm]), pixel
+
+    def _mm(self, points: Floats) -> list[tuple[float, float]]:
+        return [(x, y) for x, y in (np.asarray(points) * self._pixel + self._corner).tolist()]
+
+    def line(self, points: Floats, colour: Colour, width: float, dash: Sequence[float]) -> None:
+        pixel, pdf = self._pixel, self._pdf
+        strokes = {"dash": dash[0] * pixel, "gap": dash[1] * pixel, "phase": 0.0} if dash else None
+        with pdf.local_context(
+            draw_color=_bytes(colour),
+            line_width=width * pixel,
+            stroke_join_style="round",
+            dash_pattern=strokes,
+        ):
+            pdf.polyline(self._mm(points))
+
+    def area(self, points: Floats, colour: Colour) -> None:
+        with self._pdf.local_context(fill_color=_bytes(colour), fill_opacity=(*colour, 1.0)[3]):
+            self._pdf.polygon(self._mm(points), style="F")
+
+    def discs(self, centres: Floats, colours: Sequence[Colour], size: float) -> None:
+        pdf, radius = self._pdf, 0.5 * size * self._pixel
+        with pdf.local_context():
+            for (x, y), colour in zip(self._mm(centres), colours, strict=True):
+                pdf.set_fill_color(*_bytes(colour))
+                pdf.circle(x, y, radius, style="F")
+
+    def text(
+        self,
+        at: tuple[float, float],
+        words: str,
+        size: float,
+        *,
+        colour: Colour = (0, 0, 0),
+        across: str = "left",
+        down: str = "middle",
+        bold: bool = False,
+        turned: bool = False,
+    ) -> None:
+        pdf = self._pdf
+        ((x, y),) = self._mm(np.array([at]))
+        with pdf.local_context(text_color=_bytes(colour)):
+            self._set_type(size, bold)
+            left = x - ACROSS[across] * pdf.get_string_width(words)
+            low = y + DOWN[down] * size * self._pixel
+            if turned:
+                with pdf.rotation(90.0, x, y):
+                    pdf.text(left, low, words)
+            else:
+                pdf.text(left, low, words)
+
+    def width(self, words: str, size: float, *, bold: bool = False) -> float:
+        with self._pdf.local_context():
+            self._set_type(size, bold)
+            return self._pdf.get_string_width(words) / self._pixel
+
+    def _set_type(self, size: float, bold: bool) -> None:
+        points = size * self._pixel * 72.0 / 25.4
+        self._pdf.set_font("body", "B" if bold else "", points)
+
+    @contextmanager
+    def clipped(self, box: Box) -> Iterator[None]:
+        (x, y), (w, h) = np.array(box[:2]) * self._pixel + self._corner, box[2:]
+        with self._pdf.rect_clip(x, y, w * self._pixel, h * self._pixel):
+            yield
+
+
+class SvgCanvas:
+    """An SVG file of this size."""
+
+    def __init__(self, width: float, height: float) -> None:
+        self._size, self._parts, self._clips = (width, height), list[str](), 0
+
+    def document(self) -> str:
+        """The whole file; the same drawing makes the same file."""
+        wide, high = self._size
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {high:g}" '
+            f'width="{wide:g}" height="{high:g}" '
+            "font-family=\"'DejaVu Sans', Verdana, sans-serif\">\n"
+            f'<rect width="100%" height="100%" fill="white"/>\n{"".join(self._parts)}</svg>\n'
+        )
+
+    def line(self, points: Floats, colour: Colour, width: float, dash: Sequence[float]) -> None:
+        dashed = f' stroke-dasharray="{" ".join(f"{d:g}" for d in dash)}"' if dash else ""
+        self._add(
+            f'<polyline points="{_places(points)}" fill="none" stroke="{_css(colour)}" '
+            f'stroke-width="{width:g}" stroke-linejoin="round"{dashed}/>'
+        )
+
+    def area(self, points: Floats, colour: Colour) -> None:
+        through = f'fill="{_css(colour)}" fill-opacity="{(*colour, 1.0)[3]:g}"'
+        self._add(f'<polygon points="{_places(points)}" {through}/>')
+
+    def discs(self, centres: Floats, colours: Sequence[Colour], size: float) -> None:
+        for (x, y), colour in zip(centres, colours, strict=True):
+            place = f'cx="{x:.2f}" cy="{y:.2f}" r="{0.5 * size:g}"'
+            self._add(f'<circle {place} fill="{_css(colour)}"/>')
+
+    def text(
+        self,
+        at: tuple[float, float],
+        words: str,
+        size: float,
+        *,
+        colour: Colour = (0, 0, 0),
+        across: str = "left",
+        down: str = "middle",
+        bold: bool = False,
+        turned: bool = False,
+    ) -> None:
+        x, y = at
+        anchor = {"left": "start", "center": "middle", "right": "end"}[across]
+        heavy = ' font-weight="bold"' if bold else ""
+        turn = f' transform="rotate(-90 {x:.2f} {y:.2f})"' if turned else ""
+        self._add(
+            f'<text x="{x:.2f}" y="{y + DOWN[down] * size:.2f}" font-size="{size:g}" '
+            f'text-anchor="{anchor}" fill="{_css(colour)}"{heavy}{turn}>'
+            f"{escape(words)}</text>"
+        )
+
+    def width(self, words: str, size: float, *, bold: bool = False) -> float:
+        return (0.66 if bold else 0.58) * size * len(words)
+
+    @contextmanager
+    def clipped(self, box: Box) -> Iterator[None]:
+        self._clips += 1
+        x, y, w, h = (f"{value:.2f}" for value in box)
+        self._add(
+            f'<clipPath id="c{self._clips}"><rect x="{x}" y="{y}" width="{w}" height="{h}"/>'
+            f'</clipPath><g clip-path="url(#c{self._clips})">'
+        )
+        yield
+        self._add("</g>")
+
+    def _add(self, element: str) -> None:
+        self._parts.append(f"{element}\n")
+
+
+def _places(points: Floats) -> str:
+    return " ".join(f"{x:.2f},{y:.2f}" for x, y in points)
+
+
+def _bytes(colour: Colour) -> tuple[int, int, int]:
+    red, green, blue = (round(part) for part in colour[:3])
+    return red, green, blue
+
+
+def _css(colour: Colour) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*_bytes(colour))
