@@ -98,7 +98,7 @@ class PlanForecast:
     flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
-    assumed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def level(self) -> FlightLevel:
