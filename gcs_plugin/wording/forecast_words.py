@@ -43,6 +43,13 @@ _KINDS: Mapping[str, str] = {
     "climb": "in climb or descent to item {0}",
     "wait": "while it waits at item {0}",
 }
+#: Kinds of stretch in a table.
+STRETCHES: Mapping[str, str] = {
+    "leg": "leg",
+    "turn": "turn",
+    "climb": "climb, descent",
+    "wait": "wait",
+}
 _SHORT: Mapping[str, str] = {
     "tank": "one line alone takes more than the tank holds: fill more, or shorten the lines",
     "battery": "one line alone takes more than the battery gives: shorten the lines",

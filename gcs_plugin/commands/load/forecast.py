@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from tyro.conf import Positional
+from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.load.cover import pump_of
 from thrustmargin.gcs_plugin.commands.shared.options import (
@@ -50,6 +52,7 @@ def forecast(
     capacity: float | None = None,
     resistance: float | None = None,
     max_utilisation: float = 0.5,
+    out: UseAppendAction[tuple[Path, ...]] = (),
     json: Path | None = None,
     csv: Path | None = None,
     sorties: Path | None = None,
@@ -79,6 +82,7 @@ def forecast(
         capacity: Ah of the battery; without it that of the parameters.
         resistance: mOhm of the battery.
         max_utilisation: Largest share of a rotor's maximum thrust that may last.
+        out: Page to write, to look at (.html) or to print (.pdf); may be given again.
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
         csv: Write ten rows a second of the flight to this file (.csv).
@@ -88,6 +92,7 @@ def forecast(
     from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.gcs_plugin.reports.forecast.forecast_csv import csv_text
     from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
+    from thrustmargin.gcs_plugin.reports.forecast.forecast_page import html_text, pdf_bytes
     from thrustmargin.mission.ahead import plan_forecast
 
     check_utilisation(max_utilisation)
@@ -106,7 +111,11 @@ def forecast(
             raise UsageError(f"{name} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
     if rate is not None and (swath is None or flow is not None):
         raise UsageError("--rate needs --swath, and goes without --flow")
-    outputs = [Output("--json", json, endings=(".json",)), Output("--csv", csv, endings=(".csv",))]
+    outputs = [
+        Output("--json", json, endings=(".json",)),
+        Output("--csv", csv, endings=(".csv",)),
+        *(Output("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
+    ]
     check_outputs(outputs, inputs=[plan, model, airframe, parameters])
     if sorties is not None and not sorties.is_dir():
         raise UsageError(f"--sorties {sorties} is no folder; make it, or give another")
@@ -138,14 +147,19 @@ def forecast(
     _show(made, console)
     if json == STDOUT:
         sys.stdout.write(json_text(made))
-    elif json is not None:
-        with whole_file(json) as draft:
-            draft.write_text(json_text(made), encoding="utf-8")
-        console.print(f"wrote {json}")
+    files: list[tuple[Path, Callable[[], str | bytes]]] = [
+        (path, partial(pdf_bytes if path.suffix.lower() == ".pdf" else html_text, made, plan.name))
+        for path in out
+    ]
+    if json not in (None, STDOUT):
+        files.append((json, lambda: json_text(made)))
     if csv is not None:
-        with whole_file(csv) as draft:
-            draft.write_text(csv_text(made), encoding="utf-8")
-        console.print(f"wrote {csv}")
+        files.append((csv, lambda: csv_text(made)))
+    for path, content in files:
+        made_of = content()
+        with whole_file(path) as draft:
+            draft.write_bytes(made_of if isinstance(made_of, bytes) else made_of.encode())
+        console.print(f"wrote {path}")
     for path in [] if sorties is None else _write_sorties(made, plan, sorties, pump):
         console.print(f"wrote {path}")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.advice import Advised, FlightLevel
