@@ -31,6 +31,7 @@ _MADE = (
     *("airspeed", "wind_ned", "tank_kg", "voltage", "altitude", "height_agl", "spraying"),
 )
 FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=("from the plan",))
+FILLED = replace(FORECAST, kind=SourceKind.STATED)  # the fill is stated, the flow too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +130,7 @@ def fly_plan(
         voltage=np.full(time_s.size, np.nan),
         origin=origin,
     )
-    track = replace(track, sources=dict.fromkeys(_MADE, FORECAST))
+    track = replace(track, sources=dict.fromkeys(_MADE, FORECAST) | {"tank_kg": FILLED})
     density = np.full(time_s.size, given.density)
     prediction = predict(model, track, density)
     speed = prediction.rotor_speed_rpm

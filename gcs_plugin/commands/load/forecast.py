@@ -56,6 +56,9 @@ def forecast(
     json: Path | None = None,
     csv: Path | None = None,
     sorties: Path | None = None,
+    view: bool = False,
+    port: int = 8080,
+    browser: bool = True,
 ) -> None:
     """Say before take-off whether a plan can be flown with a fill, and where it is weakest.
 
@@ -87,6 +90,10 @@ def forecast(
             else.
         csv: Write ten rows a second of the flight to this file (.csv).
         sorties: Folder to write one .plan for each sortie into.
+        view: Show the planned flight in 3D on a page of this computer, as `replay` does; Ctrl-C
+            ends it.
+        port: Port of that page.
+        browser: Open that page in the browser.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.logs.plan_source import read_plan
@@ -162,6 +169,11 @@ def forecast(
         console.print(f"wrote {path}")
     for path in [] if sorties is None else _write_sorties(made, plan, sorties, pump):
         console.print(f"wrote {path}")
+    if view:
+        from thrustmargin.gcs_plugin.view.planned_view import planned_view
+        from thrustmargin.gcs_plugin.view.replay_view import run_replay
+
+        run_replay(planned_view(made, port=port), browser=browser)
 
 
 def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:
