@@ -28,6 +28,7 @@ ASSUMED: Mapping[str, str] = {
     "standard air": "air at {0} °C, the standard for the height: give --air-temperature",
     "sea level": "field at sea level: give --altitude",
     "no flow": "nothing is sprayed, so the tank stays full: give --flow or --rate",
+    "pump rate": "flow by SPRAY_PUMP_RATE of a pump of {0} L/min at full output: give --flow",
     "level ground": "heights above the ground as above home: no terrain is known",
     "PX4 corners": "corners cut by ArduPilot's rule: that of PX4 is not modelled",
     "pump by speed": "the flow falls with the speed over ground in turns",

@@ -16,6 +16,8 @@ import numpy as np
 
 from thrustmargin.mission.ahead.beside import Beside, Pair, StretchBeside, mean_off
 from thrustmargin.mission.ahead.plan_flight import PlanConditions
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis
 
 Assumption = Literal["wind", "fill", "density", "flow", "battery", "model"]
 #: Differences that a good forecast has too: share of thrust, share of a fill, and V.
@@ -44,6 +46,33 @@ class ShownDay:
     wind_ned: tuple[float, float, float]
     fill_kg: float
     density: float
+
+
+def shown_day(analysis: FlightAnalysis) -> ShownDay:
+    """What a flight shows of the day that it was flown on."""
+    track = analysis.track
+    rows = track.flying
+    tank = _known(track.tank_kg[rows])
+    known_air = track.reports("pressure") or track.reports("altitude")
+    air = _known(analysis.density[rows])
+    return ShownDay(
+        wind_ned=(*_mean_wind(track), 0.0),
+        fill_kg=float(tank[0]) if tank.size else math.nan,
+        density=float(np.median(air)) if known_air and air.size else math.nan,
+    )
+
+
+def _known(values: Floats) -> Floats:
+    return values[np.isfinite(values)]
+
+
+def _mean_wind(track: FlightTrack) -> tuple[float, float]:
+    """m/s north and east; NaN where no wind is reported."""
+    north, east = (_known(axis) for axis in track.wind_ned[track.flying, :2].T)
+    return (
+        float(np.mean(north)) if north.size else math.nan,
+        float(np.mean(east)) if east.size else math.nan,
+    )
 
 
 def which_was_off(

@@ -42,6 +42,7 @@ class PlanConditions:
     density: float  # kg/m³ at home
     flow: float = 0.0  # kg/s with the pump on at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of way sprayed, instead of `flow`
+    most_flow: float = math.inf  # kg/s that the pump gives at its most
     wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, the way the air moves
     battery: FlightBattery = UNKNOWN
 
@@ -161,7 +162,7 @@ def _flow(
         flow = given.flow * np.minimum(speed / line_speed, 1.0)
     else:
         flow = np.full(speed.size, given.flow)
-    return np.where(pump & (speed >= limits.spray_speed), flow, 0.0)
+    return np.where(pump & (speed >= limits.spray_speed), np.minimum(flow, given.most_flow), 0.0)
 
 
 def _attitude(force: Floats, yaw: Floats) -> Floats:

@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, FlightBattery, since
+from thrustmargin.mission.ahead.before_take_off import PLANNED, known_pump
 from thrustmargin.mission.ahead.fill_along import largest_fill, survivable_below
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import (
@@ -39,15 +40,12 @@ from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_o
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
-from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.predict import Basis, flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure, isa_temperature
 from thrustmargin.models.physics.margin import ceiling, utilisation
 
-#: A plan is no flight: there is nothing in it that could speak against the airframe.
-PLANNED = AirframeClaim(words="a plan")
 #: Directions that a wind without one is tried from.
 DIRECTIONS = 8
 #: Times that the nose turns by 0.7 slower where the rotors have no moment for what is asked: an
@@ -59,8 +57,8 @@ LONGEST_LEG_S = 7200.0  # with its wait, more than any battery of a multirotor l
 
 Assumption = Literal[
     "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
-    "sea level", "no flow", "level ground", "PX4 corners", "pump by speed", "no forward flight",
-    "extrapolated", "nose gives way", "first part",
+    "sea level", "no flow", "pump rate", "level ground", "PX4 corners", "pump by speed",
+    "no forward flight", "extrapolated", "nose gives way", "first part",
 ]  # fmt: skip
 
 
@@ -156,6 +154,11 @@ def forecast(
     legs = plan_legs(plan, steps, limits)
     craft = flown_airframe(model)
     given, assumed = _conditions(day, altitude, craft.nominal_voltage)
+    by_rate = known_pump(known, craft)
+    if "no flow" in assumed and by_rate.per_metre > 0.0:
+        given = replace(given, flow_per_metre=by_rate.per_metre, most_flow=by_rate.most)
+        del assumed["no flow"]
+        assumed["pump rate"] = (f"{craft.pump_max_flow_l_min:g}",)
     origin = Origin(latitude_deg=home[0], longitude_deg=home[1], altitude=altitude)
 
     timed = timed_legs(legs)
