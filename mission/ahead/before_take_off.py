@@ -68,9 +68,9 @@ class PlanToFly:
         flight = fly_plan("the plan", self.legs, self.limits, self.model, given)
         return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
 
-    def beside(self, given: PlanConditions, flown: FlownWay) -> Beside:
-        """The planned flight beside what was flown."""
-        return beside(*self.fly(given), flown)
+    def beside(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:
+        """The planned flight beside what was flown; `over_s` as of `beside.passed`."""
+        return beside(*self.fly(given), flown, over_s=over_s)
 
 
 def known_before(

@@ -16,7 +16,7 @@ import numpy as np
 
 from thrustmargin.mission.ahead.beside import Beside, Pair, StretchBeside, mean_off
 from thrustmargin.mission.ahead.plan_flight import PlanConditions
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 
 Assumption = Literal["wind", "fill", "density", "flow", "battery", "model"]
@@ -50,29 +50,29 @@ class ShownDay:
 
 def shown_day(analysis: FlightAnalysis) -> ShownDay:
     """What a flight shows of the day that it was flown on."""
-    track = analysis.track
-    rows = track.flying
-    tank = _known(track.tank_kg[rows])
+    track, rows = analysis.track, analysis.track.flying
     known_air = track.reports("pressure") or track.reports("altitude")
-    air = _known(analysis.density[rows])
+    density = np.where(known_air, analysis.density, np.nan)
+    return day_of(track.wind_ned[rows], track.tank_kg[rows], density[rows])
+
+
+def day_of(wind_ned: Floats, tank_kg: Floats, density: Floats) -> ShownDay:
+    """The day of T rows in flight: wind (T, 3) m/s, tank (T,) kg and density (T,) kg/m³."""
+    north, east = (_known(axis) for axis in wind_ned[:, :2].T)
+    tank, air = _known(tank_kg), _known(density)
     return ShownDay(
-        wind_ned=(*_mean_wind(track), 0.0),
+        wind_ned=(
+            float(np.mean(north)) if north.size else math.nan,
+            float(np.mean(east)) if east.size else math.nan,
+            0.0,
+        ),
         fill_kg=float(tank[0]) if tank.size else math.nan,
-        density=float(np.median(air)) if known_air and air.size else math.nan,
+        density=float(np.median(air)) if air.size else math.nan,
     )
 
 
 def _known(values: Floats) -> Floats:
     return values[np.isfinite(values)]
-
-
-def _mean_wind(track: FlightTrack) -> tuple[float, float]:
-    """m/s north and east; NaN where no wind is reported."""
-    north, east = (_known(axis) for axis in track.wind_ned[track.flying, :2].T)
-    return (
-        float(np.mean(north)) if north.size else math.nan,
-        float(np.mean(east)) if east.size else math.nan,
-    )
 
 
 def which_was_off(
