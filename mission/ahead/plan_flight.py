@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,13 @@ class PlanConditions:
     battery: FlightBattery = UNKNOWN
 
 
+class Used(NamedTuple):
+    """What a tank and a battery have given."""
+
+    kg: float
+    wh: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
     """A stretch of the flight: rows from `first` up to `last`, which is not in it."""
@@ -68,7 +75,7 @@ class PlanFlight:
     energy_wh: Floats  # (T,) given so far, of all batteries
     sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
     active: NDArray[np.intp]  # (T,) number of the leg being flown, from 0
-    refilled: NDArray[np.intp]  # rows from which tank and battery are fresh
+    battery_wh: Floats  # (T,) given so far, of the present battery
     legs: tuple[TimedLeg, ...]
 
 
@@ -80,12 +87,12 @@ def fly_plan(
     given: PlanConditions,
     *,
     origin: Origin | None = None,
-    refill_after: Collection[int] = (),
+    anew: Mapping[int, Used] | None = None,
 ) -> PlanFlight:
     """The flight of `legs` from the ground to where the last one ends.
 
-    After the legs with the numbers `refill_after`, from 0, tank and battery are as at the start;
-    the ways to and from there are left out.
+    From the legs with the numbers `anew`, from 0, on tank and battery have given so much: nothing
+    after a refill, the ways to and from which are left out, and something where a part is left out.
     """
     timed = timed_legs(legs)
     end = timed[-1].end_s + legs[-1].wait_s
@@ -98,11 +105,13 @@ def fly_plan(
     start = float(np.arctan2(first[1], first[0]))
     yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
     seconds = np.diff(time_s, append=time_s[-1])
-    refills = np.flatnonzero(np.isin(active[:-1], list(refill_after)) & (np.diff(active) > 0)) + 1
+    anew = anew or {}
+    changed = np.searchsorted(active, sorted(k for k in anew if k <= active[-1]))
+    before = np.array([anew[int(k)] for k in active[changed]]).reshape(-1, 2)
     pump = np.array([t.leg.pump for t in timed], dtype=np.bool_)[active]
     line_speed = np.array([t.leg.level_speed for t in timed])[active]
     sprayed = np.append(0.0, np.cumsum(_flow(velocity, pump, line_speed, limits, given) * seconds))
-    tank = np.maximum(given.fill_kg - since(sprayed[:-1], refills), 0.0)
+    tank = np.maximum(given.fill_kg - since(sprayed[:-1], changed, before[:, 0]), 0.0)
     wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
     through = velocity - wind
     airspeed = np.linalg.norm(through, axis=1)
@@ -136,7 +145,9 @@ def fly_plan(
     prediction = predict(model, track, density)
     speed = prediction.rotor_speed_rpm
     power = rotor_power(flown_airframe(model), prediction.thrust, speed)
-    volts, energy = discharge(given.battery, flown_airframe(model), power, seconds, refills)
+    volts, energy = discharge(
+        given.battery, flown_airframe(model), power, seconds, changed, before[:, 1]
+    )
     track = replace(track, voltage=volts)
     return PlanFlight(
         track=track,
@@ -146,7 +157,7 @@ def fly_plan(
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
         active=active,
-        refilled=refills,
+        battery_wh=since(energy, changed, before[:, 1]),
         legs=timed,
     )
 

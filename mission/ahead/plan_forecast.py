@@ -14,13 +14,15 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, FlightBattery, since
+from thrustmargin.mission.ahead.alike import parts_flown
+from thrustmargin.mission.ahead.battery import CELL, EFFICIENCY, FULL, UNKNOWN, FlightBattery
 from thrustmargin.mission.ahead.before_take_off import PLANNED, known_pump
 from thrustmargin.mission.ahead.fill_along import largest_fill, survivable_below
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import (
     PlanConditions,
     PlanFlight,
+    Used,
     fly_plan,
 )
 from thrustmargin.mission.ahead.plan_legs import above_ground, plan_legs
@@ -43,9 +45,15 @@ from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.predict import Basis, flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.atmosphere import air_density, isa_pressure, isa_temperature
+from thrustmargin.models.physics.atmosphere import (
+    air_density,
+    isa_pressure,
+    isa_temperature,
+    pressure_altitude,
+)
 from thrustmargin.models.physics.margin import ceiling, utilisation
 
+STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.
 DIRECTIONS = 8
 #: Times that the nose turns by 0.7 slower where the rotors have no moment for what is asked: an
@@ -57,8 +65,9 @@ LONGEST_LEG_S = 7200.0  # with its wait, more than any battery of a multirotor l
 
 Assumption = Literal[
     "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
-    "sea level", "no flow", "pump rate", "level ground", "PX4 corners", "pump by speed",
-    "no forward flight", "extrapolated", "nose gives way", "first part",
+    "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
+    "efficiency", "level ground", "PX4 corners", "pump by speed",
+    "no forward flight", "extrapolated", "nose gives way", "first part", "alike",
 ]  # fmt: skip
 
 
@@ -69,6 +78,7 @@ class TakeOff:
     fill_kg: float
     air_temperature: float = math.nan  # K
     altitude: float = math.nan  # m AMSL of home
+    pressure: float = math.nan  # Pa of the air there; NaN: the standard of the altitude
     wind: float = 0.0  # m/s
     wind_from_deg: float = math.nan  # NaN with wind: the worst of all directions
     flow: float = math.nan  # kg/s at the speed of the line
@@ -167,11 +177,11 @@ def forecast(
 
     def fly(
         given: PlanConditions,
-        refills: tuple[int, ...] = (),
+        anew: Mapping[int, Used] | None = None,
         limits: FlightLimits = limits,
         legs: Sequence[WayLeg] = legs,
     ) -> PlanFlight:
-        return fly_plan("the plan", legs, limits, model, given, origin=origin, refill_after=refills)
+        return fly_plan("the plan", legs, limits, model, given, origin=origin, anew=anew)
 
     if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
         first = legs[: _within(timed, WIND_TRIED_S)]
@@ -183,7 +193,7 @@ def forecast(
         if not peak > 1.0:
             break
         slower = replace(limits, yaw_acceleration=0.7 * limits.yaw_acceleration)
-        other = fly(given, (), slower)
+        other = fly(given, None, slower)
         if not _peak(other, model) < peak:
             break  # not the nose takes it
         once, limits, peak = other, slower, _peak(other, model)
@@ -193,13 +203,22 @@ def forecast(
     usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
     taken = leg_ends(once, timed, given, limits, model)
     needed = needs(taken, ends, fill_kg=given.fill_kg, usable_wh=usable)
-    refills = needed.refill_after if refilled else ()
-    refills = tuple(k for k in refills if k < len(legs) - 1)
-    flight = fly(given, refills, limits) if refills else once
+    parts = parts_flown(
+        timed,
+        len(legs),
+        taken,
+        needed.refill_after if refilled else (),
+        mass=craft.empty_mass + given.fill_kg,
+        usable_wh=usable,
+        windy=given.wind_ned != STILL,
+        longest_s=IN_DETAIL_S,
+    )
+    flight = (
+        fly(given, parts.anew, limits, parts.legs) if len(timed) > len(legs) or parts.anew else once
+    )
     back = energy_back(flight, limits, model, given.wind_ned)
-    used = since(flight.energy_wh, flight.refilled)
     if len(legs) < len(timed):
-        assumed["first part"] = (
+        assumed["first part" if parts.unlike else "alike"] = (
             f"{once.track.duration / 60.0:.0f}",
             f"{taken.time_s[-1] / 60.0:.0f}",
         )
@@ -211,6 +230,12 @@ def forecast(
         assumed["PX4 corners"] = ()
     if above_ground(steps):
         assumed["level ground"] = ()
+    kinds = {step.kind for step in steps.steps}
+    if "spline" in kinds:
+        assumed["straight splines"] = ()
+    if "turns" in kinds:
+        assumed["circles as waits"] = ()
+    assumed["efficiency"] = (f"{100.0 * EFFICIENCY:.0f}",)
     if limits.sprays_by_speed and given.flow > 0.0:
         assumed["pump by speed"] = ()
     if model.forward_flight is None:
@@ -227,11 +252,14 @@ def forecast(
         legs=tuple(leg_forecast(span, analysis) for span in flight.spans),
         weakest=weakest_place(flight, analysis),
         largest_fill_kg=largest_fill(
-            advised, given, limit, lambda g: _advise(fly(g, refills, limits), model, limit)
+            advised,
+            given,
+            limit,
+            lambda g: _advise(fly(g, parts.anew, limits, parts.legs), model, limit),
         ),
         survivable_below_kg=survivable_below(analysis),
         needs=needed,
-        way_back=way_back(flight, used, back, usable, charge_kept=CHARGE_KEPT),
+        way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),
         swath=day.swath,
         flight_s=float(taken.time_s[-1]),
         findings=check_plan(plan, steps, sprays=sprays),
@@ -296,11 +324,14 @@ def _conditions(
 ) -> tuple[PlanConditions, dict[Assumption, tuple[str, ...]]]:
     """The conditions of the day, and what was taken for what is not known."""
     assumed: dict[Assumption, tuple[str, ...]] = {}
-    if not math.isfinite(day.altitude) and altitude == 0.0:
-        assumed["sea level"] = ()
+    pressure = day.pressure
+    if not math.isfinite(pressure):
+        pressure = float(isa_pressure(altitude))
+        if not math.isfinite(day.altitude) and altitude == 0.0:
+            assumed["sea level"] = ()
     warm = day.air_temperature
     if not math.isfinite(warm):
-        warm = float(isa_temperature(altitude))
+        warm = float(isa_temperature(pressure_altitude(pressure)))
         assumed["standard air"] = (f"{warm - 273.15:.0f}",)
     if day.wind <= 0.0:
         assumed["no wind"] = ()
@@ -317,7 +348,7 @@ def _conditions(
             assumed["resistance"] = ()
     given = PlanConditions(
         fill_kg=day.fill_kg,
-        density=float(air_density(isa_pressure(altitude), warm)),
+        density=float(air_density(pressure, warm)),
         flow=day.flow if day.flow > 0.0 else 0.0,
         flow_per_metre=day.flow_per_metre,
         wind_ned=_wind(day.wind, day.wind_from_deg if day.wind > 0.0 else 0.0),

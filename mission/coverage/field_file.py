@@ -239,7 +239,8 @@ def _of_shapefile(data: bytes, path: Path) -> list[Named]:
     logging.getLogger(shapefile.__name__).setLevel(logging.ERROR)  # rings the other way round
     try:
         with closing(shapefile.Reader(shp=io.BytesIO(data))) as reader:
-            shapes = [shapely.geometry.shape(s.__geo_interface__) for s in reader.iterShapes()]
+            read: Any = reader.iterShapes()
+            shapes = [shapely.geometry.shape(shape.__geo_interface__) for shape in read]
     except shapefile.ShapefileException as error:
         raise PlanError(f"{path.name} is damaged ({error!s:.80}); save it again") from error
     except Exception as error:  # pyshp lets what struct and array say through

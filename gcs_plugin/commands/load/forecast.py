@@ -42,6 +42,7 @@ def forecast(
     parameters: Path | None = None,
     air_temperature: float | None = None,
     altitude: float | None = None,
+    pressure: float | None = None,
     wind: float = 0.0,
     wind_from: float | None = None,
     flow: float | None = None,
@@ -75,6 +76,8 @@ def forecast(
         parameters: Parameter file of the autopilot (.param, .parm, .params); of a log, its own.
         air_temperature: °C at the field; without it that of the standard atmosphere.
         altitude: m of the field above the sea; without it that of the plan's home.
+        pressure: hPa of the air at the field, not reduced to sea level; without it the standard of
+            the altitude.
         wind: m/s of wind.
         wind_from: ° where the wind comes from, 0 is north; without it the worst of all directions.
         flow: L/min with the pump on, at the speed of the line.
@@ -106,6 +109,7 @@ def forecast(
     for name, value, low, high, unit in (
         ("--air-temperature", air_temperature, -60.0, 60.0, "°C"),
         ("--altitude", altitude, -430.0, 9000.0, "m"),
+        ("--pressure", pressure, 300.0, 1100.0, "hPa"),
         ("--wind", wind, 0.0, 60.0, "m/s"),
         ("--wind-from", wind_from, -360.0, 360.0, "°"),
         ("--flow", flow, 0.0, 200.0, "L/min"),
@@ -139,6 +143,7 @@ def forecast(
             fill_kg=kg,
             air_temperature=_or_nan(air_temperature) + ZERO_CELSIUS,
             altitude=_or_nan(altitude),
+            pressure=100.0 * _or_nan(pressure),
             wind=wind,
             wind_from_deg=_or_nan(wind_from),
             flow=_or_nan(flow) * liquid / 60.0,
