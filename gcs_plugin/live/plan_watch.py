@@ -22,9 +22,9 @@ from thrustmargin.gcs_plugin.wording.plans.beside_words import (
     off_sentence,
     stretch_words,
 )
-from thrustmargin.mission.ahead.before_take_off import PlanToFly, known_before
-from thrustmargin.mission.ahead.beside import FlownWay, shift, worst_smoothed
-from thrustmargin.mission.ahead.blame import day_of, which_was_off
+from thrustmargin.mission.beside.blame import day_of, which_was_off
+from thrustmargin.mission.beside.plan_to_fly import PlanToFly, known_before
+from thrustmargin.mission.beside.stretches import FlownWay, shift, worst_smoothed
 from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Floats

@@ -7,7 +7,6 @@ was flown stands for those with no more in the tank and no more taken from the b
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -53,28 +52,29 @@ def parts_flown(
     kg, wh = since(taken.sprayed_kg, fresh), since(taken.energy_wh, fresh)
     # The state at the start of a leg is that at the end of the one before.
     kg, wh = (np.append(0.0, used)[:-1] for used in (kg, wh))
-    less, more = MASS_SHARE * mass, BATTERY_SHARE * usable_wh
-    there: dict[Hashable, list[int]] = defaultdict(list)
+    # In steps that are the same; a leg one step harder stands for it too.
+    heavy = np.floor(kg / (MASS_SHARE * mass)).astype(int).tolist()
+    known = math.isfinite(usable_wh)
+    weak = np.floor(wh / (BATTERY_SHARE * usable_wh) if known else 0.0 * wh).astype(int).tolist()
+    there: set[Hashable] = set()
     chosen: set[int] = set()
     spent, unlike = 0.0, 0
     for k, (one, two) in enumerate(pairwise([*legs, None])):
         assert one is not None
-        kind = _kind(one, two, windy=windy)
+        kind, i, j = _kind(one, two, windy=windy), heavy[k], weak[k]
         if k < first - 1 or first == len(legs):
-            there[kind].append(k)
+            there.add((kind, i, j))
             continue
-        same = there[kind]
-        weak = wh[same] >= wh[k] - more if math.isfinite(usable_wh) else True
-        if np.any((kg[same] <= kg[k] + less) & weak):
+        if any((kind, i - a, j + b) in there for a in (0, 1) for b in (0, 1)):
             continue
-        part = {j for j in (k - 1, k, k + 1) if first <= j < len(legs)} - chosen
-        took = sum(legs[j].end_s + legs[j].leg.wait_s - legs[j].active_s for j in part)
+        part = {n for n in (k - 1, k, k + 1) if first <= n < len(legs)} - chosen
+        took = sum(legs[n].end_s + legs[n].leg.wait_s - legs[n].active_s for n in part)
         if spent + took > longest_s:
             unlike += 1
             continue
         spent += took
         chosen |= part
-        there[kind].append(k)
+        there.add((kind, i, j))
     numbers = [*range(first), *sorted(chosen)]
     anew: dict[int, Used] = {}
     made: list[WayLeg] = []

@@ -10,13 +10,11 @@ import bisect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
 from thrustmargin.mission.ahead.alike import parts_flown
-from thrustmargin.mission.ahead.battery import CELL, EFFICIENCY, FULL, UNKNOWN, FlightBattery
-from thrustmargin.mission.ahead.before_take_off import PLANNED, known_pump
+from thrustmargin.mission.ahead.battery import CELL, EFFICIENCY
 from thrustmargin.mission.ahead.fill_along import largest_fill, survivable_below
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import (
@@ -27,6 +25,15 @@ from thrustmargin.mission.ahead.plan_flight import (
 )
 from thrustmargin.mission.ahead.plan_legs import above_ground, plan_legs
 from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT, Needs, leg_ends, needs
+from thrustmargin.mission.ahead.take_off import (
+    PLANNED,
+    Assumption,
+    TakeOff,
+    conditions,
+    known_pump,
+    wind_from_deg,
+    wind_ned,
+)
 from thrustmargin.mission.ahead.utilisation_along import (
     LegForecast,
     Weakest,
@@ -45,12 +52,6 @@ from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.predict import Basis, flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.atmosphere import (
-    air_density,
-    isa_pressure,
-    isa_temperature,
-    pressure_altitude,
-)
 from thrustmargin.models.physics.margin import ceiling, utilisation
 
 STILL = (0.0, 0.0, 0.0)
@@ -62,29 +63,6 @@ SLOWER = 6
 #: s of a plan that are flown in detail: some sorties; the rest by time, way and litres alone.
 IN_DETAIL_S, WIND_TRIED_S = 900.0, 240.0
 LONGEST_LEG_S = 7200.0  # with its wait, more than any battery of a multirotor lasts
-
-Assumption = Literal[
-    "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
-    "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
-    "efficiency", "level ground", "PX4 corners", "pump by speed",
-    "no forward flight", "extrapolated", "nose gives way", "first part", "alike",
-]  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TakeOff:
-    """What a plan is asked with; None or NaN is not known, and what is taken for it is said."""
-
-    fill_kg: float
-    air_temperature: float = math.nan  # K
-    altitude: float = math.nan  # m AMSL of home
-    pressure: float = math.nan  # Pa of the air there; NaN: the standard of the altitude
-    wind: float = 0.0  # m/s
-    wind_from_deg: float = math.nan  # NaN with wind: the worst of all directions
-    flow: float = math.nan  # kg/s at the speed of the line
-    flow_per_metre: float = math.nan  # kg/m of line
-    swath: float = math.nan  # m
-    battery: FlightBattery = UNKNOWN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -163,7 +141,7 @@ def forecast(
     plan = replace(plan, home=(*home[:2], altitude))
     legs = plan_legs(plan, steps, limits)
     craft = flown_airframe(model)
-    given, assumed = _conditions(day, altitude, craft.nominal_voltage)
+    given, assumed = conditions(day, altitude, craft.nominal_voltage)
     by_rate = known_pump(known, craft)
     if "no flow" in assumed and by_rate.per_metre > 0.0:
         given = replace(given, flow_per_metre=by_rate.per_metre, most_flow=by_rate.most)
@@ -186,7 +164,7 @@ def forecast(
     if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
         first = legs[: _within(timed, WIND_TRIED_S)]
         given = _worst_wind(given, day.wind, model, lambda g: fly(g, legs=first))
-        assumed["worst wind"] = (f"{_from_deg(given):.0f}",)
+        assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
     once = fly(given)
     peak = _peak(once, model)
     for _ in range(SLOWER):
@@ -319,53 +297,6 @@ def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
     return advise(_analysis(flight, model), limit=limit)
 
 
-def _conditions(
-    day: TakeOff, altitude: float, nominal: float
-) -> tuple[PlanConditions, dict[Assumption, tuple[str, ...]]]:
-    """The conditions of the day, and what was taken for what is not known."""
-    assumed: dict[Assumption, tuple[str, ...]] = {}
-    pressure = day.pressure
-    if not math.isfinite(pressure):
-        pressure = float(isa_pressure(altitude))
-        if not math.isfinite(day.altitude) and altitude == 0.0:
-            assumed["sea level"] = ()
-    warm = day.air_temperature
-    if not math.isfinite(warm):
-        warm = float(isa_temperature(pressure_altitude(pressure)))
-        assumed["standard air"] = (f"{warm - 273.15:.0f}",)
-    if day.wind <= 0.0:
-        assumed["no wind"] = ()
-    if not (day.flow > 0.0 or day.flow_per_metre > 0.0):
-        assumed["no flow"] = ()
-    battery = day.battery
-    if not battery.falls:
-        held = battery.voltage if battery.voltage > 0.0 else nominal
-        assumed["no capacity"] = (f"{held:.1f}",)
-    else:
-        if not battery.voltage > 0.0:
-            assumed["full battery"] = (f"{FULL * round(nominal / CELL):.1f}",)
-        if not battery.resistance >= 0.0:
-            assumed["resistance"] = ()
-    given = PlanConditions(
-        fill_kg=day.fill_kg,
-        density=float(air_density(pressure, warm)),
-        flow=day.flow if day.flow > 0.0 else 0.0,
-        flow_per_metre=day.flow_per_metre,
-        wind_ned=_wind(day.wind, day.wind_from_deg if day.wind > 0.0 else 0.0),
-        battery=battery,
-    )
-    return given, assumed
-
-
-def _wind(speed: float, from_deg: float) -> tuple[float, float, float]:
-    way = math.radians(from_deg if math.isfinite(from_deg) else 0.0)
-    return (-speed * math.cos(way), -speed * math.sin(way), 0.0)
-
-
-def _from_deg(given: PlanConditions) -> float:
-    return math.degrees(math.atan2(-given.wind_ned[1], -given.wind_ned[0])) % 360.0
-
-
 def _worst_wind(
     given: PlanConditions,
     speed: float,
@@ -374,7 +305,7 @@ def _worst_wind(
 ) -> PlanConditions:
     """The conditions with the wind from where it takes most thrust."""
     tried = [
-        replace(given, wind_ned=_wind(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
+        replace(given, wind_ned=wind_ned(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
     ]
     peaks = [_peak(fly(one), model) for one in tried]
     return tried[int(np.argmax(peaks))]

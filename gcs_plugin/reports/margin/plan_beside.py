@@ -11,9 +11,9 @@ import math
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
 from thrustmargin.gcs_plugin.wording.plans.beside_words import beside_words, off_sentence
-from thrustmargin.mission.ahead.before_take_off import PlanToFly, known_before
-from thrustmargin.mission.ahead.beside import Pair, StretchBeside, flown_way
-from thrustmargin.mission.ahead.blame import Off, shown_day, which_was_off
+from thrustmargin.mission.beside.blame import Off, shown_day, which_was_off
+from thrustmargin.mission.beside.plan_to_fly import PlanToFly, known_before
+from thrustmargin.mission.beside.stretches import Pair, StretchBeside, flown_way
 from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.model.analysis import FlightAnalysis
 

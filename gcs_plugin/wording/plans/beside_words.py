@@ -32,7 +32,7 @@ _OFF: Mapping[str, Callable[[float, float], str]] = {
 }
 
 
-class Pair(Protocol):
+class FlownFigure(Protocol):
     """A figure as forecast and as flown."""
 
     @property
@@ -41,20 +41,20 @@ class Pair(Protocol):
     def flown(self) -> float: ...
 
 
-class OneOff(Protocol):
+class AssumptionOff(Protocol):
     """An assumption that was off."""
 
     @property
     def what(self) -> str: ...
     @property
-    def amount(self) -> Pair: ...
+    def amount(self) -> FlownFigure: ...
     @property
     def item(self) -> int: ...
     @property
     def mattered(self) -> bool: ...
 
 
-class Stretch(Protocol):
+class SpokenStretch(Protocol):
     """A stretch of the plan as forecast and as flown."""
 
     @property
@@ -62,20 +62,20 @@ class Stretch(Protocol):
     @property
     def kind(self) -> str: ...
     @property
-    def seconds(self) -> Pair: ...
+    def seconds(self) -> FlownFigure: ...
     @property
-    def speed(self) -> Pair: ...
+    def speed(self) -> FlownFigure: ...
     @property
-    def utilisation(self) -> Pair: ...
+    def utilisation(self) -> FlownFigure: ...
     @property
-    def peak(self) -> Pair: ...
+    def peak(self) -> FlownFigure: ...
     @property
-    def tank_kg(self) -> Pair: ...
+    def tank_kg(self) -> FlownFigure: ...
     @property
-    def voltage(self) -> Pair: ...
+    def voltage(self) -> FlownFigure: ...
 
 
-def off_sentence(off: OneOff) -> str:
+def off_sentence(off: AssumptionOff) -> str:
     """`took off with 16.0 kg, 13.0 kg assumed`."""
     words = _OFF[off.what](off.amount.flown, off.amount.forecast)
     if off.what == "model":
@@ -83,7 +83,7 @@ def off_sentence(off: OneOff) -> str:
     return words if off.mattered else f"{words}, which took no more thrust"
 
 
-def stretch_words(stretch: Stretch) -> str:
+def stretch_words(stretch: SpokenStretch) -> str:
     """`leg to item 5: 23 s (22 s), 3.9 m/s (4.0 m/s), ...` as flown, the forecast in brackets."""
     used = stretch.utilisation, stretch.peak
     mean, most = (f"{percent(p.flown)} ({percent(p.forecast)})" for p in used)

@@ -5,8 +5,8 @@ from thrustmargin.gcs_plugin.wording.plans.beside_words import (
     off_sentence,
     stretch_words,
 )
-from thrustmargin.mission.ahead.beside import Pair, StretchBeside
-from thrustmargin.mission.ahead.blame import Off
+from thrustmargin.mission.beside.blame import Off
+from thrustmargin.mission.beside.stretches import Pair, StretchBeside
 
 
 def off(what, forecast, flown, *, item, mattered):

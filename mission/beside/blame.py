@@ -14,8 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.mission.ahead.beside import Beside, Pair, StretchBeside, mean_off
 from thrustmargin.mission.ahead.plan_flight import PlanConditions
+from thrustmargin.mission.beside.stretches import Beside, Pair, StretchBeside, mean_off
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 

@@ -11,40 +11,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
-from thrustmargin.mission.ahead.beside import Beside, FlownWay, beside
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
+from thrustmargin.mission.ahead.take_off import PLANNED, known_pump
 from thrustmargin.mission.ahead.way import WayLeg
+from thrustmargin.mission.beside.stretches import Beside, FlownWay, beside
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
 from thrustmargin.mission.steps import plan_steps, pump_output
-from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import isa_density
-
-#: A plan is no flight: there is nothing in it that could speak against the airframe.
-PLANNED = AirframeClaim(words="a plan")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KnownPump:
-    """What a pump gives by the sprayer's parameters and the airframe; NaN where they do not say."""
-
-    most: float  # kg/s at full output
-    per_metre: float  # kg/m of way, of ArduPilot's sprayer
-
-
-def known_pump(parameters: Mapping[str, float], airframe: Airframe) -> KnownPump:
-    """ArduPilot's sprayer drives the pump by speed: SPRAY_PUMP_RATE is its per cent at 1 m/s."""
-    most = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
-    rate = parameters.get("SPRAY_PUMP_RATE", math.nan)
-    on = parameters.get("SPRAY_ENABLE", 1.0) > 0.0 and rate > 0.0 and most > 0.0
-    return KnownPump(
-        most=most if most > 0.0 else math.nan,
-        per_metre=most * rate / 100.0 if on else math.nan,
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
