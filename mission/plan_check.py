@@ -129,7 +129,7 @@ def _crossed(plan: MissionPlan, legs: _Legs) -> list[int]:
     for area in plan.fence:
         (inside if area.inside else outside).append(_shape(area, plan.home))
     lines = shapely.linestrings(legs.flat)
-    crossed = np.zeros(len(lines), dtype=np.bool_)
+    crossed = np.zeros(len(legs.steps), dtype=np.bool_)
     if inside:
         # ArduPilot stays in all such areas at once, others in any of them.
         every = plan.firmware == FIRMWARE_ARDUPILOT

@@ -280,8 +280,12 @@ def _executed(plan: MissionPlan, walk: _Walk) -> Iterable[PlanItem]:
     """The items in the order of execution; jumps are followed, with a bound."""
     items = plan.items
     numbers = Counter(item.number for item in items)
-    at_number = {item.number: k for k, item in enumerate(items) if numbers[item.number] == 1}
-    at_tag = {item.parameters[0]: k for k, item in enumerate(items) if item.command == JUMP_TAG}
+    at_number: dict[float, int] = {
+        item.number: k for k, item in enumerate(items) if numbers[item.number] == 1
+    }
+    at_tag: dict[float, int] = {
+        item.parameters[0]: k for k, item in enumerate(items) if item.command == JUMP_TAG
+    }
     left: dict[int, float] = {}
     at = count = 0
     while at < len(items):

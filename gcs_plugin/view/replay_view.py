@@ -70,7 +70,8 @@ class ReplayView(ViewPage):
 
     `waypoints` are the log's mission items and `messages` its texts with their time in s from the
     first row; `whole` is the answer of the whole flight; `overlays` are further ways to
-    colour the route, besides those of the analysis. After its end it rests on the worst moment.
+    colour the route, besides those of the analysis; a `planned` flight has those
+    alone. After its end it rests on the worst moment.
     Raises DataError for a flight without rows, and LinkError from `start` when the port is taken.
     """
 
@@ -87,6 +88,7 @@ class ReplayView(ViewPage):
         speed: float = 1.0,
         paused: bool = False,
         whole: WholeFlight | None = None,
+        planned: bool = False,
     ) -> None:
         self._standing, self.whole = Standing(number=1), whole
         self._screen = PageState(
@@ -95,10 +97,16 @@ class ReplayView(ViewPage):
             more=self._replay_state,
             charts=self._drawn_charts,
             recorded=True,
+            planned=planned,
             timeline=timeline_colours(analysis),
         )
         super().__init__(
-            "replay", host=host, port=port, token=token, every=1 / TICK_HZ, addition=self._screen
+            "plan" if planned else "replay",
+            host=host,
+            port=port,
+            token=token,
+            every=1 / TICK_HZ,
+            addition=self._screen,
         )
         track = analysis.track
         if track.time_s.size == 0:
@@ -109,7 +117,7 @@ class ReplayView(ViewPage):
         self._airframe = analysis.model.airframe
         self._speeds = Speeds.of(analysis)
         shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis)
-        self._overlays = (*shown, *overlays)
+        self._overlays = tuple(overlays) if planned else (*shown, *overlays)
         self._overlay = self._overlays[0]
         self._waypoints = waypoints
         self._messages = sorted(messages)

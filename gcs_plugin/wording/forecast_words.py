@@ -28,12 +28,17 @@ ASSUMED: Mapping[str, str] = {
     "standard air": "air at {0} °C, the standard for the height: give --air-temperature",
     "sea level": "field at sea level: give --altitude",
     "no flow": "nothing is sprayed, so the tank stays full: give --flow or --rate",
+    "pump rate": "flow by SPRAY_PUMP_RATE of a pump of {0} L/min at full output: give --flow",
+    "straight splines": "splines as straight legs: the way flown is longer",
+    "circles as waits": "circles as time at their middle: no bank and no drag of the circle",
+    "efficiency": "motors and speed controllers pass on {0} % of the battery's power",
     "level ground": "heights above the ground as above home: no terrain is known",
     "PX4 corners": "corners cut by ArduPilot's rule: that of PX4 is not modelled",
     "pump by speed": "the flow falls with the speed over ground in turns",
     "no forward flight": "drag and lift of forward flight are not known of this aircraft",
     "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
     "first part": "only the first {0} of {1} min are flown in detail: later lines as these",
+    "alike": "the first {0} of {1} min and what is not like them are flown: that is all",
     "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
 }
 LEFT_OUT = "gusts and turbulence are not in it, nor the time of ways to and from a refill"
@@ -42,6 +47,13 @@ _KINDS: Mapping[str, str] = {
     "turn": "in the turn at item {0}",
     "climb": "in climb or descent to item {0}",
     "wait": "while it waits at item {0}",
+}
+#: Kinds of stretch in a table.
+STRETCHES: Mapping[str, str] = {
+    "leg": "leg",
+    "turn": "turn",
+    "climb": "climb, descent",
+    "wait": "wait",
 }
 _SHORT: Mapping[str, str] = {
     "tank": "one line alone takes more than the tank holds: fill more, or shorten the lines",
@@ -202,7 +214,7 @@ def _as_far(made: ForecastParts) -> str:
 
 
 def _assumed(key: str, values: Sequence[str]) -> str:
-    listed = values if key == "first part" else [", ".join(values)]
+    listed = values if key in ("first part", "alike") else [", ".join(values)]
     return ASSUMED[key].format(*listed)
 
 

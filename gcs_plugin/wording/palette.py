@@ -107,6 +107,21 @@ REDUNDANCY = ColourScale(
 )
 
 
+def moved(scale: ColourScale, limit: float) -> ColourScale:
+    """The scale of thrust in use with its jump at `limit` instead of 50 %."""
+    if limit == 0.5:
+        return scale
+
+    def at(value: float) -> float:
+        return value / 0.5 * limit if value <= 0.5 else 1.0 - (1.0 - value) / 0.5 * (1.0 - limit)
+
+    return replace(
+        scale,
+        stops=tuple((at(value), colour) for value, colour in scale.stops),
+        marks=((0.0, "0"), (limit, f"{limit * 100:.0f} % limit"), (1.0, "100 %")),
+    )
+
+
 def residual_scale(limit_rpm: float) -> ColourScale:
     """The diverging scale of measured minus predicted rotor speed, to +-`limit_rpm`."""
     colours = ((92, 190, 222), (36, 112, 190), (40, 40, 40), (214, 84, 16), (238, 165, 45))
@@ -118,6 +133,19 @@ def residual_scale(limit_rpm: float) -> ColourScale:
         form="+.0f",
         stops=tuple(zip(at, colours, strict=True)),
         marks=((at[0], f"{at[0]:.0f}"), (0.0, "as predicted"), (at[-1], f"+{at[-1]:.0f} rpm")),
+    )
+
+
+def tank_scale(full_kg: float) -> ColourScale:
+    """The scale of what is in the tank, darkest where it is as full as at take-off."""
+    top = max(full_kg, 0.1)
+    return ColourScale(
+        title="In the tank",
+        unit=" kg",
+        factor=1.0,
+        form=".1f",
+        stops=((0.0, GOOD[0]), (0.5 * top, GOOD[1]), (top, GOOD[2])),
+        marks=((0.0, "0"), (0.5 * top, f"{0.5 * top:.1f}"), (top, f"{top:.1f} kg")),
     )
 
 

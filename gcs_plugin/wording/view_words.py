@@ -22,6 +22,8 @@ ALARMS_SOUGHT = "alarms still being looked for"
 ALARMS_UNKNOWN = "alarms are not known: this flight could not be searched for them"
 #: Names of colours and cameras, which the catalogue has in other languages.
 THRUST_LEFT = "Thrust left"
+THRUST_IN_USE, TANK = "Thrust in use", "Tank"
+PLANNED = "forecast from the plan"
 WHOLE_FIELD, NORTH_UP, NOSE_AHEAD = "Whole field", "Follow, north up", "Follow, nose ahead"
 RESIDUAL_BEFORE, RESIDUAL_AFTER = "Residual before", "Residual after"
 ALL_PREDICTED = "predicted: no rotor speed was measured"

@@ -47,11 +47,14 @@ class FlightBattery:
 UNKNOWN = FlightBattery()
 
 
-def since(total: Floats, changed: NDArray[np.intp]) -> Floats:
-    """(T,) of what adds up to `total` (T,), what came since the last of the rows `changed`."""
+def since(total: Floats, changed: NDArray[np.intp], before: Floats | float = 0.0) -> Floats:
+    """(T,) of what adds up to `total` (T,), what came since the last of the rows `changed`, and
+    what is taken to have come `before` that (a number, or one for each of the rows)."""
     begun = np.zeros(total.size)
-    begun[changed] = total[changed]
-    return total - np.maximum.accumulate(begun)
+    begun[changed] = total[changed] - before
+    last = np.zeros(total.size, dtype=np.intp)
+    last[changed] = changed
+    return total - begun[np.maximum.accumulate(last)]
 
 
 def stated_capacity(parameters: Mapping[str, float]) -> float:
@@ -75,10 +78,12 @@ def discharge(
     power: Floats,
     seconds: Floats,
     changed: NDArray[np.intp],
+    before_wh: Floats | float = 0.0,
 ) -> tuple[Floats, Floats]:
     """Voltage (T,) under load and energy (T,) Wh given so far, at a power (T,) W for (T,) s.
 
-    In the rows `changed` a fresh battery goes in. NaN volts where the charge is used up.
+    From the rows `changed` on it is a battery that has given `before_wh`. NaN volts where the
+    charge is used up.
     """
     energy = np.cumsum(np.nan_to_num(power) * seconds) / 3600.0
     cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
@@ -94,7 +99,8 @@ def discharge(
     # to start from, and one turn more settles it.
     volts = np.full(power.size, start)
     for _ in range(3):
-        drawn = since(np.cumsum(power / volts * seconds), changed) / 3600.0
+        before = np.asarray(before_wh) / (cells * CELL) * 3600.0
+        drawn = since(np.cumsum(power / volts * seconds), changed, before) / 3600.0
         charge = full - drawn / battery.capacity_ah
         rest = cells * np.interp(charge, _CHARGE, _AT_REST)
         inside = np.maximum(rest**2 - 4.0 * resistance * power, 0.0)

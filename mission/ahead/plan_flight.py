@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ _MADE = (
     *("airspeed", "wind_ned", "tank_kg", "voltage", "altitude", "height_agl", "spraying"),
 )
 FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=("from the plan",))
+FILLED = replace(FORECAST, kind=SourceKind.STATED)  # the fill is stated, the flow too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,8 +42,16 @@ class PlanConditions:
     density: float  # kg/m³ at home
     flow: float = 0.0  # kg/s with the pump on at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of way sprayed, instead of `flow`
+    most_flow: float = math.inf  # kg/s that the pump gives at its most
     wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, the way the air moves
     battery: FlightBattery = UNKNOWN
+
+
+class Used(NamedTuple):
+    """What a tank and a battery have given."""
+
+    kg: float
+    wh: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +75,7 @@ class PlanFlight:
     energy_wh: Floats  # (T,) given so far, of all batteries
     sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
     active: NDArray[np.intp]  # (T,) number of the leg being flown, from 0
-    refilled: NDArray[np.intp]  # rows from which tank and battery are fresh
+    battery_wh: Floats  # (T,) given so far, of the present battery
     legs: tuple[TimedLeg, ...]
 
 
@@ -78,12 +87,12 @@ def fly_plan(
     given: PlanConditions,
     *,
     origin: Origin | None = None,
-    refill_after: Collection[int] = (),
+    anew: Mapping[int, Used] | None = None,
 ) -> PlanFlight:
     """The flight of `legs` from the ground to where the last one ends.
 
-    After the legs with the numbers `refill_after`, from 0, tank and battery are as at the start;
-    the ways to and from there are left out.
+    From the legs with the numbers `anew`, from 0, on tank and battery have given so much: nothing
+    after a refill, the ways to and from which are left out, and something where a part is left out.
     """
     timed = timed_legs(legs)
     end = timed[-1].end_s + legs[-1].wait_s
@@ -96,11 +105,13 @@ def fly_plan(
     start = float(np.arctan2(first[1], first[0]))
     yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
     seconds = np.diff(time_s, append=time_s[-1])
-    refills = np.flatnonzero(np.isin(active[:-1], list(refill_after)) & (np.diff(active) > 0)) + 1
+    anew = anew or {}
+    changed = np.searchsorted(active, sorted(k for k in anew if k <= active[-1]))
+    before = np.array([anew[int(k)] for k in active[changed]]).reshape(-1, 2)
     pump = np.array([t.leg.pump for t in timed], dtype=np.bool_)[active]
     line_speed = np.array([t.leg.level_speed for t in timed])[active]
     sprayed = np.append(0.0, np.cumsum(_flow(velocity, pump, line_speed, limits, given) * seconds))
-    tank = np.maximum(given.fill_kg - since(sprayed[:-1], refills), 0.0)
+    tank = np.maximum(given.fill_kg - since(sprayed[:-1], changed, before[:, 0]), 0.0)
     wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
     through = velocity - wind
     airspeed = np.linalg.norm(through, axis=1)
@@ -129,12 +140,14 @@ def fly_plan(
         voltage=np.full(time_s.size, np.nan),
         origin=origin,
     )
-    track = replace(track, sources=dict.fromkeys(_MADE, FORECAST))
+    track = replace(track, sources=dict.fromkeys(_MADE, FORECAST) | {"tank_kg": FILLED})
     density = np.full(time_s.size, given.density)
     prediction = predict(model, track, density)
     speed = prediction.rotor_speed_rpm
     power = rotor_power(flown_airframe(model), prediction.thrust, speed)
-    volts, energy = discharge(given.battery, flown_airframe(model), power, seconds, refills)
+    volts, energy = discharge(
+        given.battery, flown_airframe(model), power, seconds, changed, before[:, 1]
+    )
     track = replace(track, voltage=volts)
     return PlanFlight(
         track=track,
@@ -144,7 +157,7 @@ def fly_plan(
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
         active=active,
-        refilled=refills,
+        battery_wh=since(energy, changed, before[:, 1]),
         legs=timed,
     )
 
@@ -160,7 +173,7 @@ def _flow(
         flow = given.flow * np.minimum(speed / line_speed, 1.0)
     else:
         flow = np.full(speed.size, given.flow)
-    return np.where(pump & (speed >= limits.spray_speed), flow, 0.0)
+    return np.where(pump & (speed >= limits.spray_speed), np.minimum(flow, given.most_flow), 0.0)
 
 
 def _attitude(force: Floats, yaw: Floats) -> Floats:

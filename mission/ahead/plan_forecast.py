@@ -10,20 +10,30 @@ import bisect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
-from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, FlightBattery, since
+from thrustmargin.mission.ahead.alike import parts_flown
+from thrustmargin.mission.ahead.battery import CELL, EFFICIENCY
 from thrustmargin.mission.ahead.fill_along import largest_fill, survivable_below
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import (
     PlanConditions,
     PlanFlight,
+    Used,
     fly_plan,
 )
 from thrustmargin.mission.ahead.plan_legs import above_ground, plan_legs
 from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT, Needs, leg_ends, needs
+from thrustmargin.mission.ahead.take_off import (
+    PLANNED,
+    Assumption,
+    TakeOff,
+    conditions,
+    known_pump,
+    wind_from_deg,
+    wind_ned,
+)
 from thrustmargin.mission.ahead.utilisation_along import (
     LegForecast,
     Weakest,
@@ -39,15 +49,12 @@ from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_o
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
-from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.predict import Basis, flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.atmosphere import air_density, isa_pressure, isa_temperature
 from thrustmargin.models.physics.margin import ceiling, utilisation
 
-#: A plan is no flight: there is nothing in it that could speak against the airframe.
-PLANNED = AirframeClaim(words="a plan")
+STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.
 DIRECTIONS = 8
 #: Times that the nose turns by 0.7 slower where the rotors have no moment for what is asked: an
@@ -56,27 +63,6 @@ SLOWER = 6
 #: s of a plan that are flown in detail: some sorties; the rest by time, way and litres alone.
 IN_DETAIL_S, WIND_TRIED_S = 900.0, 240.0
 LONGEST_LEG_S = 7200.0  # with its wait, more than any battery of a multirotor lasts
-
-Assumption = Literal[
-    "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
-    "sea level", "no flow", "level ground", "PX4 corners", "pump by speed", "no forward flight",
-    "extrapolated", "nose gives way", "first part",
-]  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TakeOff:
-    """What a plan is asked with; None or NaN is not known, and what is taken for it is said."""
-
-    fill_kg: float
-    air_temperature: float = math.nan  # K
-    altitude: float = math.nan  # m AMSL of home
-    wind: float = 0.0  # m/s
-    wind_from_deg: float = math.nan  # NaN with wind: the worst of all directions
-    flow: float = math.nan  # kg/s at the speed of the line
-    flow_per_metre: float = math.nan  # kg/m of line
-    swath: float = math.nan  # m
-    battery: FlightBattery = UNKNOWN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,7 +84,7 @@ class PlanForecast:
     flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
-    assumed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def level(self) -> FlightLevel:
@@ -155,7 +141,12 @@ def forecast(
     plan = replace(plan, home=(*home[:2], altitude))
     legs = plan_legs(plan, steps, limits)
     craft = flown_airframe(model)
-    given, assumed = _conditions(day, altitude, craft.nominal_voltage)
+    given, assumed = conditions(day, altitude, craft.nominal_voltage)
+    by_rate = known_pump(known, craft)
+    if "no flow" in assumed and by_rate.per_metre > 0.0:
+        given = replace(given, flow_per_metre=by_rate.per_metre, most_flow=by_rate.most)
+        del assumed["no flow"]
+        assumed["pump rate"] = (f"{craft.pump_max_flow_l_min:g}",)
     origin = Origin(latitude_deg=home[0], longitude_deg=home[1], altitude=altitude)
 
     timed = timed_legs(legs)
@@ -164,23 +155,23 @@ def forecast(
 
     def fly(
         given: PlanConditions,
-        refills: tuple[int, ...] = (),
+        anew: Mapping[int, Used] | None = None,
         limits: FlightLimits = limits,
         legs: Sequence[WayLeg] = legs,
     ) -> PlanFlight:
-        return fly_plan("the plan", legs, limits, model, given, origin=origin, refill_after=refills)
+        return fly_plan("the plan", legs, limits, model, given, origin=origin, anew=anew)
 
     if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
         first = legs[: _within(timed, WIND_TRIED_S)]
         given = _worst_wind(given, day.wind, model, lambda g: fly(g, legs=first))
-        assumed["worst wind"] = (f"{_from_deg(given):.0f}",)
+        assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
     once = fly(given)
     peak = _peak(once, model)
     for _ in range(SLOWER):
         if not peak > 1.0:
             break
         slower = replace(limits, yaw_acceleration=0.7 * limits.yaw_acceleration)
-        other = fly(given, (), slower)
+        other = fly(given, None, slower)
         if not _peak(other, model) < peak:
             break  # not the nose takes it
         once, limits, peak = other, slower, _peak(other, model)
@@ -190,13 +181,22 @@ def forecast(
     usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
     taken = leg_ends(once, timed, given, limits, model)
     needed = needs(taken, ends, fill_kg=given.fill_kg, usable_wh=usable)
-    refills = needed.refill_after if refilled else ()
-    refills = tuple(k for k in refills if k < len(legs) - 1)
-    flight = fly(given, refills, limits) if refills else once
+    parts = parts_flown(
+        timed,
+        len(legs),
+        taken,
+        needed.refill_after if refilled else (),
+        mass=craft.empty_mass + given.fill_kg,
+        usable_wh=usable,
+        windy=given.wind_ned != STILL,
+        longest_s=IN_DETAIL_S,
+    )
+    flight = (
+        fly(given, parts.anew, limits, parts.legs) if len(timed) > len(legs) or parts.anew else once
+    )
     back = energy_back(flight, limits, model, given.wind_ned)
-    used = since(flight.energy_wh, flight.refilled)
     if len(legs) < len(timed):
-        assumed["first part"] = (
+        assumed["first part" if parts.unlike else "alike"] = (
             f"{once.track.duration / 60.0:.0f}",
             f"{taken.time_s[-1] / 60.0:.0f}",
         )
@@ -208,6 +208,12 @@ def forecast(
         assumed["PX4 corners"] = ()
     if above_ground(steps):
         assumed["level ground"] = ()
+    kinds = {step.kind for step in steps.steps}
+    if "spline" in kinds:
+        assumed["straight splines"] = ()
+    if "turns" in kinds:
+        assumed["circles as waits"] = ()
+    assumed["efficiency"] = (f"{100.0 * EFFICIENCY:.0f}",)
     if limits.sprays_by_speed and given.flow > 0.0:
         assumed["pump by speed"] = ()
     if model.forward_flight is None:
@@ -224,11 +230,14 @@ def forecast(
         legs=tuple(leg_forecast(span, analysis) for span in flight.spans),
         weakest=weakest_place(flight, analysis),
         largest_fill_kg=largest_fill(
-            advised, given, limit, lambda g: _advise(fly(g, refills, limits), model, limit)
+            advised,
+            given,
+            limit,
+            lambda g: _advise(fly(g, parts.anew, limits, parts.legs), model, limit),
         ),
         survivable_below_kg=survivable_below(analysis),
         needs=needed,
-        way_back=way_back(flight, used, back, usable, charge_kept=CHARGE_KEPT),
+        way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),
         swath=day.swath,
         flight_s=float(taken.time_s[-1]),
         findings=check_plan(plan, steps, sprays=sprays),
@@ -288,50 +297,6 @@ def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
     return advise(_analysis(flight, model), limit=limit)
 
 
-def _conditions(
-    day: TakeOff, altitude: float, nominal: float
-) -> tuple[PlanConditions, dict[Assumption, tuple[str, ...]]]:
-    """The conditions of the day, and what was taken for what is not known."""
-    assumed: dict[Assumption, tuple[str, ...]] = {}
-    if not math.isfinite(day.altitude) and altitude == 0.0:
-        assumed["sea level"] = ()
-    warm = day.air_temperature
-    if not math.isfinite(warm):
-        warm = float(isa_temperature(altitude))
-        assumed["standard air"] = (f"{warm - 273.15:.0f}",)
-    if day.wind <= 0.0:
-        assumed["no wind"] = ()
-    if not (day.flow > 0.0 or day.flow_per_metre > 0.0):
-        assumed["no flow"] = ()
-    battery = day.battery
-    if not battery.falls:
-        held = battery.voltage if battery.voltage > 0.0 else nominal
-        assumed["no capacity"] = (f"{held:.1f}",)
-    else:
-        if not battery.voltage > 0.0:
-            assumed["full battery"] = (f"{FULL * round(nominal / CELL):.1f}",)
-        if not battery.resistance >= 0.0:
-            assumed["resistance"] = ()
-    given = PlanConditions(
-        fill_kg=day.fill_kg,
-        density=float(air_density(isa_pressure(altitude), warm)),
-        flow=day.flow if day.flow > 0.0 else 0.0,
-        flow_per_metre=day.flow_per_metre,
-        wind_ned=_wind(day.wind, day.wind_from_deg if day.wind > 0.0 else 0.0),
-        battery=battery,
-    )
-    return given, assumed
-
-
-def _wind(speed: float, from_deg: float) -> tuple[float, float, float]:
-    way = math.radians(from_deg if math.isfinite(from_deg) else 0.0)
-    return (-speed * math.cos(way), -speed * math.sin(way), 0.0)
-
-
-def _from_deg(given: PlanConditions) -> float:
-    return math.degrees(math.atan2(-given.wind_ned[1], -given.wind_ned[0])) % 360.0
-
-
 def _worst_wind(
     given: PlanConditions,
     speed: float,
@@ -340,7 +305,7 @@ def _worst_wind(
 ) -> PlanConditions:
     """The conditions with the wind from where it takes most thrust."""
     tried = [
-        replace(given, wind_ned=_wind(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
+        replace(given, wind_ned=wind_ned(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
     ]
     peaks = [_peak(fly(one), model) for one in tried]
     return tried[int(np.argmax(peaks))]

@@ -73,6 +73,7 @@ def leg_ends(
         way = np.array([np.hypot(*t.leg.vector[:2]) * t.leg.pump for t in rest])
         speed = np.array([t.leg.level_speed for t in rest])
         rate = given.flow_per_metre if given.flow_per_metre > 0.0 else given.flow / speed
+        rate = np.minimum(rate, given.most_flow / speed)
         power = flight.energy_wh[-1] / flight.track.time_s[-1]
         parts = [
             np.append(parts[0], end),

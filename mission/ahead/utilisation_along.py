@@ -49,7 +49,7 @@ class Weakest:
 def leg_forecast(span: Span, analysis: FlightAnalysis) -> LegForecast:
     """One stretch of the analysed flight."""
     rows = slice(span.first, span.last)
-    use, reach = _use(analysis, rows)
+    use, reach = worst_use(analysis, rows)
     top = int(np.argmax(np.where(np.isfinite(use), use, -1.0)))
     track = analysis.track
     end = track.time_s[min(span.last, track.time_s.size - 1)]
@@ -64,7 +64,7 @@ def leg_forecast(span: Span, analysis: FlightAnalysis) -> LegForecast:
     )
 
 
-def _use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
+def worst_use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
     """(N,) utilisation of the worst rotor and half of its 90 % interval."""
     use = analysis.utilisation_predicted[rows]
     worst, which = worst_rotor(use)
@@ -76,7 +76,7 @@ def _use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
 
 def weakest_place(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:
     """The place with the largest utilisation; None where nothing is predicted."""
-    use, reach = _use(analysis, slice(None))
+    use, reach = worst_use(analysis, slice(None))
     if not np.isfinite(use).any():
         return None
     row = int(np.nanargmax(use))

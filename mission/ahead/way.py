@@ -204,9 +204,12 @@ def target(legs: Sequence[TimedLeg], time_s: Floats) -> tuple[Floats, Floats, Fl
     that increase."""
     place, speed, gained = (np.zeros((time_s.size, 3)) for _ in range(3))
     done = np.zeros((time_s.size + 1, 3))
+    at = legs[0].leg.start_ned
     for timed in legs:
         first, last = np.searchsorted(time_s, (timed.start_s, timed.end_s))
         vector = timed.leg.vector
+        done[first] += timed.leg.start_ned - at  # of parts of a plan, flown one after the other
+        at = timed.leg.end_ned
         along = vector / np.linalg.norm(vector)
         done[last] += vector
         rows = slice(first, last)

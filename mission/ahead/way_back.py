@@ -84,7 +84,7 @@ def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats
     asked, of = np.unique(rounded, axis=0, return_inverse=True)
     steady = FlightTrack.of(
         name="the way home",
-        time_s=APART_S * np.arange(len(asked)),
+        time_s=APART_S * np.arange(len(asked), dtype=np.float64),
         rotor_count=model.airframe.rotor_count,
         tank_kg=asked[:, 1],
         airspeed=asked[:, 2],

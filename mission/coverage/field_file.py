@@ -11,6 +11,7 @@ import json
 import logging
 import zipfile
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, ParseError
@@ -237,8 +238,9 @@ def _of_shapefile(data: bytes, path: Path) -> list[Named]:
         )
     logging.getLogger(shapefile.__name__).setLevel(logging.ERROR)  # rings the other way round
     try:
-        with shapefile.Reader(shp=io.BytesIO(data)) as reader:
-            shapes = [shapely.geometry.shape(s.__geo_interface__) for s in reader.iterShapes()]
+        with closing(shapefile.Reader(shp=io.BytesIO(data))) as reader:
+            read: Any = reader.iterShapes()
+            shapes = [shapely.geometry.shape(shape.__geo_interface__) for shape in read]
     except shapefile.ShapefileException as error:
         raise PlanError(f"{path.name} is damaged ({error!s:.80}); save it again") from error
     except Exception as error:  # pyshp lets what struct and array say through
@@ -251,13 +253,14 @@ def _in_degrees(found: Sequence[Named], system: str, name: str) -> list[Named]:
     """Polygons in the coordinate system of this name or text, in longitude and latitude."""
     try:
         import pyproj
+        from pyproj.exceptions import CRSError
     except ImportError as error:
         raise InstallError(
             f"{name} is not in WGS 84; reading it needs: pip install 'thrustmargin[field]'"
         ) from error
     try:
         crs = pyproj.CRS.from_user_input(system)
-    except pyproj.exceptions.CRSError as error:
+    except CRSError as error:
         raise PlanError(
             f"{name} is in a coordinate system that is not known ({system:.60}); save it in WGS 84"
         ) from error

@@ -177,7 +177,7 @@ def _tour(cells: Sequence[Sequence[Floats]], start: Floats) -> Floats:
     for _ in cells:
         far = np.hypot(*np.moveaxis(corners - at, -1, 0))
         far[~left] = np.inf
-        cell, corner = np.unravel_index(int(np.argmin(far)), far.shape)
+        cell, corner = map(int, np.unravel_index(int(np.argmin(far)), far.shape))
         left[cell] = False
         ordered = list(cells[cell]) if corner < 2 else list(cells[cell])[::-1]
         for k, line in enumerate(ordered):

@@ -37,6 +37,7 @@ def monitor(
     announce: bool = False,
     request_rates: bool = False,
     fetch_mission: bool = False,
+    plan: Path | None = None,
     signing_key_file: Path | None = None,
     view: bool = True,
     host: str = "127.0.0.1",
@@ -74,6 +75,8 @@ def monitor(
         request_rates: Ask the vehicle for the messages that are needed, at the rates needed.
         fetch_mission: Ask each vehicle for its mission when it appears, to forecast the margin
             along it.
+        plan: Plan that is flown (.plan, .waypoints, or a log with it): a line at each stretch that
+            is over puts its forecast beside it, and says which assumption was off.
         signing_key_file: Key of signed links; with it every frame that is not signed with it is
             dropped and counted.
         view: Show the aircraft in 3D on a page of this computer; --no-view for the table alone.
@@ -91,6 +94,7 @@ def monitor(
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.recording.recorder import tabulates
     from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+    from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES
@@ -130,6 +134,7 @@ def monitor(
     check_source(chosen.airframe.tank_source)
     if not tabulates():
         Terminal(stderr=True, soft_wrap=True).print(f"note: {NO_SAMPLES}", markup=False)
+    planned = None if plan is None else read_plan(plan)
     live = LiveMonitor(chosen, settings, accept=accept, refused_why=why)
     if announce or request_rates:
         from thrustmargin.gcs_plugin.link.sender import Sender
@@ -150,17 +155,23 @@ def monitor(
         live.taps.append(fetcher.feed)
     unprinted: list[OSError] = []
     printer: EventPrinter | None = None
+    events = Terminal(soft_wrap=True)
+
+    def print_line(words: str) -> None:
+        # A full disk behind a redirected answer must not end the watch.
+        try:
+            events.print(words)
+        except OSError as error:
+            unprinted.append(error)
+
+    watch = None
+    if planned is not None:
+        from thrustmargin.gcs_plugin.live.plan_watch import PlanWatch
+
+        watch = PlanWatch(planned, chosen, print_line)
+        live.subscribers.append(watch)
     if not sys.stdout.isatty():
         from thrustmargin.gcs_plugin.live.console import EventPrinter
-
-        events = Terminal(soft_wrap=True)
-
-        def print_line(words: str) -> None:
-            # A full disk behind a redirected answer must not end the watch.
-            try:
-                events.print(words)
-            except OSError as error:
-                unprinted.append(error)
 
         printer = EventPrinter(live, print_line)
         live.subscribers.append(printer)
@@ -174,11 +185,13 @@ def monitor(
         live.start()
         if page is not None:
             page.announce(browser=browser)
-        _show(live, until, printer, page=page is not None)
+        _show(live, until, printer, events, page=page is not None)
     finally:
         if fetcher is not None:
             fetcher.close()
         live.close()
+        if watch is not None:
+            watch.close()
         if page is not None:
             page.stop()
         _summary(live)
@@ -211,10 +224,17 @@ def _page(
     return page
 
 
-def _show(live: LiveMonitor, until: float, printer: EventPrinter | None, *, page: bool) -> None:
+def _show(
+    live: LiveMonitor,
+    until: float,
+    printer: EventPrinter | None,
+    console: Terminal,
+    *,
+    page: bool,
+) -> None:
+    """The table, above which `console` prints, or lines alone where there is no terminal."""
     from thrustmargin.gcs_plugin.live.console import Screen
 
-    console = Terminal()
     if printer is not None:
         while time.monotonic() < until and not live.finished:
             time.sleep(0.1)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from tyro.conf import Positional
+from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.load.cover import pump_of
 from thrustmargin.gcs_plugin.commands.shared.options import (
@@ -40,6 +42,7 @@ def forecast(
     parameters: Path | None = None,
     air_temperature: float | None = None,
     altitude: float | None = None,
+    pressure: float | None = None,
     wind: float = 0.0,
     wind_from: float | None = None,
     flow: float | None = None,
@@ -50,9 +53,13 @@ def forecast(
     capacity: float | None = None,
     resistance: float | None = None,
     max_utilisation: float = 0.5,
+    out: UseAppendAction[tuple[Path, ...]] = (),
     json: Path | None = None,
     csv: Path | None = None,
     sorties: Path | None = None,
+    view: bool = False,
+    port: int = 8080,
+    browser: bool = True,
 ) -> None:
     """Say before take-off whether a plan can be flown with a fill, and where it is weakest.
 
@@ -69,6 +76,8 @@ def forecast(
         parameters: Parameter file of the autopilot (.param, .parm, .params); of a log, its own.
         air_temperature: °C at the field; without it that of the standard atmosphere.
         altitude: m of the field above the sea; without it that of the plan's home.
+        pressure: hPa of the air at the field, not reduced to sea level; without it the standard of
+            the altitude.
         wind: m/s of wind.
         wind_from: ° where the wind comes from, 0 is north; without it the worst of all directions.
         flow: L/min with the pump on, at the speed of the line.
@@ -79,21 +88,28 @@ def forecast(
         capacity: Ah of the battery; without it that of the parameters.
         resistance: mOhm of the battery.
         max_utilisation: Largest share of a rotor's maximum thrust that may last.
+        out: Page to write, to look at (.html) or to print (.pdf); may be given again.
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
         csv: Write ten rows a second of the flight to this file (.csv).
         sorties: Folder to write one .plan for each sortie into.
+        view: Show the planned flight in 3D on a page of this computer, as `replay` does; Ctrl-C
+            ends it.
+        port: Port of that page.
+        browser: Open that page in the browser.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.gcs_plugin.reports.forecast.forecast_csv import csv_text
     from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
+    from thrustmargin.gcs_plugin.reports.forecast.forecast_page import html_text, pdf_bytes
     from thrustmargin.mission.ahead import plan_forecast
 
     check_utilisation(max_utilisation)
     for name, value, low, high, unit in (
         ("--air-temperature", air_temperature, -60.0, 60.0, "°C"),
         ("--altitude", altitude, -430.0, 9000.0, "m"),
+        ("--pressure", pressure, 300.0, 1100.0, "hPa"),
         ("--wind", wind, 0.0, 60.0, "m/s"),
         ("--wind-from", wind_from, -360.0, 360.0, "°"),
         ("--flow", flow, 0.0, 200.0, "L/min"),
@@ -106,7 +122,11 @@ def forecast(
             raise UsageError(f"{name} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
     if rate is not None and (swath is None or flow is not None):
         raise UsageError("--rate needs --swath, and goes without --flow")
-    outputs = [Output("--json", json, endings=(".json",)), Output("--csv", csv, endings=(".csv",))]
+    outputs = [
+        Output("--json", json, endings=(".json",)),
+        Output("--csv", csv, endings=(".csv",)),
+        *(Output("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
+    ]
     check_outputs(outputs, inputs=[plan, model, airframe, parameters])
     if sorties is not None and not sorties.is_dir():
         raise UsageError(f"--sorties {sorties} is no folder; make it, or give another")
@@ -123,6 +143,7 @@ def forecast(
             fill_kg=kg,
             air_temperature=_or_nan(air_temperature) + ZERO_CELSIUS,
             altitude=_or_nan(altitude),
+            pressure=100.0 * _or_nan(pressure),
             wind=wind,
             wind_from_deg=_or_nan(wind_from),
             flow=_or_nan(flow) * liquid / 60.0,
@@ -138,16 +159,26 @@ def forecast(
     _show(made, console)
     if json == STDOUT:
         sys.stdout.write(json_text(made))
-    elif json is not None:
-        with whole_file(json) as draft:
-            draft.write_text(json_text(made), encoding="utf-8")
-        console.print(f"wrote {json}")
+    files: list[tuple[Path, Callable[[], str | bytes]]] = [
+        (path, partial(pdf_bytes if path.suffix.lower() == ".pdf" else html_text, made, plan.name))
+        for path in out
+    ]
+    if json not in (None, STDOUT):
+        files.append((json, lambda: json_text(made)))
     if csv is not None:
-        with whole_file(csv) as draft:
-            draft.write_text(csv_text(made), encoding="utf-8")
-        console.print(f"wrote {csv}")
+        files.append((csv, lambda: csv_text(made)))
+    for path, content in files:
+        made_of = content()
+        with whole_file(path) as draft:
+            draft.write_bytes(made_of if isinstance(made_of, bytes) else made_of.encode())
+        console.print(f"wrote {path}")
     for path in [] if sorties is None else _write_sorties(made, plan, sorties, pump):
         console.print(f"wrote {path}")
+    if view:
+        from thrustmargin.gcs_plugin.view.planned_view import planned_view
+        from thrustmargin.gcs_plugin.view.replay_view import run_replay
+
+        run_replay(planned_view(made, port=port), browser=browser)
 
 
 def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:

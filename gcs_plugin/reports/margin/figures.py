@@ -24,11 +24,17 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     rotor_panels,
 )
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
-from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, moved, route_map
+from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, route_map
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
-from thrustmargin.gcs_plugin.wording.palette import GROUND_SPEED, LOAD, REDUNDANCY, ColourScale
+from thrustmargin.gcs_plugin.wording.palette import (
+    GROUND_SPEED,
+    LOAD,
+    REDUNDANCY,
+    ColourScale,
+    moved,
+)
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor

@@ -96,8 +96,11 @@ def single(values: Floats) -> NDArray[np.float32]:
 
 
 def milliseconds(time_s: Floats) -> NDArray[np.float32]:
-    """Log time as what plotly's date axis shows as minutes and seconds."""
-    return np.asarray(np.round(np.asarray(time_s) * 1000.0), dtype=np.float32)
+    """Log time as what plotly's date axis shows as minutes and seconds.
+
+    Half a millisecond is added, for a whole number of four digits is a year to that axis.
+    """
+    return np.asarray(np.round(np.asarray(time_s) * 1000.0) + 0.5, dtype=np.float32)
 
 
 def keep_extremes(values: Floats, buckets: int) -> NDArray[np.intp]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.model.json_values import to_json_values
+from thrustmargin.models.json_values import to_json_values
 
 Trace = dict[str, Any]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -139,21 +138,6 @@ def _buttons(names: list[str]) -> dict[str, Any]:
             for name in names
         ],
     }
-
-
-def moved(scale: ColourScale, limit: float) -> ColourScale:
-    """The scale of thrust in use with its jump at `limit` instead of 50 %."""
-    if limit == 0.5:
-        return scale
-
-    def at(value: float) -> float:
-        return value / 0.5 * limit if value <= 0.5 else 1.0 - (1.0 - value) / 0.5 * (1.0 - limit)
-
-    return replace(
-        scale,
-        stops=tuple((at(value), colour) for value, colour in scale.stops),
-        marks=((0.0, "0"), (limit, f"{limit * 100:.0f} % limit"), (1.0, "100 %")),
-    )
 
 
 def plotly_scale(scale: ColourScale) -> list[list[float | str]]:

@@ -41,8 +41,9 @@ class PageState:
     """State and acts of the page. `standing` gives the aircraft as last heard, to any thread.
 
     `more` gives further entries of the state, `charts` the drawings for a vehicle's number and s
-    before now. `silent` makes no sound; `recorded` is a flight of the past, with its `timeline`,
-    colours in order of time. `acknowledged` hears of every alarm that was acknowledged.
+    before now. `silent` makes no sound; `recorded` is a flight of the past, or one
+    that is `planned`, with its `timeline`, colours in order of time. `acknowledged` hears of every
+    alarm that was acknowledged.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class PageState:
         charts: Callable[[int, float], dict[str, Any]] = lambda *_: {},
         silent: bool = False,
         recorded: bool = False,
+        planned: bool = False,
         timeline: Sequence[str] = (),
         acknowledged: Callable[[int, Alarm], None] | None = None,
     ) -> None:
@@ -69,6 +71,7 @@ class PageState:
             "token": self._token,
             "silent": silent or recorded,
             "recorded": recorded,
+            "planned": planned,
             "timeline": list(timeline),
             "catalogues": {one: words.catalogue(one) for one in words.LANGUAGES},
         }

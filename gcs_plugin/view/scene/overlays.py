@@ -6,7 +6,7 @@ A further quantity (a residual before and after, say) is one more Overlay; nothi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -86,6 +86,32 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
             scale=colours.residual_scale(limit),
             worst="abs",
             rotor=residual_rotor,
+        ),
+    )
+
+
+def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, ...]:
+    """Thrust in use, thrust left, redundancy and tank of a plan that is not flown yet."""
+    left, redundancy, _ = overlays_of(analysis)
+    tank = analysis.track.tank_kg
+    return (
+        replace(
+            left,
+            name=words.THRUST_IN_USE,
+            values=1.0 - left.values,
+            scale=colours.moved(colours.LOAD, limit),
+            worst="max",
+            note=words.PLANNED,
+        ),
+        replace(left, note=words.PLANNED),
+        replace(redundancy, note=f"{SPINS}, {words.PLANNED}"),
+        Overlay(
+            name=words.TANK,
+            values=tank,
+            scale=colours.tank_scale(float(np.nanmax(tank, initial=0.0))),
+            worst="max",
+            rotor=np.full(tank.size, np.nan),
+            extreme="fullest",
         ),
     )
 

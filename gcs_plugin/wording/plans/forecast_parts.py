@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.advice import Advised, FlightLevel
@@ -132,4 +132,4 @@ class ForecastParts(Protocol):
     @property
     def not_understood(self) -> Sequence[Unreckoned]: ...
     @property
-    def assumed(self) -> Mapping[str, tuple[str, ...]]: ...
+    def assumed(self) -> Mapping[Any, tuple[str, ...]]: ...

@@ -8,7 +8,7 @@ import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.mission.ahead.limits import flight_limits
-from thrustmargin.mission.ahead.plan_flight import PlanConditions, fly_plan
+from thrustmargin.mission.ahead.plan_flight import PlanConditions, Used, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
 from thrustmargin.mission.ahead.way import way_leg
 from thrustmargin.mission.steps import plan_steps
@@ -22,10 +22,10 @@ MODEL = shipped_model()
 GIVEN = PlanConditions(fill_kg=10.0, density=1.225)
 
 
-def flown(*rows, limits=LIMITS, given=GIVEN, refill_after=(), **plan):
+def flown(*rows, limits=LIMITS, given=GIVEN, anew=None, **plan):
     made = plan_of(*(rows or TWO_LINES), **plan)
     legs = plan_legs(made, plan_steps(made), limits)
-    return fly_plan("a plan", legs, limits, MODEL, given, refill_after=refill_after)
+    return fly_plan("a plan", legs, limits, MODEL, given, anew=anew)
 
 
 def span(flight, kind):
@@ -99,7 +99,7 @@ def test_an_empty_tank_stays_empty_and_a_refill_fills_it():
     given = replace(GIVEN, fill_kg=2.0, flow=0.05)
     assert flown(given=given).track.tank_kg[-1] == 0.0
     legs = [t.leg.item for t in flown().legs]
-    refilled = flown(given=given, refill_after=(legs.index(5),)).track
+    refilled = flown(given=given, anew={legs.index(5) + 1: Used(0.0, 0.0)}).track
     assert refilled.tank_kg[-1] > 0.5
 
 

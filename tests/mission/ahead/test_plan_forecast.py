@@ -4,6 +4,7 @@ import math
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of, spot
@@ -127,11 +128,40 @@ def lines(count):
     return [*rows, (20,)]
 
 
+def test_what_is_new_late_in_a_long_plan_is_flown_where_it_is():
+    """Fast legs after 40 min, of which the first 15 show nothing."""
+    late = [
+        (178, 1.0, 9.0, -1.0),
+        *((16, spot(48.0005, 11.006 + 2e-3 * k)) for k in range(3)),
+        (20,),
+    ]
+    made = outlook(*lines(90)[:-1], *late)
+    assert "alike" in made.assumed
+    first = len(lines(90)) + 1  # that of the order of speed is the one before
+    assert {leg.item for leg in made.legs} >= {first, first + 1, first + 2}
+    track = made.flight.track
+    fast = np.hypot(*track.velocity_ned[:, :2].T) > 8.5
+    assert fast.any()
+    # Of a degree of longitude there are 74.6 km here.
+    assert 700.0 < track.position_ned[fast, 1].max() < 750.0
+
+
+def test_a_part_begins_with_what_tank_and_battery_have_given_by_then():
+    made = outlook(*lines(100))
+    track = made.flight.track
+    jumps = np.flatnonzero(np.linalg.norm(np.diff(track.position_ned, axis=0), axis=1) > 20.0)
+    assert jumps.size
+    # The way home is the last part: the tank is that of the end, and so is the place.
+    ends_with = made.needs.sorties[-1]
+    assert track.tank_kg[-1] == pytest.approx(6.0 - ends_with.kg, abs=0.1)
+    assert np.hypot(*track.position_ned[-1, :2]) < 1.0
+
+
 def test_of_a_long_plan_the_first_part_is_flown_and_the_rest_is_counted():
     short, double, long = (outlook(*lines(count)) for count in (10, 20, 100))
     assert "first part" not in short.assumed
-    assert "first part" in long.assumed
-    assert 800.0 < long.flight.track.duration < 1000.0
+    assert "alike" in long.assumed
+    assert 800.0 < long.flight.track.duration < 1400.0
     sprayed, ten_lines = short.flight.sprayed_kg[-1], double.flight_s - short.flight_s
     assert sum(s.kg for s in long.needs.sorties) == pytest.approx(10 * sprayed, rel=0.04)
     assert long.flight_s == pytest.approx(short.flight_s + 9 * ten_lines, rel=0.04)

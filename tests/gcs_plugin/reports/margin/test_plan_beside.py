@@ -2,6 +2,8 @@
 
 # pyright: reportArgumentType=false
 
+from dataclasses import replace
+
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG, flight
@@ -25,11 +27,21 @@ def test_every_stretch_of_the_mission_is_there_with_time_and_liquid_near(made):
     assert sum(s["seconds"]["forecast"] for s in stretches) == pytest.approx(flown, rel=0.03)
 
 
-def test_the_pump_of_the_file_is_named_as_what_was_off(made):
-    # The airframe file has a pump of 4.5 L/min, the simulated one gives 3.5.
+def test_the_liquid_is_that_of_the_pump_as_it_is_simulated(made):
+    assert not [o for o in made["off"] if o["what"] == "flow"]
+    end = made["stretches"][-1]["tank_end_kg"]
+    assert end["forecast"] == pytest.approx(end["flown"], abs=0.2)
+
+
+def test_a_pump_that_the_file_has_too_large_is_named_as_what_was_off():
+    # The simulated pump gives 3.5 L/min at full output.
+    analysis, log = flight()
+    craft = replace(analysis.model.airframe, pump_max_flow_l_min=4.5)
+    wrong = replace(analysis, model=replace(analysis.model, airframe=craft))
+    made = plan_beside(wrong, log, read_plan(LOG))
     (one,) = [o for o in made["off"] if o["what"] == "flow"]
     assert one["forecast"] / one["flown"] == pytest.approx(4.5 / 3.5, abs=0.03)
-    assert "forecast" in made["words"]
+    assert "of the flow assumed" in made["words"]
 
 
 def test_the_page_and_the_verdict_say_it(made):

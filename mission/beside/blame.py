@@ -14,8 +14,10 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.mission.ahead.beside import Beside, Pair, StretchBeside, mean_off
 from thrustmargin.mission.ahead.plan_flight import PlanConditions
+from thrustmargin.mission.beside.stretches import Beside, Pair, StretchBeside, mean_off
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.analysis import FlightAnalysis
 
 Assumption = Literal["wind", "fill", "density", "flow", "battery", "model"]
 #: Differences that a good forecast has too: share of thrust, share of a fill, and V.
@@ -44,6 +46,33 @@ class ShownDay:
     wind_ned: tuple[float, float, float]
     fill_kg: float
     density: float
+
+
+def shown_day(analysis: FlightAnalysis) -> ShownDay:
+    """What a flight shows of the day that it was flown on."""
+    track, rows = analysis.track, analysis.track.flying
+    known_air = track.reports("pressure") or track.reports("altitude")
+    density = np.where(known_air, analysis.density, np.nan)
+    return day_of(track.wind_ned[rows], track.tank_kg[rows], density[rows])
+
+
+def day_of(wind_ned: Floats, tank_kg: Floats, density: Floats) -> ShownDay:
+    """The day of T rows in flight: wind (T, 3) m/s, tank (T,) kg and density (T,) kg/m³."""
+    north, east = (_known(axis) for axis in wind_ned[:, :2].T)
+    tank, air = _known(tank_kg), _known(density)
+    return ShownDay(
+        wind_ned=(
+            float(np.mean(north)) if north.size else math.nan,
+            float(np.mean(east)) if east.size else math.nan,
+            0.0,
+        ),
+        fill_kg=float(tank[0]) if tank.size else math.nan,
+        density=float(np.median(air)) if air.size else math.nan,
+    )
+
+
+def _known(values: Floats) -> Floats:
+    return values[np.isfinite(values)]
 
 
 def which_was_off(

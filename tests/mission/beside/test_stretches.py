@@ -11,11 +11,11 @@ import pytest
 
 from tests.mission.plans_made import HOME, TWO_LINES, plan_of
 from thrustmargin.mission.ahead.battery import FlightBattery
-from thrustmargin.mission.ahead.beside import Beside, FlownWay, beside, flown_way
-from thrustmargin.mission.ahead.blame import ShownDay, which_was_off
 from thrustmargin.mission.ahead.limits import flight_limits
 from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
+from thrustmargin.mission.beside.blame import ShownDay, which_was_off
+from thrustmargin.mission.beside.stretches import Beside, FlownWay, beside, flown_way
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.airframe_claim import AirframeClaim

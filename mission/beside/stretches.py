@@ -77,20 +77,23 @@ class FlownWay:
 def flown_way(analysis: FlightAnalysis, home: tuple[float, float, float]) -> FlownWay:
     """The flight of an analysis about `home`, degrees and m above the sea (NaN: as its origin)."""
     track = analysis.track
-    use = analysis.known_utilisation
-    smooth = np.column_stack([moving_mean(track.time_s, rotor, SMOOTH_S) for rotor in use.T])
     rows = track.flying
     return FlownWay(
         time_s=track.time_s[rows],
-        place_ned=(track.position_ned + _shift(track, home))[rows],
+        place_ned=(track.position_ned + shift(track, home))[rows],
         speed=np.hypot(track.velocity_ned[rows, 0], track.velocity_ned[rows, 1]),
-        utilisation=np.max(smooth[rows], axis=1),
+        utilisation=worst_smoothed(track.time_s, analysis.known_utilisation)[rows],
         tank_kg=track.tank_kg[rows],
         voltage=track.voltage[rows],
     )
 
 
-def _shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
+def worst_smoothed(time_s: Floats, use: Floats) -> Floats:
+    """(T,) utilisation of the worst rotor, of half-second means of `use` (T, R)."""
+    return np.max([moving_mean(time_s, rotor, SMOOTH_S) for rotor in use.T], axis=0)
+
+
+def shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
     """(3,) m from the plan's home to the origin of a track; the ground is taken as that of home."""
     if track.origin is None:
         return np.full(3, np.nan)
@@ -101,8 +104,11 @@ def _shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
     return np.array([float(north), float(east), 0.0])
 
 
-def passed(flight: PlanFlight, flown: FlownWay) -> tuple[int, ...]:
-    """Rows of `flown` at the ends of the forecast's spans, as far as the plan was flown."""
+def passed(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
+    """Rows of `flown` at the ends of the forecast's spans, as far as the plan was flown.
+
+    Of a flight that goes on, a place is passed once it lies `over_s` s back.
+    """
     time_s, place = flight.track.time_s, flight.track.position_ned
     at, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
     found: list[int] = []
@@ -120,16 +126,21 @@ def passed(flight: PlanFlight, flown: FlownWay) -> tuple[int, ...]:
         best = int(np.nanargmin(cost))
         if cost[best] > LEFT**2:
             break
+        if flown.time_s[-1] - flown.time_s[at + best] < over_s:
+            break
         at += best
         found.append(at)
     return tuple(found)
 
 
-def beside(flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay) -> Beside:
-    """The forecast `flight`, analysed as `forecast`, beside what was flown."""
+def beside(
+    flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay, *, over_s: float = 0.0
+) -> Beside:
+    """The forecast `flight`, analysed as `forecast`, beside what was flown; `over_s` as of
+    `passed`."""
     if not flown.time_s.size or not flight.spans:
         return Beside(stretches=(), left_at=flight.spans[0].item if flight.spans else None)
-    ends = passed(flight, flown)
+    ends = passed(flight, flown, over_s=over_s)
     use = forecast.known_utilisation
     worst = np.argmax(np.nan_to_num(use, nan=-1.0), axis=1)
     rows = np.arange(worst.size)

@@ -1,0 +1,108 @@
+"""A plan's forecast on one page, as HTML and on A4: answer, chart over time, stretches, assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text, software_version
+from thrustmargin.gcs_plugin.reports.shared.plot_style import (
+    BAND,
+    INK,
+    OVER_FILL,
+    PREDICTED,
+    SPRAYING,
+    Panel,
+    band,
+    line,
+    over_time,
+)
+from thrustmargin.gcs_plugin.wording import forecast_words as words
+from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, percent_within
+from thrustmargin.gcs_plugin.wording.report_words import IN_USE, TANK_SPRAYING
+from thrustmargin.mission.ahead.plan_forecast import PlanForecast
+from thrustmargin.mission.ahead.utilisation_along import LegForecast, worst_use
+
+SHOWN = 8  # stretches on the page itself, that it stays one on paper
+MOST = 500  # that are folded below it
+_WORDS = {f.__name__: f for f in (duration, number, percent, percent_within)}
+
+
+def html_text(made: PlanForecast, name: str) -> str:
+    """The page of the forecast of the plan called `name`; it asks nothing of any network."""
+    return _page(made, name, {"use": packed(str(_chart(made).to_json()))})
+
+
+def pdf_bytes(made: PlanForecast, name: str) -> bytes:
+    """The same on A4."""
+    from thrustmargin.gcs_plugin.reports.shared import pdf_page
+
+    figures = {"use": _chart(made)}
+    return pdf_page.pdf_bytes(_page(made, name, dict.fromkeys(figures, Markup())), figures)
+
+
+def _page(made: PlanForecast, name: str, figures: Mapping[str, Markup]) -> str:
+    call, _, reason = words.verdict(made).partition(": ")
+    context = {
+        "name": name,
+        "level": made.level.value,
+        "call": call,
+        "reason": reason,
+        "first": (
+            words.weakest_words(made.weakest),
+            words.fill_words(made),
+            words.survivable_words(made),
+        ),
+        "needs": [s.strip() for s in (*words.sortie_words(made), words.way_back_words(made))],
+        "all_legs": made.legs,
+        "shown": hardest(made.legs),
+        "most": MOST,
+        "kinds": words.STRETCHES,
+        "assumed": words.assumed_words(made),
+        "faults": words.plan_faults(made),
+        "model": made.advised.analysis.model.description,
+        "version": software_version(),
+        "figures": figures,
+    }
+    return page_text(__name__.rpartition(".")[0], context, functions=_WORDS)
+
+
+def hardest(legs: Sequence[LegForecast]) -> Sequence[LegForecast]:
+    """The stretches with the largest peaks, in the order of flight."""
+    if len(legs) <= SHOWN:
+        return legs
+    peaks = np.nan_to_num([leg.utilisation_peak for leg in legs], nan=-1.0)
+    kept = np.sort(np.argsort(-peaks, kind="stable")[:SHOWN])
+    return [legs[k] for k in kept]
+
+
+def _chart(made: PlanForecast) -> Any:
+    """Use of thrust over time above tank and battery."""
+    track, limit = made.flight.track, 100.0 * made.advised.advice.limit
+    time_s = track.time_s
+    use, reach = (100.0 * part for part in worst_use(made.advised.analysis, slice(None)))
+    traces = [
+        band(time_s, np.full(use.size, limit), np.maximum(use, limit), color=OVER_FILL),
+        band(time_s, use - reach, use + reach, color=BAND),
+        line(time_s, use, color=PREDICTED, name="worst rotor"),
+    ]
+    high = max(float(np.nanmax(use + reach, initial=0.0)) * 1.08, 1.3 * limit)
+    axis = {"title_text": IN_USE, "ticksuffix": " %", "range": [0.0, high]}
+    across = (limit, f"{limit:.0f} %\nlimit")
+    sprayed = np.where(track.spraying > 0.5, track.tank_kg, np.nan)
+    tank = [
+        line(time_s, track.tank_kg, color=INK, name="tank", width=2),
+        line(time_s, sprayed, color=SPRAYING, name=TANK_SPRAYING, width=5),
+    ]
+    full = {"title_text": "tank, kg", "range": [0.0, 1.1 * float(track.tank_kg.max()) + 0.1]}
+    panels = [
+        Panel(traces=traces, axis=axis, height_px=180, limit=across),
+        Panel(traces=tank, axis=full, height_px=64),
+    ]
+    if np.isfinite(track.voltage).any():
+        volts = line(time_s, track.voltage, color=INK, name="battery", width=2)
+        panels.append(Panel(traces=[volts], axis={"title_text": "V"}, height_px=64))
+    return over_time(panels, end_s=float(time_s[-1]))

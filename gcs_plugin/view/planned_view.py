@@ -1,0 +1,40 @@
+"""A plan in the scene of a replay, before it is flown: its forecast stands in for the flight."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
+from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
+from thrustmargin.gcs_plugin.view.replay_view import ReplayView
+from thrustmargin.gcs_plugin.view.scene.overlays import planned_overlays
+from thrustmargin.gcs_plugin.wording.forecast_words import fill_words, verdict
+from thrustmargin.mission.ahead.plan_forecast import PlanForecast
+from thrustmargin.mission.plan_items import PlanItem
+
+
+def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
+    """The view of a forecast; `options` are those of ReplayView."""
+    advised = made.advised
+    return ReplayView(
+        advised.analysis,
+        waypoints=[_waypoint(item) for item in made.plan.items],
+        overlays=planned_overlays(advised.analysis, advised.advice.limit),
+        whole=WholeFlight(verdict(made), made.level.value, fill_words(made)),
+        planned=True,
+        **options,
+    )
+
+
+def _waypoint(item: PlanItem) -> Waypoint:
+    latitude, longitude, altitude = item.place or (math.nan, math.nan, math.nan)
+    return Waypoint(
+        number=item.number,
+        command=item.command,
+        frame=item.frame,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude=altitude,
+        parameters=item.parameters[:4],
+    )

@@ -1,0 +1,66 @@
+"""A plan beside the flight as it is flown, by a recorded flight in pieces."""
+
+import re
+from types import SimpleNamespace
+
+import pytest
+
+from tests.gcs_plugin.reports.margin.report_flight import LOG, log, model
+from thrustmargin.gcs_plugin.live.plan_watch import PlanWatch
+from thrustmargin.gcs_plugin.logs.plan_source import read_plan
+from thrustmargin.models.model.analysis import analyse
+
+
+def fly(watch: PlanWatch, until_s: float, pieces: int = 3) -> None:
+    """The flight as the monitor hears it, until so many s of it."""
+    track = log().track
+    clock = track.time_s - track.time_s[0]
+    fleet = SimpleNamespace(
+        vehicles={1: SimpleNamespace(state=SimpleNamespace(parameters=log().parameters))}
+    )
+    first = 0
+    for piece in range(1, pieces + 1):
+        end = int((clock <= until_s * piece / pieces).sum())
+        analysis = analyse(track.rows(slice(0, end)), model())
+        watch.on_update(
+            SimpleNamespace(vehicle=1, analysis=analysis, first=first, clock_s=clock[:end])
+        )
+        watch.on_round(fleet, 0)
+        first = end
+
+
+@pytest.fixture(scope="module")
+def said():
+    lines = []
+    watch = PlanWatch(read_plan(LOG), model(), lines.append)
+    fly(watch, until_s=1e4)
+    watch.close()
+    return lines
+
+
+def test_each_stretch_is_said_once_in_order(said):
+    stretches = [line for line in said if re.search(r" to item \d+: ", line)]
+    assert len(stretches) == len(set(stretches))
+    items = [int(line.split("to item ")[1].split(":")[0]) for line in stretches]
+    assert items == sorted(items)
+    assert sum("turn to item" in line for line in stretches) == 6
+    assert all(line.startswith("vehicle 1: ") for line in said)
+
+
+def test_flown_and_forecast_of_a_line_agree(said):
+    line = next(line for line in said if "leg to item 9:" in line)
+    flown, forecast = line.split(": ")[2].split(",")[0].rstrip(")").split(" (")
+    assert float(forecast.split()[0]) == pytest.approx(float(flown.split()[0]), abs=1.0)
+
+
+def test_a_stretch_that_is_not_over_is_not_said():
+    lines = []
+    watch = PlanWatch(read_plan(LOG), model(), lines.append)
+    # Half-way along the first line, which takes 23 s.
+    took_off = float(log().track.time_s[log().track.flying][0] - log().track.time_s[0])
+    fly(watch, until_s=took_off + 20.0, pieces=1)
+    with watch._lock:
+        flight = watch._flights[1]
+    watch._look(1, flight, flight.rows[0], ended=False)
+    assert not any("leg to item 5" in line for line in lines)
+    assert any("climb to item 1" in line for line in lines)

@@ -1,0 +1,57 @@
+"""The forecast on one page and on paper."""
+
+import io
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pypdf import PdfReader
+
+from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.reports.forecast.forecast_page import hardest, html_text, pdf_bytes
+from thrustmargin.gcs_plugin.reports.shared.plot_style import milliseconds
+from thrustmargin.gcs_plugin.wording.forecast_words import verdict
+from thrustmargin.mission.ahead.plan_forecast import forecast
+from thrustmargin.models.model.model_file import load_model
+
+
+@pytest.fixture(scope="module")
+def made():
+    return forecast(plan_of(*TWO_LINES), load_model(), 3.0)
+
+
+def test_the_answer_comes_before_the_chart_and_the_chart_before_what_was_assumed(made):
+    page = html_text(made, "field.plan")
+    call, _, reason = verdict(made).partition(": ")
+    order = (call.split()[0], "Weakest", "Fill at most", "figure-use", "hardest of", "Assumed")
+    at = [page.index(words, page.index("<main>")) for words in order]
+    assert at == sorted(at)
+    assert 'class="verdict under"' in page
+    assert reason.split(",")[0].split()[0] in page
+
+
+def test_a_name_of_a_file_is_text(made):
+    page = html_text(made, "<img src=x>.plan")
+    assert "<img" not in page
+    assert "&lt;img" in page
+
+
+def test_on_paper_it_is_one_page_with_the_same_words(made):
+    read = PdfReader(io.BytesIO(pdf_bytes(made, "field.plan")))
+    assert len(read.pages) == 1
+    text = read.pages[0].extract_text()
+    assert "MAY TAKE OFF" in text
+    assert "give --wind" in text
+
+
+def test_the_hardest_stretches_keep_the_order_of_flight():
+    peaks = [0.1, 0.9, 0.2, 0.8, np.nan, 0.7, 0.6, 0.5, 0.4, 0.3, 0.25]
+    legs = [SimpleNamespace(item=k, utilisation_peak=p) for k, p in enumerate(peaks)]
+    assert [leg.item for leg in hardest(legs)] == [1, 3, 5, 6, 7, 8, 9, 10]
+
+
+def test_no_time_on_an_axis_can_be_read_as_a_year():
+    # plotly takes a whole number of four digits for a year, so 1.5 s would be the year 1500.
+    shown = milliseconds(np.array([0.0, 1.5, 9.9, 60.0]))
+    assert not np.any(shown == np.round(shown))
+    assert np.abs(shown - [0.0, 1500.0, 9900.0, 60_000.0]).max() < 1.0
