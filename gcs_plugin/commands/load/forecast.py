@@ -53,6 +53,8 @@ def forecast(
     json: Path | None = None,
     csv: Path | None = None,
     sorties: Path | None = None,
+    lua: Path | None = None,
+    refuse: bool = False,
 ) -> None:
     """Say before take-off whether a plan can be flown with a fill, and where it is weakest.
 
@@ -83,6 +85,9 @@ def forecast(
             else.
         csv: Write ten rows a second of the flight to this file (.csv).
         sorties: Folder to write one .plan for each sortie into.
+        lua: Write a script for the vehicle (.lua, ArduPilot) that warns before arming with more
+            than air and battery of that moment carry.
+        refuse: With --lua: the script refuses to arm instead of warning.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.logs.plan_source import read_plan
@@ -106,7 +111,12 @@ def forecast(
             raise UsageError(f"{name} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
     if rate is not None and (swath is None or flow is not None):
         raise UsageError("--rate needs --swath, and goes without --flow")
-    outputs = [Output("--json", json, endings=(".json",)), Output("--csv", csv, endings=(".csv",))]
+    if refuse and lua is None:
+        raise UsageError("--refuse is how the script of --lua behaves; give --lua FILE as well")
+    outputs = [
+        Output(f"--{name}", path, endings=(f".{name}",))
+        for name, path in (("json", json), ("csv", csv), ("lua", lua))
+    ]
     check_outputs(outputs, inputs=[plan, model, airframe, parameters])
     if sorties is not None and not sorties.is_dir():
         raise UsageError(f"--sorties {sorties} is no folder; make it, or give another")
@@ -116,6 +126,7 @@ def forecast(
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
     found = read_plan(plan)
     known = _parameters(plan, parameters)
+    battery = _battery(known, voltage, capacity, resistance, craft.nominal_voltage)
     made = plan_forecast.forecast(
         found,
         rotor_model,
@@ -128,7 +139,7 @@ def forecast(
             flow=_or_nan(flow) * liquid / 60.0,
             flow_per_metre=_or_nan(rate) * liquid * _or_nan(swath) / 1e4,
             swath=_or_nan(swath),
-            battery=_battery(known, voltage, capacity, resistance, craft.nominal_voltage),
+            battery=battery,
         ),
         parameters=known,
         pump=None if pump is None else pump_of(pump),
@@ -146,6 +157,13 @@ def forecast(
         with whole_file(csv) as draft:
             draft.write_text(csv_text(made), encoding="utf-8")
         console.print(f"wrote {csv}")
+    if lua is not None:
+        from thrustmargin.gcs_plugin.reports.forecast.fill_card import fill_card, gate_text
+
+        text = gate_text(made, fill_card(made, battery), plan=plan.name, refuse=refuse)
+        with whole_file(lua) as draft:
+            draft.write_text(text, encoding="ascii")
+        console.print(f"wrote {lua}")
     for path in [] if sorties is None else _write_sorties(made, plan, sorties, pump):
         console.print(f"wrote {path}")
 
