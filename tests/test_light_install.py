@@ -23,6 +23,7 @@ WITHOUT_TORCH = {
     "identify": [FLIGHT],
     "ingest": [FLIGHT, "--store", "season"],
     "inspect": [FLIGHT],
+    "install": ["vehicle-sender", "."],
     "match": ["--airframe", "topxgun-f16"],
     "monitor": [FLIGHT, "--port", "0", "--no-browser", "--seconds", "3"],
     "replay": [FLIGHT, "--port", "0", "--no-browser"],

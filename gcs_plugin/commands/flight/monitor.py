@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.options import check_utilisation
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -35,6 +35,7 @@ def monitor(
     reading: Reading = AS_HEARD,
     max_utilisation: float = 0.5,
     announce: bool = False,
+    announce_battery: bool = False,
     request_rates: bool = False,
     fetch_mission: bool = False,
     signing_key_file: Path | None = None,
@@ -71,6 +72,8 @@ def monitor(
             alarm is raised.
         announce: Send alarms and figures to vehicles and ground stations as STATUSTEXT and
             NAMED_VALUE_FLOAT.
+        announce_battery: With --announce, on trial: margin and tank besides as batteries 90 and 91
+            (BATTERY_STATUS), for ground stations that show no named values.
         request_rates: Ask the vehicle for the messages that are needed, at the rates needed.
         fetch_mission: Ask each vehicle for its mission when it appears, to forecast the margin
             along it.
@@ -95,6 +98,8 @@ def monitor(
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, RATES
 
     check_utilisation(max_utilisation)
+    if announce_battery and not announce:
+        raise UsageError("--announce-battery sends nothing without --announce; give both")
     where = {"host": host, "port": port, "token": page_token(host, token_file)}
     keywords = reading_keywords(reading)
     accept, sign, why = None, None, str
@@ -135,7 +140,8 @@ def monitor(
 
         sender = Sender(live.listener, sign)
         if announce:
-            live.subscribers.append(Announcer(sender))
+            limit = 1.0 - max_utilisation
+            live.subscribers.append(Announcer(sender, limit=limit, battery=announce_battery))
         if request_rates:
             live.subscribers.append(RateRequester(sender, chosen.airframe.rotor_count))
     fetcher = None

@@ -166,7 +166,9 @@ def test_a_script_for_the_vehicle_warns_and_refuses_only_where_asked(field, tmp_
         (("--lua", "gate.lua"), 1, "--capacity or --resistance"),
     ],
 )
-def test_no_script_without_a_file_or_a_battery(field, monkeypatch, tmp_path, capsys, words, code, answer):  # fmt: skip
+def test_no_script_without_a_file_or_a_battery(
+    field, monkeypatch, tmp_path, capsys, words, code, answer
+):
     monkeypatch.chdir(tmp_path)
     found, _, err = said(capsys, field, "--fill", "6", *words)
     assert (found, answer in err) == (code, True)
