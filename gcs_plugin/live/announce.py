@@ -124,17 +124,12 @@ class Announcer(Subscriber):
             self.dropped += 1
 
     def _figures(self, vehicle: int, update: Update, standing: Iterable[Alarm]) -> None:
-        for name, value in (figures(update) | self._what_to_do(standing)).items():
+        sent = figures(update) | what_to_do(standing) | {"MARGIN_LIM": 100.0 * self._limit}
+        for name, value in sent.items():
             message = self._sender.dialect.MAVLink_named_value_float_message(
                 int(update.clock_s[-1] * 1e3) % 2**32, name.encode(), value
             )
             self._sender.send(vehicle, message, forwards=True)
-
-    def _what_to_do(self, standing: Iterable[Alarm]) -> dict[str, float]:
-        grave = [a for a in standing if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
-        first = min(grave, key=lambda alarm: alarm.order, default=None)
-        do = 0 if first is None else asked(first.name)
-        return {"MARGIN_LIM": 100.0 * self._limit, "MARGIN_DO": float(do)}
 
     def _as_batteries(self, vehicle: int, update: Update, state: _Vehicle, now_s: float) -> None:
         known = figures(update)
@@ -174,3 +169,10 @@ def figures(update: Update) -> dict[str, float]:
         "TANK_THR": float(update.virtual_kg[-1]),
     }
     return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+def what_to_do(standing: Iterable[Alarm]) -> dict[str, float]:
+    """MARGIN_DO by the gravest alarm that stands and asks for something; 0 for none."""
+    grave = [a for a in standing if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
+    first = min(grave, key=lambda alarm: alarm.order, default=None)
+    return {"MARGIN_DO": 0.0 if first is None else float(asked(first.name))}

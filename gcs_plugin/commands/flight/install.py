@@ -50,8 +50,8 @@ def install(
         raise DataError(f"{folder} is no folder; name one that is there")
     pattern, then = FILES[what]
     under, _, name = pattern.partition("/")
-    found = [p for p in (resources.files("thrustmargin.gcs_plugin") / under).iterdir()]
-    found = sorted((p for p in found if Path(p.name).match(name)), key=lambda p: p.name)
+    there = (resources.files("thrustmargin.gcs_plugin") / under).iterdir()
+    found = sorted((p for p in there if Path(p.name).match(name)), key=lambda p: p.name)
     outputs = [Output("FOLDER", folder / p.name, keep=not force) for p in found]
     check_outputs(outputs, inputs=[])
     console = Terminal(soft_wrap=True)
