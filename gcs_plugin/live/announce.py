@@ -41,12 +41,12 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 )
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.telemetry.tank_source import MARGIN_ID, TANK_ID
 from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, change_words
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
 QUIET = 1.5  # s of a vehicle's silence from which nothing is said for it
 INFO = 6  # MAV_SEVERITY that no ground station speaks
-MARGIN_ID, TANK_ID = 90, 91  # of batteries; vehicles count theirs from 0
 EXPLAINED_EVERY = 300.0  # s between two texts that say what these are
 WAITING = 8
 LONGEST = 50  # bytes of a STATUSTEXT
