@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
 from thrustmargin.gcs_plugin.link.find_link import USUAL, LinkFinder
+from thrustmargin.gcs_plugin.wording.live_words import tried_words
 
 HEARTBEAT = Vehicle().heartbeat()
 
@@ -97,3 +98,14 @@ def test_it_says_what_became_of_each():
     assert "another program listens there" in finder.tried[urls[1]]
     assert finder.tried[urls[2]] == "nothing came"
     assert "refused" in finder.tried[f"tcp:127.0.0.1:{nobody}"].lower()
+
+
+def test_what_was_tried_is_said_together_where_it_ended_alike():
+    tried = {
+        "udpin:0.0.0.0:1": "nothing came",
+        "tcp:a:2": "refused",
+        "udpin:0.0.0.0:3": "nothing came",
+    }
+    assert tried_words(tried).endswith(
+        "Tried udpin:0.0.0.0:1, udpin:0.0.0.0:3: nothing came; tcp:a:2: refused"
+    )
