@@ -1,7 +1,7 @@
 """Alarms and figures for ground stations: STATUSTEXT and NAMED_VALUE_FLOAT, rate-limited.
 
 QGroundControl speaks texts from NOTICE up and shows the others quietly. Spoken is what asks for
-something now: an alarm when it is raised, with its severity; a critical one again every 30 s; that
+something now: an alarm when it is raised or graver, with its severity; a critical one again every 30 s; that
 one cannot be confirmed, or is confirmed again. Quiet are what is only to be known (a margin near
 the limit, an airframe that is not known), a warning that still stands, and that one is over. At
 most one text a second and vehicle goes out, the gravest first; of more than 8 waiting the least
@@ -59,6 +59,7 @@ class _Vehicle:
     figures_s: float = -math.inf
     explained_s: float = -math.inf
     reminded: dict[tuple[str, int | None], float] = field(default_factory=dict)
+    gravest: dict[tuple[str, int | None], int] = field(default_factory=dict)  # severity, as said
 
 
 class Announcer(Subscriber):
@@ -77,11 +78,14 @@ class Announcer(Subscriber):
         alarm = event.alarm
         grave = alarm.severity <= WARNING
         if event.raised:
+            state.gravest[alarm.key] = alarm.severity
             self._queue(state, alarm.severity if grave else INFO, alarm.text)
         else:
             state.reminded.pop(alarm.key, None)
             said = change_words(event.kind, alarm.name, alarm.rotor, alarm.missing)
             over = alarm.state is AlarmState.CLEARED
+            if over:
+                state.gravest.pop(alarm.key, None)
             self._queue(state, NOTICE if grave and not over else INFO, said)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
@@ -100,6 +104,11 @@ class Announcer(Subscriber):
                         self._as_batteries(number, row, state, now_s)
             for key, alarm in watch.alarms.standing.items():
                 said = state.reminded.setdefault(key, now_s)
+                if alarm.severity < state.gravest.setdefault(key, alarm.severity):
+                    # A margin near its limit that is surely below it now.
+                    state.gravest[key], state.reminded[key] = alarm.severity, now_s
+                    self._queue(state, alarm.severity, alarm.text)
+                    continue
                 if alarm.severity <= WARNING and now_s - said >= REMIND_EVERY:
                     state.reminded[key] = now_s
                     unsure = change_words("", alarm.name, alarm.rotor, alarm.missing)

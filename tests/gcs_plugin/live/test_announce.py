@@ -227,6 +227,23 @@ def said_of(alarm: Alarm, seconds: int, *events: AlarmState) -> list[tuple[int, 
     return texts(sent)
 
 
+def test_a_notice_that_becomes_a_warning_is_spoken_once():
+    """The margin of one alarm is first near the limit, then surely below it, and back."""
+    sent = Sent()
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
+    fleet, vehicle = Fleet(MODEL), Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    near = Alarm("margin", None, 5, "Thrust margin 48% (+-4) near 50%", 0.0)
+    low = replace(near, severity=WARNING, text="Thrust margin 40% (+-4) below 50%")
+    announcer.on_event(1, AlarmEvent(near, AlarmState.CLEARED, 0.0))
+    for second in range(20):
+        now = low if second in (5, 6, 9, 10) else near
+        fleet.vehicles[1].alarms.standing[near.key] = now
+        fleet.take(vehicle.tick(1.0))
+        announcer.on_round(fleet, vehicle.stamp_us)
+    assert texts(sent) == [(6, near.text), (WARNING, low.text)]
+
+
 @pytest.mark.parametrize(
     ("alarm", "severities"),
     [
