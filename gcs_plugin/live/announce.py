@@ -1,11 +1,11 @@
 """Alarms and figures for ground stations: STATUSTEXT and NAMED_VALUE_FLOAT, rate-limited.
 
 QGroundControl speaks texts from NOTICE up and shows the others quietly. Spoken is what asks for
-something now: an alarm when it is raised or graver, with its severity; a critical one again every 30 s; that
-one cannot be confirmed, or is confirmed again. Quiet are what is only to be known (a margin near
-the limit, an airframe that is not known), a warning that still stands, and that one is over. At
-most one text a second and vehicle goes out, the gravest first; of more than 8 waiting the least
-grave are dropped. Nothing
+something now: an alarm when it is raised or graver, with its severity; a critical one again every
+30 s; that one cannot be confirmed, or is confirmed again. Quiet are what is only to be known (a
+margin near the limit, an airframe that is not known), a warning that still stands, and that one is
+over. At most one text a second and vehicle goes out, the gravest first; of more than 8 waiting the
+least grave are dropped. Nothing
 is said in the name of a vehicle that is itself silent: ground stations (QGroundControl's
 VehicleLinkManager) take any message of its system for a sign of life, and would not report that the
 link is lost. The texts wait for its return.
