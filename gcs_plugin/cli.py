@@ -34,6 +34,7 @@ COMMANDS = {
     "identify": "Find what a rotor speed model lacks",
     "ingest": "Take logs into the store of a season",
     "inspect": "Show what a log holds",
+    "install": "Copy what goes into another program",
     "match": "Match an aircraft's load with its power system",
     "monitor": "Watch every aircraft on a link",
     "replay": "Replay a recorded flight",
@@ -45,7 +46,7 @@ COMMANDS = {
 #: Room of thrustmargin.gcs_plugin.commands -> its subcommands: modules that hold a function of
 #: the same name. `airframe` has a room of its own.
 ROOMS = {
-    "flight": ("demo", "fetch", "inspect", "monitor", "replay", "report", "stream"),
+    "flight": ("demo", "fetch", "inspect", "install", "monitor", "replay", "report", "stream"),
     "load": ("cover", "fill", "forecast", "match"),
     "loop": ("identify", "train"),
     "season": ("fleet", "ingest"),

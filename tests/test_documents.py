@@ -136,7 +136,10 @@ def test_the_readme_fits_one_screen():
 
 
 #: Commands that end by themselves and need nothing but the bundled flights.
-SHOWN = ("report", "fill", "inspect", "identify", "airframe", "ingest", "fleet", "match")
+SHOWN = (
+    *("report", "fill", "inspect", "install", "forecast", "identify", "airframe", "ingest"),
+    *("fleet", "match"),
+)
 
 
 def shown(text: str) -> list[tuple[str, list[str]]]:
@@ -155,7 +158,10 @@ def shown(text: str) -> list[tuple[str, list[str]]]:
 @pytest.mark.parametrize(
     "name",
     [
+        "docs/companion.md",
+        "docs/ground-stations.md",
         "docs/report.md",
+        "docs/vehicle_script.md",
         *(
             pytest.param(name, marks=pytest.mark.slow)
             for name in (

@@ -105,8 +105,14 @@ def test_every_package_folder_and_every_data_file_is_installed():
     for path in (p for package in PACKAGES for p in (ROOT / package).rglob("*") if p.is_file()):
         if path.suffix in (".py", ".pyc") or path.name == "py.typed":
             continue
-        package = ".".join(["thrustmargin", *path.parent.relative_to(ROOT).parts])
-        assert any(path.match(p) for p in tools["package-data"].get(package, ())), path
+        held = [
+            (path.relative_to(folder), p)
+            for folder in path.parents
+            for p in tools["package-data"].get(
+                ".".join(["thrustmargin", *folder.parts[len(ROOT.parts) :]]), ()
+            )
+        ]
+        assert any(inside.match(p) and len(inside.parts) == p.count("/") + 1 for inside, p in held)
 
 
 def test_the_version_is_the_newest_of_the_changelog():

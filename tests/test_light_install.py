@@ -20,6 +20,7 @@ WITHOUT_EXTRAS = {
     "forecast": [FLIGHT, "--fill", "4"],
     "identify": [FLIGHT],
     "inspect": [FLIGHT],
+    "install": ["vehicle-sender", "."],
     "match": ["--airframe", "topxgun-f16"],
     "monitor": [FLIGHT, "--port", "0", "--no-browser", "--seconds", "3"],
     "replay": [FLIGHT, "--port", "0", "--no-browser"],

@@ -1,8 +1,11 @@
 """Alarms and figures for ground stations: STATUSTEXT and NAMED_VALUE_FLOAT, rate-limited.
 
-A text goes out when an alarm is raised (with its severity), and a NOTICE when it is cleared, cannot
-be confirmed or is confirmed again; what still stands is said again every 30 s. At most one text a
-second and vehicle, the gravest first; of more than 8 waiting the least grave are dropped. Nothing
+QGroundControl speaks texts from NOTICE up and shows the others quietly. Spoken is what asks for
+something now: an alarm when it is raised or graver, with its severity; a critical one again every
+30 s; that one cannot be confirmed, or is confirmed again. Quiet are what is only to be known (a
+margin near the limit, an airframe that is not known), a warning that still stands, and that one is
+over. At most one text a second and vehicle goes out, the gravest first; of more than 8 waiting the
+least grave are dropped. Nothing
 is said in the name of a vehicle that is itself silent: ground stations (QGroundControl's
 VehicleLinkManager) take any message of its system for a sign of life, and would not report that the
 link is lost. The texts wait for its return.
@@ -12,24 +15,39 @@ Figures go out once a second:
     MARGIN_AHD  least predicted on the rest of the route, %
     REDUND      thrust with one rotor lost over weight, yaw uncontrolled
     TANK_THR    kg of liquid by thrust
-Unknown figures are not sent.
+    MARGIN_ROT  the worst rotor, from 1
+    MARGIN_LIM  smallest margin that may last, %
+    MARGIN_DO   what the gravest alarm asks for, a place in `alarm_words.ASKED`
+Unknown figures are not sent. With `battery` margin and tank go out as batteries 90 and 91 besides,
+of which only the share left is known, so that none has a voltage; a quiet text says what they are.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.link.sender import Sender
-from thrustmargin.gcs_plugin.live.alarms.alarm import NOTICE, WARNING, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    CRITICAL,
+    NOTICE,
+    WARNING,
+    Alarm,
+    AlarmEvent,
+    AlarmState,
+)
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.wording.alarm_words import change_words
+from thrustmargin.gcs_plugin.telemetry.tank_source import MARGIN_ID, TANK_ID
+from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, change_words
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
 QUIET = 1.5  # s of a vehicle's silence from which nothing is said for it
+INFO = 6  # MAV_SEVERITY that no ground station speaks
+EXPLAINED_EVERY = 300.0  # s between two texts that say what these are
 WAITING = 8
 LONGEST = 50  # bytes of a STATUSTEXT
 
@@ -39,26 +57,36 @@ class _Vehicle:
     texts: list[tuple[int, str]] = field(default_factory=list)  # severity, text
     text_s: float = -math.inf
     figures_s: float = -math.inf
+    explained_s: float = -math.inf
     reminded: dict[tuple[str, int | None], float] = field(default_factory=dict)
+    gravest: dict[tuple[str, int | None], int] = field(default_factory=dict)  # severity, as said
 
 
 class Announcer(Subscriber):
     """A subscriber of the monitor that reports to ground stations what it finds out."""
 
-    def __init__(self, sender: Sender) -> None:
+    def __init__(self, sender: Sender, *, limit: float = 0.5, battery: bool = False) -> None:
+        """`limit` is the smallest thrust margin that may last; `battery` as the module says."""
         self._sender = sender
+        self._limit = limit
+        self._battery = battery
         self._vehicles: dict[int, _Vehicle] = {}
         self.dropped = 0  # texts for which there was no room
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         state = self._vehicles.setdefault(vehicle, _Vehicle())
         alarm = event.alarm
+        grave = alarm.severity <= WARNING
         if event.raised:
-            self._queue(state, alarm.severity, alarm.text)
+            state.gravest[alarm.key] = alarm.severity
+            self._queue(state, alarm.severity if grave else INFO, alarm.text)
         else:
             state.reminded.pop(alarm.key, None)
             said = change_words(event.kind, alarm.name, alarm.rotor, alarm.missing)
-            self._queue(state, NOTICE, said)
+            over = alarm.state is AlarmState.CLEARED
+            if over:
+                state.gravest.pop(alarm.key, None)
+            self._queue(state, NOTICE if grave and not over else INFO, said)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6
@@ -71,13 +99,22 @@ class Announcer(Subscriber):
                 self._sender.heartbeat(number)
                 row = watch.last
                 if row is not None and now_us - int(row.stamp_us[-1]) < QUIET * 1e6:
-                    self._figures(number, row)
+                    self._figures(number, row, watch.alarms.standing.values())
+                    if self._battery:
+                        self._as_batteries(number, row, state, now_s)
             for key, alarm in watch.alarms.standing.items():
                 said = state.reminded.setdefault(key, now_s)
+                if alarm.severity < state.gravest.setdefault(key, alarm.severity):
+                    # A margin near its limit that is surely below it now.
+                    state.gravest[key], state.reminded[key] = alarm.severity, now_s
+                    self._queue(state, alarm.severity, alarm.text)
+                    continue
                 if alarm.severity <= WARNING and now_s - said >= REMIND_EVERY:
                     state.reminded[key] = now_s
                     unsure = change_words("", alarm.name, alarm.rotor, alarm.missing)
-                    self._queue(state, alarm.severity, unsure if alarm.missing else alarm.text)
+                    loud = alarm.severity <= CRITICAL and not alarm.missing
+                    said_again = unsure if alarm.missing else alarm.text
+                    self._queue(state, alarm.severity if loud else INFO, said_again)
             if state.texts and now_s - state.text_s >= TEXT_EVERY:
                 state.text_s = now_s
                 severity, text = state.texts.pop(0)
@@ -95,22 +132,56 @@ class Announcer(Subscriber):
             del state.texts[WAITING:]
             self.dropped += 1
 
-    def _figures(self, vehicle: int, update: Update) -> None:
-        for name, value in figures(update).items():
+    def _figures(self, vehicle: int, update: Update, standing: Iterable[Alarm]) -> None:
+        sent = figures(update) | what_to_do(standing) | {"MARGIN_LIM": 100.0 * self._limit}
+        for name, value in sent.items():
             message = self._sender.dialect.MAVLink_named_value_float_message(
                 int(update.clock_s[-1] * 1e3) % 2**32, name.encode(), value
             )
             self._sender.send(vehicle, message, forwards=True)
 
+    def _as_batteries(self, vehicle: int, update: Update, state: _Vehicle, now_s: float) -> None:
+        known = figures(update)
+        capacity = update.analysis.model.airframe.tank_capacity_kg
+        tank = float(update.analysis.track.tank_kg[-1])
+        shares = {
+            MARGIN_ID: known.get("MARGIN", math.nan),
+            TANK_ID: 100.0 * tank / capacity if capacity > 0.0 else math.nan,
+        }
+        enums = self._sender.dialect
+        for number, share in shares.items():
+            if math.isfinite(share):
+                message = enums.MAVLink_battery_status_message(
+                    number,
+                    enums.MAV_BATTERY_FUNCTION_PAYLOAD,
+                    enums.MAV_BATTERY_TYPE_UNKNOWN,
+                    *(32767, [65535] * 10, -1, -1, -1),  # no temperature, cells, current, charge
+                    math.floor(min(max(share, 0.0), 100.0) + 1e-6),
+                )
+                self._sender.send(vehicle, message, forwards=True)
+        if now_s - state.explained_s >= EXPLAINED_EVERY:
+            state.explained_s = now_s
+            self._queue(state, INFO, EXTRA_BATTERIES.format(MARGIN_ID, TANK_ID))
+
 
 def figures(update: Update) -> dict[str, float]:
     """The figures of the last row that are known."""
     analysis = update.analysis
+    margins = analysis.margin[-1]
+    worst = int(np.nanargmin(margins)) + 1 if np.isfinite(margins).all() else math.nan
     found = {
-        "MARGIN": 100.0 * float(np.min(analysis.margin[-1])),
+        "MARGIN": 100.0 * float(np.min(margins)),
+        "MARGIN_ROT": float(worst),
         "MARGIN_PRE": 100.0 * float(np.min(analysis.margin_predicted[-1])),
         "MARGIN_AHD": 100.0 * update.outlook.margin_ahead,
         "REDUND": float(analysis.redundancy_yaw_uncontrolled[-1]),
         "TANK_THR": float(update.virtual_kg[-1]),
     }
     return {name: value for name, value in found.items() if math.isfinite(value)}
+
+
+def what_to_do(standing: Iterable[Alarm]) -> dict[str, float]:
+    """MARGIN_DO by the gravest alarm that stands and asks for something; 0 for none."""
+    grave = [a for a in standing if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
+    first = min(grave, key=lambda alarm: alarm.order, default=None)
+    return {"MARGIN_DO": 0.0 if first is None else float(asked(first.name))}

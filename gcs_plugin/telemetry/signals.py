@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any
@@ -23,6 +24,9 @@ SENDER_VOLTAGE = 2.5
 _HUD_AIRSPEED = Provenance(
     kind=SourceKind.MESSAGE, name="VFR_HUD", fields=("airspeed",), unit="m/s"
 )
+
+#: Rotor speeds, rpm, that on_vehicle/margin_inputs.lua sends where a link is slow.
+_ESC_SPEED = re.compile(r"TM_RPM([1-9]\d?)")
 
 #: Channel -> its sources, preferred first.
 Signals = Mapping[str, tuple[Signal, ...]]
@@ -199,7 +203,9 @@ class SignalBuffer:
             source = new.source if old is None else old.source
             self._kept[key] = Signal(new.channel, source, time_s, values, new.index)
             if old is None:
-                self._order = sorted([*self._order, key])
+                self._order = sorted(
+                    [*self._order, key], key=lambda k: (k[0], isinstance(k[1], str), k[1])
+                )
 
     @property
     def signals(self) -> Signals:
@@ -221,7 +227,9 @@ def _by_name(stream: Stream, values: Floats) -> list[Signal]:
         rows = names == raw
         name = printable(raw)
         source = Provenance(kind=SourceKind.MESSAGE, name="NAMED_VALUE_FLOAT", fields=(name,))
-        made.append(ordered_signal("named_value", source, stream.time_s[rows], values[rows], name))
+        of_esc = _ESC_SPEED.fullmatch(name)
+        channel, index = ("esc_rpm", int(of_esc[1]) - 1) if of_esc else ("named_value", name)
+        made.append(ordered_signal(channel, source, stream.time_s[rows], values[rows], index))
     return made
 
 

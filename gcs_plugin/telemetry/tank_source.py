@@ -33,6 +33,8 @@ AGREEMENT = 1.5
 WATER = 1.0  # kg/L
 LONGEST_STEP = 2.0  # s between pump reports beyond which nothing is summed up
 NUMBERED = ("FUEL_STATUS", "BATTERY_STATUS")  # sources that a number distinguishes
+#: Batteries as which `monitor --announce-battery` sends margin and tank: no gauge of the vehicle's.
+MARGIN_ID, TANK_ID = 90, 91
 #: Names that `auto` knows -> True for litres.
 NAMES = {"TANK": False, "TANK_KG": False, "TANK_L": True}
 
@@ -207,6 +209,8 @@ def _battery(signals: Signals, context: TankContext, wanted: int | None) -> Tank
         if wanted is not None and number != wanted:
             continue
         if wanted is None:
+            if number in (MARGIN_ID, TANK_ID):
+                continue
             sender = volts.get(number)
             level_v = known_median(sender.values) if sender else np.nan
             if number == flown or level_v > SENDER_VOLTAGE:

@@ -38,12 +38,22 @@ MISSING = {
     "esc": "no ESC report",
 }
 GENTLY = "fly gently"
+#: What the alarms ask for in flight, which MARGIN_DO sends as a place in this list.
+ASKED = ("", "see messages", GENTLY, "slow down", LAND.text, "CONTROL LOST")
+_ASKS = {
+    **dict.fromkeys(("margin", "predicted margin", "margin ahead"), 2),
+    "saturation": 3,
+    **dict.fromkeys(("rotor", "motor", "esc", "battery", "misfit"), 4),
+    "control": 5,
+}
 #: What a margin against the limit is of.
 MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
     "Thrust margin",
     "Predicted margin",
     "Route ahead: margin",
 )
+#: Says on a ground station that shows batteries alone what two of them are.
+EXTRA_BATTERIES = "No battery: {} is thrust margin %, {} tank %"
 CONTROL_WAS_LOST = "Control was lost"
 NOT_THE_AIRFRAME = "NO VERDICT: flight does not fit the airframe"
 AIRFRAME_UNKNOWN = "NO VERDICT: airframe not known"
@@ -129,6 +139,11 @@ def speeds_missing(rotors: Iterable[int]) -> str:
     """Rotors, from 1, whose speed no longer comes."""
     numbers = [str(rotor) for rotor in rotors]
     return f"No speed of rotor{'s' if len(numbers) > 1 else ''} {', '.join(numbers)}: ESC?"
+
+
+def asked(name: str) -> int:
+    """Place in ASKED of what the alarm of this name asks for."""
+    return _ASKS.get(name, 1)
 
 
 def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:

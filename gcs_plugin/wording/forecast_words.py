@@ -229,3 +229,13 @@ def _fill(made: ForecastParts) -> float:
 
 def _liquid(made: ForecastParts) -> float:
     return made.advised.analysis.model.airframe.liquid_density
+
+
+def gate_limit(limit: float) -> str:
+    """What the fill gate of the vehicle keeps."""
+    return f"{percent(limit)} of a rotor's maximum thrust, and the weight held with one rotor lost"
+
+
+def gate_sag(resistance: float) -> str:
+    """How far its table has the battery sag; ohm of the pack."""
+    return f", by {number(1e3 * resistance, 'mOhm', 0)} of the pack"

@@ -195,3 +195,12 @@ def not_recording(trouble: str, lost: int | None = None) -> str:
     if lost is None:
         return said
     return f"{said} ({lost} messages lost); make room, it goes on by itself"
+
+
+def tried_words(tried: Mapping[str, str]) -> str:
+    """Endpoints that were tried without a vehicle, by what became of them."""
+    by_why: dict[str, list[str]] = {}
+    for url, why in tried.items():
+        by_why.setdefault(why, []).append(url)
+    parts = [f"{', '.join(urls)}: {why}" for why, urls in by_why.items()]
+    return "no vehicle heard; give the address where it is sent. Tried " + "; ".join(parts)

@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING, Any
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.options import check_utilisation
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import LinkError
+
+LOOK_FOR = 5.0  # s until it is said where nothing was heard
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.console import EventPrinter
@@ -25,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def monitor(
-    url: Positional[str] = "udpin:127.0.0.1:14550",
+    url: Positional[str | None] = None,
     /,
     *,
     forward: UseAppendAction[tuple[str, ...]] = (),
@@ -35,6 +38,8 @@ def monitor(
     reading: Reading = AS_HEARD,
     max_utilisation: float = 0.5,
     announce: bool = False,
+    announce_battery: bool = False,
+    bar: int | None = None,
     request_rates: bool = False,
     fetch_mission: bool = False,
     plan: Path | None = None,
@@ -59,7 +64,9 @@ def monitor(
 
     Args:
         url: Where to listen: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT, a
-            serial port such as /dev/ttyUSB0,57600, or a recording (.tlog).
+            serial port such as /dev/ttyUSB0,57600, or a recording (.tlog). Without it the usual
+            places are tried: UDP 14550 and 14540, TCP 5760, 5762, 5763 and 5777 of this computer,
+            and serial ports on USB.
         forward: Pass every byte on, unchanged, to a ground station at udpout:HOST:PORT (or
             tcpin:HOST:PORT), and its answers back to the vehicle. May be given several times.
         record: Folder in which the recording's own folder is made.
@@ -72,6 +79,10 @@ def monitor(
             alarm is raised.
         announce: Send alarms and figures to vehicles and ground stations as STATUSTEXT and
             NAMED_VALUE_FLOAT.
+        announce_battery: With --announce, on trial: margin and tank besides as batteries 90 and 91
+            (BATTERY_STATUS), for ground stations that show no named values.
+        bar: Serve the pilot's bar on this port to all who can reach it, for BlueOS and Cockpit:
+            margin, rotor, action, no positions and no token.
         request_rates: Ask the vehicle for the messages that are needed, at the rates needed.
         fetch_mission: Ask each vehicle for its mission when it appears, to forecast the margin
             along it.
@@ -99,9 +110,15 @@ def monitor(
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES
 
+    began = time.monotonic()
     check_utilisation(max_utilisation)
+    if announce_battery and not announce:
+        raise UsageError("--announce-battery sends nothing without --announce; give both")
     where = {"host": host, "port": port, "token": page_token(host, token_file)}
     keywords = reading_keywords(reading)
+    if url is None:
+        url = _found_link(math.inf if seconds is None else seconds)
+        seconds = None if seconds is None else max(seconds - (time.monotonic() - began), 0.0)
     accept, sign, why = None, None, str
     if signing_key_file is not None:
         from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter, read_signing_key
@@ -143,9 +160,16 @@ def monitor(
 
         sender = Sender(live.listener, sign)
         if announce:
-            live.subscribers.append(Announcer(sender))
+            least = 1.0 - max_utilisation
+            live.subscribers.append(Announcer(sender, limit=least, battery=announce_battery))
         if request_rates:
             live.subscribers.append(RateRequester(sender, chosen.airframe.rotor_count))
+    pilot_bar = None
+    if bar is not None:
+        from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
+
+        pilot_bar = PilotBar(live.now_us, limit=1.0 - max_utilisation, port=bar, host="0.0.0.0")
+        live.subscribers.append(pilot_bar)
     fetcher = None
     if fetch_mission:
         from thrustmargin.gcs_plugin.vehicle.mission_fetcher import MissionFetcher
@@ -182,6 +206,8 @@ def monitor(
     page = _page(live, chosen.airframe, silent, max_utilisation, **where) if view else None
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
+        if pilot_bar is not None:
+            pilot_bar.start()
         live.start()
         if page is not None:
             page.announce(browser=browser)
@@ -189,6 +215,8 @@ def monitor(
     finally:
         if fetcher is not None:
             fetcher.close()
+        if pilot_bar is not None:
+            pilot_bar.stop()
         live.close()
         if watch is not None:
             watch.close()
@@ -198,6 +226,29 @@ def monitor(
     live.check()
     if unprinted:
         raise unprinted[0]
+
+
+def _found_link(seconds: float) -> str:
+    """The usual endpoint on which a vehicle is heard; says what was tried while none is.
+
+    Raises LinkError after so many s.
+    """
+    from thrustmargin.gcs_plugin.link.find_link import LinkFinder
+    from thrustmargin.gcs_plugin.wording.live_words import tried_words
+
+    console, finder = Terminal(soft_wrap=True), LinkFinder()
+    until = time.monotonic() + seconds
+    said: dict[str, str] = {}
+    while (left := until - time.monotonic()) > 0.0:
+        url = finder.find(min(LOOK_FOR, left))
+        if url is not None:
+            console.print(f"vehicle heard on {url}")
+            return url
+        if finder.tried != said and left > LOOK_FOR:
+            said = dict(finder.tried)
+            console.print(tried_words(said))
+            console.print("still looking; Ctrl-C ends it")
+    raise LinkError(tried_words(finder.tried))
 
 
 def _page(

@@ -60,6 +60,8 @@ def forecast(
     view: bool = False,
     port: int = 8080,
     browser: bool = True,
+    lua: Path | None = None,
+    refuse: bool = False,
 ) -> None:
     """Say before take-off whether a plan can be flown with a fill, and where it is weakest.
 
@@ -97,6 +99,9 @@ def forecast(
             ends it.
         port: Port of that page.
         browser: Open that page in the browser.
+        lua: Write a script for the vehicle (.lua, ArduPilot) that warns before arming with more
+            than air and battery of that moment carry.
+        refuse: With --lua: the script refuses to arm instead of warning.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.logs.plan_source import read_plan
@@ -122,9 +127,13 @@ def forecast(
             raise UsageError(f"{name} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
     if rate is not None and (swath is None or flow is not None):
         raise UsageError("--rate needs --swath, and goes without --flow")
+    if refuse and lua is None:
+        raise UsageError("--refuse is how the script of --lua behaves; give --lua FILE as well")
     outputs = [
-        Output("--json", json, endings=(".json",)),
-        Output("--csv", csv, endings=(".csv",)),
+        *(
+            Output(f"--{name}", path, endings=(f".{name}",))
+            for name, path in (("json", json), ("csv", csv), ("lua", lua))
+        ),
         *(Output("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
     ]
     check_outputs(outputs, inputs=[plan, model, airframe, parameters])
@@ -136,6 +145,7 @@ def forecast(
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
     found = read_plan(plan)
     known = _parameters(plan, parameters)
+    battery = _battery(known, voltage, capacity, resistance, craft.nominal_voltage)
     made = plan_forecast.forecast(
         found,
         rotor_model,
@@ -149,7 +159,7 @@ def forecast(
             flow=_or_nan(flow) * liquid / 60.0,
             flow_per_metre=_or_nan(rate) * liquid * _or_nan(swath) / 1e4,
             swath=_or_nan(swath),
-            battery=_battery(known, voltage, capacity, resistance, craft.nominal_voltage),
+            battery=battery,
         ),
         parameters=known,
         pump=None if pump is None else pump_of(pump),
@@ -167,6 +177,11 @@ def forecast(
         files.append((json, lambda: json_text(made)))
     if csv is not None:
         files.append((csv, lambda: csv_text(made)))
+    if lua is not None:
+        from thrustmargin.gcs_plugin.reports.forecast.fill_card import fill_card, gate_text
+
+        card = fill_card(made, battery)
+        files.append((lua, lambda: gate_text(made, card, plan=plan.name, refuse=refuse)))
     for path, content in files:
         made_of = content()
         with whole_file(path) as draft:

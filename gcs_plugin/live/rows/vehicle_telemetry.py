@@ -133,6 +133,7 @@ class VehicleTelemetry:
     def _restart(self) -> None:
         self._buffer = SignalBuffer(KEPT)
         self._carried = Carried()
+        self._heard_s = -math.inf  # vehicle's clock up to which reports are in the buffer
         self._start_s = math.nan  # vehicle's clock at the first row
         self._unix_minus_clock = math.nan  # s from the vehicle's clock to Unix time
         self._gps_time = False  # by SYSTEM_TIME, and no longer by the ground's clock
@@ -272,8 +273,8 @@ class VehicleTelemetry:
                 )
         pitot = pitot_present({}, state.parameters)
         airspeed = hud_airspeed(AUTOPILOTS.get(state.autopilot, "unknown"), pitot)
-        self._buffer.add(streams, airspeed, carried.heard_s)
-        self._carried = replace(carried, heard_s=until_s)
+        self._buffer.add(streams, airspeed, self._heard_s)
+        self._heard_s, self._carried = until_s, replace(carried, heard_s=until_s)
         signals = self._buffer.signals
         motors = self._layout(state, signals)
         if motors is None:
@@ -289,6 +290,8 @@ class VehicleTelemetry:
             options = replace(self._options, tank="none")
             made = flight_rows(signals, motors, state.parameters, options, carried)
         if made is None:
+            # What came has made no row, and still belongs to the next: rotors report one by one.
+            self._carried = carried
             return None
         self._carried = replace(made.carried, heard_s=until_s)
         for signal in made.reported.get("tank_kg", ()):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -20,6 +19,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     line,
     over_time,
 )
+from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, titled
 from thrustmargin.gcs_plugin.wording import forecast_words as words
 from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, percent_within
 from thrustmargin.gcs_plugin.wording.report_words import IN_USE, TANK_SPRAYING
@@ -33,12 +33,12 @@ _WORDS = {f.__name__: f for f in (duration, number, percent, percent_within)}
 
 def html_text(made: PlanForecast, name: str) -> str:
     """The page of the forecast of the plan called `name`; it asks nothing of any network."""
-    return _page(made, name, {"use": packed(str(_chart(made).to_json()))})
+    return _page(made, name, {"use": packed(_chart(made).to_json())})
 
 
 def pdf_bytes(made: PlanForecast, name: str) -> bytes:
     """The same on A4."""
-    from thrustmargin.gcs_plugin.reports.shared import pdf_page
+    from thrustmargin.gcs_plugin.reports.paper import pdf_page
 
     figures = {"use": _chart(made)}
     return pdf_page.pdf_bytes(_page(made, name, dict.fromkeys(figures, Markup())), figures)
@@ -79,7 +79,7 @@ def hardest(legs: Sequence[LegForecast]) -> Sequence[LegForecast]:
     return [legs[k] for k in kept]
 
 
-def _chart(made: PlanForecast) -> Any:
+def _chart(made: PlanForecast) -> Figure:
     """Use of thrust over time above tank and battery."""
     track, limit = made.flight.track, 100.0 * made.advised.advice.limit
     time_s = track.time_s
@@ -90,19 +90,19 @@ def _chart(made: PlanForecast) -> Any:
         line(time_s, use, color=PREDICTED, name="worst rotor"),
     ]
     high = max(float(np.nanmax(use + reach, initial=0.0)) * 1.08, 1.3 * limit)
-    axis = {"title_text": IN_USE, "ticksuffix": " %", "range": [0.0, high]}
+    axis = titled(IN_USE, ticksuffix=" %", range=[0.0, high])
     across = (limit, f"{limit:.0f} %\nlimit")
     sprayed = np.where(track.spraying > 0.5, track.tank_kg, np.nan)
     tank = [
         line(time_s, track.tank_kg, color=INK, name="tank", width=2),
         line(time_s, sprayed, color=SPRAYING, name=TANK_SPRAYING, width=5),
     ]
-    full = {"title_text": "tank, kg", "range": [0.0, 1.1 * float(track.tank_kg.max()) + 0.1]}
+    full = {**titled("tank, kg"), "range": [0.0, 1.1 * float(track.tank_kg.max()) + 0.1]}
     panels = [
         Panel(traces=traces, axis=axis, height_px=180, limit=across),
         Panel(traces=tank, axis=full, height_px=64),
     ]
     if np.isfinite(track.voltage).any():
         volts = line(time_s, track.voltage, color=INK, name="battery", width=2)
-        panels.append(Panel(traces=[volts], axis={"title_text": "V"}, height_px=64))
+        panels.append(Panel(traces=[volts], axis=titled("V"), height_px=64))
     return over_time(panels, end_s=float(time_s[-1]))

@@ -1,9 +1,11 @@
 """What goes out, heard by pymavlink as ground station and as vehicle, over loopback UDP."""
 
+import math
 import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -23,6 +25,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 from thrustmargin.gcs_plugin.live.announce import Announcer
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -66,7 +69,8 @@ def monitored(*, forward: bool = False, **speaking: Any) -> Iterator[tuple[LiveM
     monitor = LiveMonitor(MODEL, MonitorSettings(urls=("udpin:127.0.0.1:0",), forwards=forwards))
     sender = Sender(monitor.listener, speaking.get("sign"))
     if speaking.get("announce"):
-        monitor.subscribers.append(Announcer(sender))
+        battery = bool(speaking.get("battery"))
+        monitor.subscribers.append(Announcer(sender, battery=battery))
     monitor.start()
     air = Air(monitor.listener.links[0].transport.address[1])  # type: ignore[attr-defined]
     try:
@@ -86,23 +90,37 @@ def heard_by(station: Any) -> list[Any]:
 
 
 def test_a_ground_station_behind_a_forward_sees_alarms_and_figures():
-    with monitored(forward=True, announce=True) as (_, air, station):
+    with monitored(forward=True, announce=True, battery=True) as (_, air, station):
         messages = []
         for _ in range(4):  # its socket does not hold it all
-            air.fly(3.0, rpm=(2300,) * 4)
+            air.fly(3.0, rpm=(2200, 2200, 2300, 2200))
             messages += heard_by(station)
     ours = [m for m in messages if m.get_srcComponent() == COMPONENT]
     assert {m.get_srcSystem() for m in ours} == {1}
     texts = [(m.severity, m.text) for m in ours if m.get_type() == "STATUSTEXT"]
-    assert len([t for t in texts if "Thrust margin" in t[1]]) == 1, texts
-    assert texts[0][0] == WARNING
+    assert [t[0] for t in texts if "Thrust margin" in t[1]] == [WARNING], texts
     assert all(len(text) <= 50 for _, text in texts)
     figures = [m for m in ours if m.get_type() == "NAMED_VALUE_FLOAT"]
     margin = [m.value for m in figures if m.name == "MARGIN"]
     # 3000 rpm at 58.8 V, and the ESCs report 50 V.
     assert margin[-1] == pytest.approx(100 * (1 - (2300 / (3000 * 50 / 58.8)) ** 2), abs=0.1)
     assert 4 <= len(margin) <= 13
-    assert "TANK" not in {m.name for m in figures}
+    said = {m.name: m.value for m in figures}
+    assert (said["MARGIN_ROT"], said["MARGIN_LIM"]) == (3.0, 50.0)
+    assert said["MARGIN_DO"] == 2.0  # fly gently
+    assert "TANK" not in said
+    # Margin and tank as batteries that nobody takes for the battery; 10 of 16 kg are in it.
+    extra = {m.id: m for m in ours if m.get_type() == "BATTERY_STATUS"}
+    assert {number: m.battery_remaining for number, m in extra.items()} == {
+        90: math.floor(margin[-1]),
+        91: 62,
+    }
+    for message in extra.values():
+        assert set(message.voltages) == {65535}
+        assert (message.current_battery, message.current_consumed) == (-1, -1)
+        assert message.battery_function == 4  # MAV_BATTERY_FUNCTION_PAYLOAD
+        assert message.charge_state == 0
+    assert (6, "No battery: 90 is thrust margin %, 91 tank %") in texts
     # The vehicle's own messages passed unchanged beside them.
     assert any(m.get_srcComponent() == 1 for m in messages)
 
@@ -129,6 +147,9 @@ def test_what_is_sent_is_signed_when_the_link_is():
                 pass
     assert len(frames) > 3
     assert all(door.accept(frame) for frame in frames)
+    ids = {found.id for frame in frames if (found := frame_of(frame))}
+    assert 251 in ids  # NAMED_VALUE_FLOAT
+    assert 147 not in ids  # BATTERY_STATUS, unless it is asked for
 
 
 class Sent:
@@ -179,7 +200,63 @@ def test_what_still_stands_is_said_again_every_half_minute():
     for _ in range(100):
         fleet.take(vehicle.tick(1.0))
         announcer.on_round(fleet, vehicle.stamp_us)
-    assert texts(sent) == [(WARNING, alarm.text)] * 4
+    # Spoken once: from 6 (INFO) on QGroundControl shows a text and does not speak it.
+    assert texts(sent) == [(WARNING, alarm.text)] + [(6, alarm.text)] * 3
+
+
+def test_a_critical_alarm_is_spoken_again_every_half_minute():
+    said = said_of(Alarm("rotor", 2, CRITICAL, "Rotor 2: 12% less thrust: land", 0.0), 70)
+    assert said == [(2, "Rotor 2: 12% less thrust: land")] * 3
+
+
+def said_of(alarm: Alarm, seconds: int, *events: AlarmState) -> list[tuple[int, str]]:
+    """What goes out of an alarm that stands so long and then has the states `events`."""
+    sent = Sent()
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
+    fleet, vehicle = Fleet(MODEL), Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    fleet.vehicles[1].alarms.standing[alarm.key] = alarm
+    announcer.on_event(1, AlarmEvent(alarm, AlarmState.CLEARED, 0.0))
+    for _ in range(seconds):
+        fleet.take(vehicle.tick(1.0))
+        announcer.on_round(fleet, vehicle.stamp_us)
+    for state in events:
+        announcer.on_event(1, AlarmEvent(replace(alarm, state=state), AlarmState.ACTIVE, 0.0))
+        fleet.take(vehicle.tick(1.0))
+        announcer.on_round(fleet, vehicle.stamp_us)
+    return texts(sent)
+
+
+def test_a_notice_that_becomes_a_warning_is_spoken_once():
+    """The margin of one alarm is first near the limit, then surely below it, and back."""
+    sent = Sent()
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
+    fleet, vehicle = Fleet(MODEL), Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    near = Alarm("margin", None, 5, "Thrust margin 48% (+-4) near 50%", 0.0)
+    low = replace(near, severity=WARNING, text="Thrust margin 40% (+-4) below 50%")
+    announcer.on_event(1, AlarmEvent(near, AlarmState.CLEARED, 0.0))
+    for second in range(20):
+        now = low if second in (5, 6, 9, 10) else near
+        fleet.vehicles[1].alarms.standing[near.key] = now
+        fleet.take(vehicle.tick(1.0))
+        announcer.on_round(fleet, vehicle.stamp_us)
+    assert texts(sent) == [(6, near.text), (WARNING, low.text)]
+
+
+@pytest.mark.parametrize(
+    ("alarm", "severities"),
+    [
+        (Alarm("rotor", 2, CRITICAL, "Rotor 2: land", 0.0), [2, 5, 6]),
+        (Alarm("margin", None, WARNING, "Thrust margin 41% below 50%", 0.0), [4, 5, 6]),
+        (Alarm("envelope", None, 5, "Outside the model's training", 0.0), [6, 6, 6]),
+        (Alarm("margin", None, 5, "Thrust margin 52% (+-4) near 50%", 0.0), [6, 6, 6]),
+    ],
+)
+def test_only_what_asks_for_something_now_is_spoken(alarm: Alarm, severities: list[int]):
+    """Raised, not to be confirmed, over."""
+    said = said_of(alarm, 1, AlarmState.UNCONFIRMED, AlarmState.CLEARED)
+    assert [severity for severity, _ in said] == severities
 
 
 def test_nothing_is_said_in_the_name_of_a_silent_vehicle_until_it_returns():
@@ -207,5 +284,5 @@ def test_nothing_is_said_in_the_name_of_a_silent_vehicle_until_it_returns():
         announcer.on_round(fleet, vehicle.stamp_us)
     assert texts(sent) == [
         (CRITICAL, "Telemetry lost in flight: fly by sight"),
-        (5, "Over: telemetry"),
+        (6, "Over: telemetry"),
     ]

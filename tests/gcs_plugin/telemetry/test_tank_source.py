@@ -119,6 +119,17 @@ def test_a_second_pack_is_not_taken_for_a_tank():
     assert level(*battery(TIME * 0 + 50.0, volts=55.0), source="BATTERY_STATUS 1").signal
 
 
+@pytest.mark.parametrize("number", [90, 91])
+def test_what_monitor_announces_as_a_battery_is_no_gauge(number: int):
+    """A margin of 40 % would be 6.4 kg in the tank, and a level by thrust would prove itself."""
+    share = Signal(
+        "battery_percent", sent("BATTERY_STATUS battery_remaining"), TIME, np.full(200, 40), number
+    )
+    assert level(share).signal is None
+    forced = level(share, source=f"BATTERY_STATUS {number}").signal
+    assert forced is not None  # a vehicle that has such a number may say so
+
+
 def test_the_pack_is_found_though_the_tank_has_the_lower_id():
     tank_first = battery(TIME * 0 + 50.0, number=0)
     pack = Signal("battery_voltage", sent("BATTERY_STATUS of id 1"), TIME, TIME * 0 + 56.0, 1)

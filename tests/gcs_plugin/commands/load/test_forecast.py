@@ -145,3 +145,31 @@ def test_sorties_need_a_folder(field, tmp_path, capsys):
     code, _, err = said(capsys, field, *FIELD, "--sorties", tmp_path / "none")
     assert code == 2
     assert "no folder" in err
+
+
+def test_a_script_for_the_vehicle_warns_and_refuses_only_where_asked(field, tmp_path, capsys):
+    script = tmp_path / "gate.lua"
+    code, out, _ = said(capsys, field, *FIELD, "--lua", script)
+    assert code == 0
+    assert f"wrote {script}" in out
+    assert "local REFUSE = false" in script.read_text("ascii")
+    assert "local PLANNED = 6.00" in script.read_text("ascii")
+    assert said(capsys, field, *FIELD, "--lua", script, "--refuse")[0] == 0
+    assert "local REFUSE = true" in script.read_text("ascii")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "answer"),
+    [
+        (("--refuse",), 2, "give --lua FILE"),
+        (("--lua", "gate.txt"), 1, ".lua"),
+        (("--lua", "gate.lua"), 1, "--capacity or --resistance"),
+    ],
+)
+def test_no_script_without_a_file_or_a_battery(
+    field, monkeypatch, tmp_path, capsys, words, code, answer
+):
+    monkeypatch.chdir(tmp_path)
+    found, _, err = said(capsys, field, "--fill", "6", *words)
+    assert (found, answer in err) == (code, True)
+    assert not (tmp_path / "gate.lua").exists()

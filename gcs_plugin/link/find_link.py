@@ -1,0 +1,110 @@
+"""Where a vehicle is heard, when nobody has said where: the usual endpoints, all at once.
+
+Nothing is sent, and the first endpoint on which an autopilot's heartbeat comes is taken. One that
+cannot be opened is tried again, for a vehicle may be switched on later.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterable, Sequence
+
+from thrustmargin.gcs_plugin.link.open_transport import open_transport
+from thrustmargin.gcs_plugin.link.transport import Address, Transport
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.who_sends import HEARTBEAT, NO_AUTOPILOT, NO_VEHICLES
+from thrustmargin.models.errors import LinkError
+
+#: Where autopilots, simulators, routers and BlueOS (5777) offer their telemetry.
+USUAL = (
+    *(f"udpin:0.0.0.0:{port}" for port in (14550, 14540)),
+    *(f"tcp:127.0.0.1:{port}" for port in (5760, 5762, 5763, 5777)),
+)
+BAUDS = (115_200, 57_600)  # of USB and of telemetry radios
+OPEN_EVERY = 2.0  # s between two tries to open what could not be opened
+BAUD_EVERY = 3.0  # s for which a serial port is heard at one rate
+LOOK = 0.02  # s for each endpoint in a round
+NOTHING_CAME, NO_VEHICLE = "nothing came", "MAVLink, but no autopilot"
+
+
+def serial_ports() -> list[str]:
+    """Serial ports that may be an autopilot or a radio: those on USB."""
+    from serial.tools import list_ports
+
+    return sorted(port.device for port in list_ports.comports() if port.vid is not None)
+
+
+class LinkFinder:
+    """Listens on all endpoints until one has a vehicle; `tried` says what became of each."""
+
+    def __init__(
+        self, urls: Sequence[str] = USUAL, serials: Callable[[], Iterable[str]] = serial_ports
+    ) -> None:
+        self.tried: dict[str, str] = {}
+        self._urls, self._serials = urls, serials
+        self._open: dict[str, tuple[Transport, dict[Address | None, FrameSplitter]]] = {}
+        self._opened_s = self._turned_s = -OPEN_EVERY
+
+    def find(self, seconds: float) -> str | None:
+        """The URL on which a vehicle is heard, within so many s; its port is free again."""
+        until = time.monotonic() + seconds
+        try:
+            while True:
+                self._open_all(time.monotonic())
+                for url in list(self._open):
+                    if self._vehicle_on(url):
+                        return url
+                if time.monotonic() >= until:
+                    return None
+                if not self._open:
+                    time.sleep(LOOK)
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Give all ports free."""
+        for transport, _ in self._open.values():
+            transport.close()
+        self._open.clear()
+        self._opened_s = self._turned_s = -OPEN_EVERY
+
+    def _open_all(self, now_s: float) -> None:
+        if now_s - self._opened_s < OPEN_EVERY:
+            return
+        self._opened_s = now_s
+        baud = BAUDS[int(now_s / BAUD_EVERY) % len(BAUDS)]
+        serials = [f"{device},{baud}" for device in self._serials()]
+        for url in list(self._open):
+            if url not in self._urls and url not in serials:
+                self._open.pop(url)[0].close()  # the other rate has its turn
+        for url in (*self._urls, *serials):
+            if url in self._open:
+                continue
+            try:
+                self._open[url] = open_transport(url), {}
+                self.tried.setdefault(url, NOTHING_CAME)
+            except LinkError as error:
+                self.tried[url] = str(error).removeprefix(f"{url}: ")
+
+    def _vehicle_on(self, url: str) -> bool:
+        transport, splitters = self._open[url]
+        with contextlib.suppress(EOFError):
+            for chunk in transport.receive(LOOK):
+                splitter = splitters.setdefault(chunk.peer, FrameSplitter())
+                feed = splitter.feed_datagram if transport.datagrams else splitter.feed
+                frames = feed(chunk.data, 0)
+                if any(frame.verified for frame in frames):
+                    self.tried[url] = NO_VEHICLE
+                if any(map(of_autopilot, frames)):
+                    return True
+        return False
+
+
+def of_autopilot(frame: Frame) -> bool:
+    """Whether it is the heartbeat of a vehicle's autopilot."""
+    if frame.id != HEARTBEAT or not frame.verified:
+        return False
+    payload = frame.payload.ljust(9, b"\0")
+    return payload[5] != NO_AUTOPILOT and payload[4] not in NO_VEHICLES

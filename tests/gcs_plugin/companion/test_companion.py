@@ -1,0 +1,66 @@
+"""Container and service start a command line that the program has, for wheels that it builds."""
+
+import json
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.import_graph import ROOT
+
+FILES = ROOT / "gcs_plugin/companion"
+DOCKERFILE = (FILES / "Dockerfile").read_text("utf-8")
+SERVICE = (FILES / "thrustmargin.service").read_text("utf-8")
+
+
+def started() -> dict[str, list[str]]:
+    """The words after `thrustmargin` of both."""
+    entry, more = (
+        json.loads(re.search(rf"^{name} (\[.*\])$", DOCKERFILE, re.M)[1])  # type: ignore[index]
+        for name in ("ENTRYPOINT", "CMD")
+    )
+    unit = shlex.split(re.search(r"^ExecStart=(.*)$", SERVICE, re.M)[1])  # type: ignore[index]
+    assert (entry[0], Path(unit[0]).name) == ("thrustmargin", "thrustmargin")
+    return {"container": [*entry[1:], *more], "service": unit[1:]}
+
+
+@pytest.mark.parametrize("which", ["container", "service"])
+def test_both_watch_without_a_page_and_serve_the_bar(which: str, tmp_path: Path):
+    from thrustmargin.gcs_plugin.cli import run
+
+    words = started()[which]
+    assert words[0] == "monitor"
+    assert {"--no-view", "--announce"} <= set(words)
+    assert words[words.index("--bar") + 1] == "8090"
+    # The same words on a recording, in a folder of the test's.
+    log = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
+    words[words.index("--record") + 1] = str(tmp_path)
+    words[words.index("--bar") + 1] = "0"
+    assert run([words[0], str(log), *words[1:], "--seconds", "0.5"]) == 0
+
+
+def test_the_labels_that_blueos_reads_are_json():
+    labels = dict(re.findall(r"^LABEL (\w+)='(.*?)'$", DOCKERFILE.replace("\\\n", ""), re.M))
+    permissions = json.loads(labels["permissions"])
+    assert permissions["HostConfig"]["NetworkMode"] == "host"
+    assert {"tags", "authors", "company", "links"} <= set(labels)
+    for text in labels.values():
+        json.loads(text)
+
+
+def test_the_bar_is_served_where_the_container_says():
+    assert "EXPOSE 8090" in DOCKERFILE
+    assert "127.0.0.1:8090/bar.json" in DOCKERFILE
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
+def test_systemd_understands_the_unit(tmp_path: Path):
+    unit = tmp_path / "thrustmargin.service"
+    unit.write_text(SERVICE.replace("/opt/thrustmargin/bin/thrustmargin", "/bin/true"))
+    done = subprocess.run(
+        ["systemd-analyze", "verify", unit], capture_output=True, text=True, check=False
+    )
+    assert "thrustmargin.service" not in done.stderr

@@ -1,0 +1,106 @@
+"""The plugin of Mission Planner, compiled and drawn by mono against the interfaces that it uses.
+
+It is skipped where there is no mono, unless THRUSTMARGIN_REQUIRE_MONO is set.
+"""
+
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from thrustmargin.gcs_plugin.wording.alarm_words import ASKED
+
+ROOT = Path(__file__).resolve().parents[3]
+PLUGIN = ROOT / "gcs_plugin/mission_planner/thrustmargin.cs"
+GREY, BLUE, RED, BLACK = "165,165,165", "66,140,208", "206,66,16", "17,17,17"
+EDGES = 2  # columns of the bar's outline; 200 are all
+
+
+@pytest.fixture(scope="module")
+def screen(tmp_path_factory) -> Path:
+    if not (shutil.which("mcs") and shutil.which("mono")):
+        if os.environ.get("THRUSTMARGIN_REQUIRE_MONO"):
+            pytest.fail("THRUSTMARGIN_REQUIRE_MONO is set, and there is no mono (mono-mcs)")
+        pytest.skip("no mono")
+    made = tmp_path_factory.mktemp("mono") / "screen.exe"
+    here = Path(__file__).with_name("stand_ins.cs")
+    # C# 5 is what every version of Mission Planner's compiler takes.
+    words = ("mcs", "-warn:4", "-warnaserror", "-langversion:5", f"-out:{made}")
+    libraries = ("-r:System.Drawing", "-r:System.Windows.Forms")
+    done = subprocess.run([*words, *libraries, PLUGIN, here], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return made
+
+
+@dataclass(frozen=True)
+class Drawn:
+    first: str
+    second: str
+    filled: int  # bright columns of 200 in the bar
+    left: str  # its colours
+    edge: str
+
+
+def drawn(screen: Path, *commands: str) -> list[Drawn]:
+    told = "\n".join(commands) + "\n"
+    done = subprocess.run(
+        ["mono", screen], input=told, capture_output=True, text=True, check=True, timeout=60
+    )
+    rows = [line.split("|") for line in done.stdout.splitlines()]
+    return [Drawn(a, b, int(n), left, edge) for a, b, n, left, edge in rows]
+
+
+def heard(at: float, **figures: float) -> list[str]:
+    return [f"take {at} {name} {value}" for name, value in figures.items()]
+
+
+LOW = heard(10.0, MARGIN=41.7, MARGIN_ROT=3, MARGIN_LIM=50, MARGIN_DO=2, MARGIN_PRE=44)
+
+
+def test_the_bar_shows_margin_rotor_action_and_age(screen: Path):
+    (shown,) = drawn(screen, *LOW, "draw 11.2")
+    assert (shown.first, shown.second) == ("Margin 41%, rotor 3", "fly gently  (1 s old)")
+    assert shown.left == RED
+    assert 83 <= shown.filled <= 83 + EDGES + 2  # 41.7 % of 200, its outline, the limit's mark
+
+
+def test_above_the_limit_it_is_blue_and_asks_for_nothing(screen: Path):
+    (shown,) = drawn(screen, *heard(5, MARGIN=62, MARGIN_LIM=50, MARGIN_DO=0), "draw 5.1")
+    assert (shown.first, shown.second, shown.left) == ("Margin 62%", "0 s old", BLUE)
+
+
+def test_an_old_value_has_no_bar_and_no_colour(screen: Path):
+    old, forgotten, never = drawn(screen, *LOW, "draw 13.1", "draw 70.5", "draw 5")[:3]
+    for shown in (old, forgotten):
+        assert shown.first == "Margin unknown"
+        assert (shown.filled, shown.left, shown.edge) == (EDGES, BLACK, GREY)
+    assert old.second == "was 41%, 3 s ago"
+    assert forgotten.second == "nothing heard"
+    assert never.first
+
+
+def test_a_prediction_says_so_and_without_a_limit_nothing_is_judged(screen: Path):
+    (shown,) = drawn(screen, *heard(10, MARGIN_PRE=44), "draw 10.5")
+    assert shown.first == "Predicted margin 44%"
+    assert shown.edge == GREY
+
+
+@pytest.mark.parametrize("value", ["NaN", "Infinity"])
+def test_what_is_no_number_is_no_news(screen: Path, value: str):
+    (shown,) = drawn(screen, *LOW, f"take 12.5 MARGIN {value}", "draw 12.6")
+    assert shown.second.endswith("(2 s old)")
+
+
+def test_packets_of_the_vehicle_that_is_shown_reach_the_bar(screen: Path):
+    one, two, three = drawn(
+        screen, "packet 1 MARGIN 60", "packet 2 MARGIN 30", "current 1", "current 2", "current 3"
+    )
+    assert [one.first, two.first, three.first] == ["Margin 60%", "Margin 30%", "Margin unknown"]
+
+
+def test_it_asks_in_the_words_of_the_alarms(screen: Path):
+    done = subprocess.run(["mono", screen, "x"], capture_output=True, text=True, check=True)
+    assert tuple(done.stdout.strip("\n").split("|")) == ASKED

@@ -1,0 +1,170 @@
+"""The card that a vehicle carries, and the script that reads it, run in Lua 5.3."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.peers.scripted_vehicle import ScriptedVehicle
+from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.reports.forecast.fill_card import FillCard, fill_card, gate_text
+from thrustmargin.mission.ahead.battery import FlightBattery
+from thrustmargin.mission.ahead.plan_forecast import PlanForecast, TakeOff, forecast
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.model.fill_limits import largest_fills
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+BATTERY = FlightBattery(capacity_ah=16.0, resistance=0.020)
+LIGHT = TakeOff(fill_kg=6.0, flow=0.04, air_temperature=293.15, altitude=0.0, battery=BATTERY)
+
+
+@pytest.fixture(scope="module")
+def made() -> PlanForecast:
+    return forecast(plan_of(*TWO_LINES), physics_model(load_airframe("topxgun-f16")), LIGHT)
+
+
+@pytest.fixture(scope="module")
+def card(made) -> FillCard:
+    return fill_card(made, BATTERY)
+
+
+def test_the_card_is_that_of_fill_with_the_battery_sagging(made, card):
+    """25 °C and 53.2 V at rest. In a hover with 12.3 kg about 2.9 kW take 1.1 V of it by 20 mOhm:
+    `fill` at 52 V allows no less than the card, and at 50 V no more."""
+    row, column = list(card.celsius).index(25.0), int(np.argmin(abs(card.rest_voltage - 53.2)))
+    assert card.rest_voltage[column] == pytest.approx(53.2)
+    model = made.advised.analysis.model
+    density = 101325.0 / (287.05 * 298.15)
+    fastest = float(made.flight.track.airspeed.max())
+    high, low = np.min(
+        [
+            largest_fills(model, density, [52.6, 50.5], airspeed=speed, max_utilisation=0.5).sure
+            for speed in (0.0, fastest)
+        ],
+        axis=0,
+    )
+    assert low < card.fill_kg[row, column] < high
+
+
+def test_hotter_air_and_an_emptier_battery_never_carry_more(card):
+    assert (np.diff(card.fill_kg, axis=0) <= 0.0).all()
+    assert (np.diff(card.fill_kg, axis=1) >= 0.0).all()
+    assert card.fill_kg[0, -1] > card.fill_kg[-1, 0] + 2.0
+
+
+def test_the_card_never_allows_more_than_the_whole_plan_does(made):
+    tight = fill_card(replace(made, largest_fill_kg=5.3), BATTERY)
+    assert tight.fill_kg.max() == pytest.approx(5.3)
+
+
+@pytest.mark.parametrize("least", [float("nan")])
+def test_no_card_without_a_largest_fill_or_a_sag(made, least):
+    with pytest.raises(DataError, match="not known"):
+        fill_card(replace(made, largest_fill_kg=least), BATTERY)
+    with pytest.raises(DataError, match="--resistance"):
+        fill_card(made, FlightBattery())
+
+
+BY_HAND = FillCard(
+    fill_kg=np.array([[8.0, 10.0, 12.0], [6.0, 8.0, 10.0], [4.0, 6.0, 8.0]]),
+    celsius=np.array([10.0, 20.0, 30.0]),
+    rest_voltage=np.array([50.0, 54.0, 58.0]),
+    pressure=101325.0,
+    resistance=0.02,
+)
+
+
+def vehicle(made, *, refuse=False, plan="field.plan", volts=54.5, **params) -> ScriptedVehicle:
+    craft = ScriptedVehicle(**{"ARMING_CHECK": 1, **params})
+    craft.now.volts[0] = volts
+    craft.now.temperature = 19.0
+    craft.load(gate_text(made, BY_HAND, plan=plan, refuse=refuse))
+    return craft
+
+
+def test_what_is_within_the_card_passes_and_is_said_once(made):
+    craft = vehicle(made, refuse=True)
+    assert craft.auth == "passed"
+    craft.look(100)
+    assert craft.taken("texts") == [(6, "Planned 6.0kg, most 8.0 (19C 54.5V)")]
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"TMG_FILL": 8.2}, "Stated 8.2kg, most 8.0 (19C 54.5V)"),
+        ({"volts": 53.9, "TMG_FILL": 6.2}, "Stated 6.2kg, most 6.0 (19C 53.9V)"),
+        ({"volts": 49.9}, "Battery 49.9V below the fill table"),
+        ({"TMG_GAUGE": 1}, "Gauge gives no reading"),
+    ],
+)
+def test_more_than_the_card_is_refused_only_where_that_was_asked(made, change, why):
+    refusing = vehicle(made, refuse=True, **change)
+    assert refusing.auth == why
+    assert refusing.taken("texts") == [(4, why)]
+    warning = vehicle(made, **change)
+    assert warning.auth is None
+    assert warning.taken("texts") == [(4, why)]
+    warning.look(29)
+    assert warning.taken("texts") == []
+    warning.look(1)
+    assert warning.taken("texts") == [(4, why)]
+
+
+def test_hot_and_thin_air_count_and_beyond_the_table_nothing_is_guessed(made):
+    craft = vehicle(made, refuse=True, TMG_FILL=7)
+    craft.now.temperature = 21.0
+    craft.look()
+    assert craft.auth == "Stated 7.0kg, most 6.0 (21C 54.5V)"
+    # 900 hPa at 5 °C is as thin as 40 °C at sea level: (278.15 * 1013.25 / 900) - 273.15.
+    craft.now.temperature, craft.now.pressure = 5.0, 90000.0
+    craft.look()
+    assert craft.auth == "Air 40C beyond the fill table"
+    craft.now.pressure = 0.0
+    craft.look()
+    assert craft.auth == "Barometer gives no reading"
+
+
+def test_a_gauge_comes_before_what_was_stated(made):
+    craft = vehicle(made, refuse=True, TMG_FILL=2, TMG_GAUGE=1)
+    craft.now.volts[1], craft.now.percent[1] = 1.0, 60
+    craft.look()
+    assert craft.auth == "Gauge 9.6kg, most 8.0 (19C 54.5V)"  # 60 % of 16 kg
+    craft.now.percent[1] = 40
+    craft.look()
+    assert craft.auth == "passed"
+
+
+def test_in_the_air_it_says_once_what_stood_at_arming_and_then_keeps_quiet(made):
+    craft = vehicle(made, TMG_FILL=9)
+    craft.taken("texts")
+    craft.now.armed = True
+    craft.now.volts[0] = 45.0
+    craft.look(200)
+    assert craft.taken("texts") == [(4, "Stated 9.0kg, most 8.0 (19C 54.5V)")]
+
+
+@pytest.mark.parametrize(
+    ("params", "why"),
+    [
+        ({"ARMING_CHECK": 2}, "Fill gate: ARMING_CHECK leaves it out"),
+        ({"ARMING_CHECK": 1, "ARMING_SKIPCHK": 2**17}, "Fill gate: ARMING_SKIPCHK leaves it out"),
+    ],
+)
+def test_a_refusal_that_nobody_would_heed_is_said(made, params, why):
+    assert vehicle(made, refuse=True, **params).taken("texts") == [(4, why)]
+    assert vehicle(made, refuse=True, ARMING_CHECK=2**17).taken("texts")[0][0] == 6
+
+
+def test_without_an_authorisation_left_it_says_that_it_cannot_refuse(made):
+    craft = ScriptedVehicle(ARMING_CHECK=1)
+    craft.no_authorisation_left()
+    craft.now.volts[0] = 54.5
+    craft.load(gate_text(made, BY_HAND, plan="x", refuse=True))
+    assert craft.taken("texts") == [(4, "Fill gate: no authorisation is free")]
+
+
+def test_no_name_of_a_file_becomes_a_line_of_the_script(made):
+    craft = vehicle(made, plan="a\nnow.armed = true --\r]]")
+    assert not craft.now.armed
