@@ -19,7 +19,7 @@ from thrustmargin.models.errors import LinkError
 
 #: Where autopilots, simulators, routers and BlueOS (5777) offer their telemetry.
 USUAL = (
-    *(f"udpin:0.0.0.0:{port}" for port in (14550, 14540)),
+    *(f"udpin:127.0.0.1:{port}" for port in (14550, 14540)),
     *(f"tcp:127.0.0.1:{port}" for port in (5760, 5762, 5763, 5777)),
 )
 BAUDS = (115_200, 57_600)  # of USB and of telemetry radios

@@ -81,7 +81,7 @@ def monitor(
             NAMED_VALUE_FLOAT.
         announce_battery: With --announce, on trial: margin and tank besides as batteries 90 and 91
             (BATTERY_STATUS), for ground stations that show no named values.
-        bar: Serve the pilot's bar on this port to all who can reach it, for BlueOS and Cockpit:
+        bar: Serve the pilot's bar on this port of --host, for BlueOS and Cockpit:
             margin, rotor, action, no positions and no token.
         request_rates: Ask the vehicle for the messages that are needed, at the rates needed.
         fetch_mission: Ask each vehicle for its mission when it appears, to forecast the margin
@@ -168,7 +168,7 @@ def monitor(
     if bar is not None:
         from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
 
-        pilot_bar = PilotBar(live.now_us, limit=1.0 - max_utilisation, port=bar, host="0.0.0.0")
+        pilot_bar = PilotBar(live.now_us, limit=1.0 - max_utilisation, port=bar, host=host)
         live.subscribers.append(pilot_bar)
     fetcher = None
     if fetch_mission:

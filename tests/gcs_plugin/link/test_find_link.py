@@ -38,7 +38,7 @@ def sending(send):
 
 def test_the_usual_endpoints_are_looked_at():
     assert set(USUAL) == {
-        *("udpin:0.0.0.0:14550", "udpin:0.0.0.0:14540", "tcp:127.0.0.1:5760"),
+        *("udpin:127.0.0.1:14550", "udpin:127.0.0.1:14540", "tcp:127.0.0.1:5760"),
         *("tcp:127.0.0.1:5762", "tcp:127.0.0.1:5763", "tcp:127.0.0.1:5777"),
     }
 
@@ -102,10 +102,10 @@ def test_it_says_what_became_of_each():
 
 def test_what_was_tried_is_said_together_where_it_ended_alike():
     tried = {
-        "udpin:0.0.0.0:1": "nothing came",
+        "udpin:127.0.0.1:1": "nothing came",
         "tcp:a:2": "refused",
-        "udpin:0.0.0.0:3": "nothing came",
+        "udpin:127.0.0.1:3": "nothing came",
     }
     assert tried_words(tried).endswith(
-        "Tried udpin:0.0.0.0:1, udpin:0.0.0.0:3: nothing came; tcp:a:2: refused"
+        "Tried udpin:127.0.0.1:1, udpin:127.0.0.1:3: nothing came; tcp:a:2: refused"
     )
