@@ -334,6 +334,9 @@ def test_torn_lines_of_a_text_log_are_counted_and_left_out(tmp_path):
     log = read_log(written(tmp_path, data.encode(), "torn.log"))
     assert 0 < log.quality.damaged_places <= 50
     assert log.track.time_s.size >= 2314 - 60
+    when = [place.time_s for place in log.quality.damage]  # of the last whole message before
+    assert when == sorted(when)
+    assert 20.0 < when[0] < when[-1] < 320.0
 
 
 def test_a_log_says_which_messages_its_channels_came_from():
