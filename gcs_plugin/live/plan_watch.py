@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.live_words import of_vehicle
 from thrustmargin.gcs_plugin.wording.plans.beside_words import (
+    NOT_BESIDE,
     beside_words,
     off_sentence,
     stretch_words,
@@ -122,7 +123,7 @@ class PlanWatch(Subscriber):
                 except PlanError as error:
                     self._say(of_vehicle(number, str(error)))
                 except Exception:  # of any kind: the watch of the aircraft goes on
-                    _log.exception("the plan could not be put beside the flight")
+                    _log.exception(NOT_BESIDE)
             if last:
                 return
 

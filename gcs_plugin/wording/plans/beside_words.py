@@ -7,6 +7,7 @@ from typing import Protocol
 
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 
+NOT_BESIDE = "the plan could not be put beside the flight"
 #: Assumption -> what is so of it, from the amounts flown and forecast.
 _OFF: Mapping[str, Callable[[float, float], str]] = {
     "wind": lambda flown, planned: (

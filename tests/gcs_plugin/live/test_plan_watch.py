@@ -1,5 +1,7 @@
 """A plan beside the flight as it is flown, by a recorded flight in pieces."""
 
+# pyright: reportArgumentType=false
+
 import re
 from types import SimpleNamespace
 

@@ -20,11 +20,12 @@ from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")
+LARGER_PUMP = replace(AIRFRAME, pump_max_flow_l_min=4.5)
 
 
-def levels(frames, tank: str = "auto", start: float | None = None):
+def levels(frames, tank: str = "auto", start: float | None = None, airframe=AIRFRAME):
     """Level (kg), its source, notes and what was pumped, at each row."""
-    rows, _ = live_rows(frames, AIRFRAME, tank=tank, tank_start_kg=start, piece=50)
+    rows, _ = live_rows(frames, airframe, tank=tank, tank_start_kg=start, piece=50)
     assert rows is not None
     source = rows.track.source("tank_kg").words
     return [
@@ -118,7 +119,8 @@ def test_the_pump_alone_gives_the_level_from_a_stated_start(sitl_logs):
 
 def test_the_delivery_meter_finds_what_the_nozzles_let_through(sitl_logs):
     meter = DeliveryMeter()
-    for level, _, _, pumped in levels(log_frames(sitl_logs / "campaign" / "v6_m10_q3.5.tlog")):
+    frames = log_frames(sitl_logs / "campaign" / "v6_m10_q3.5.tlog")
+    for level, _, _, pumped in levels(frames, airframe=LARGER_PUMP):
         meter.add(level, pumped)
     # The simulated nozzles pass 3.5 of the pump's 4.5 L/min.
     assert meter.first == pytest.approx(3.5 / 4.5, abs=0.04)

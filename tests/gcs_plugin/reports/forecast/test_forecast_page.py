@@ -1,5 +1,7 @@
 """The forecast on one page and on paper."""
 
+# pyright: reportArgumentType=false
+
 import io
 from types import SimpleNamespace
 
