@@ -40,12 +40,14 @@ def test_one_aircraft_on_board(benchmark, tmp_path):
     told = {}
 
     def measure() -> None:
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        none = subprocess.DEVNULL
         link = f"udpin:127.0.0.1:{port}"
-        with subprocess.Popen([*program, "monitor", link, *words], cwd=tmp_path, **quiet) as ours:
+        with subprocess.Popen(
+            [*program, "monitor", link, *words], cwd=tmp_path, stdout=none, stderr=none
+        ) as ours:
             time.sleep(3.0)
             send = [*program, "stream", "demo", "--to", f"udpout:127.0.0.1:{port}"]
-            with subprocess.Popen(send, cwd=tmp_path, **quiet) as sender:
+            with subprocess.Popen(send, cwd=tmp_path, stdout=none, stderr=none) as sender:
                 time.sleep(SETTLED_S)
                 before, _ = used(ours.pid)
                 time.sleep(SECONDS)
