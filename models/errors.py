@@ -41,7 +41,16 @@ class InstallError(ThrustMarginError):
 
 def require_torch(task: str) -> None:
     """Raise InstallError where torch is missing, which only training and identification need."""
-    if find_spec("torch") is None:
+    require_library(task, "torch", "torch", "train")
+
+
+def require_library(task: str, library: str, module: str, extra: str) -> None:
+    """Raise InstallError where a library that only `task` needs is missing.
+
+    It is imported as `module`, and installed with the extra of this name.
+    """
+    if find_spec(module) is None:
         raise InstallError(
-            f"{task} needs torch, which is not installed; run: pip install 'thrustmargin[train]'"
+            f"{task} needs {library}, which is not installed; "
+            f"run: pip install 'thrustmargin[{extra}]'"
         )

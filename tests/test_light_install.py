@@ -16,6 +16,7 @@ WITHOUT_TORCH = {
     "cover": ["--help"],
     "demo": [FLIGHT, *VIEW],
     "airframe": ["check", "topxgun-f16-sitl", FLIGHT],
+    "export": [FLIGHT, "--layout", "layout.json"],
     "fetch": ["mission", "--help"],
     "fill": ["--airframe", "topxgun-f16"],
     "fleet": ["season"],

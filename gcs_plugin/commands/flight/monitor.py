@@ -7,8 +7,9 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import tyro
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
@@ -16,10 +17,12 @@ from thrustmargin.gcs_plugin.commands.shared.options import check_utilisation
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import require_library
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.console import EventPrinter
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
+    from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
     from thrustmargin.gcs_plugin.view.live_view import LiveView
     from thrustmargin.models.physics.airframe import Airframe
 
@@ -44,6 +47,7 @@ def monitor(
     token_file: Path | None = None,
     browser: bool = True,
     silent: bool = False,
+    metrics: Annotated[int | None, tyro.conf.arg(metavar="PORT")] = None,
     seconds: float | None = None,
 ) -> None:
     """Watch every aircraft on a link: thrust margin, redundancy, tank and alarms as they happen.
@@ -84,6 +88,8 @@ def monitor(
         browser: Open the page in the browser.
         silent: Make no sound: without it the page has a button that switches tone and voice on, and
             the terminal without a page rings its bell.
+        metrics: Port at which Prometheus on this computer collects margins, alarms, ages and
+            losses; without it none.
         seconds: End by itself after so long.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
@@ -95,6 +101,8 @@ def monitor(
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, RATES
 
     check_utilisation(max_utilisation)
+    if metrics is not None:
+        require_library("monitor --metrics", "prometheus-client", "prometheus_client", "streams")
     where = {"host": host, "port": port, "token": page_token(host, token_file)}
     keywords = reading_keywords(reading)
     accept, sign, why = None, None, str
@@ -166,6 +174,7 @@ def monitor(
 
         live.subscribers.append(Bell(Terminal().bell))
     page = _page(live, chosen.airframe, silent, max_utilisation, **where) if view else None
+    served = None if metrics is None else _metrics(live, metrics)
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
         live.start()
@@ -175,6 +184,8 @@ def monitor(
     finally:
         if fetcher is not None:
             fetcher.close()
+        if served is not None:
+            served.close()
         live.close()
         if page is not None:
             page.stop()
@@ -206,6 +217,19 @@ def _page(
         raise
     live.subscribers.append(page)
     return page
+
+
+def _metrics(live: LiveMonitor, port: int) -> MetricsServer:
+    from thrustmargin.gcs_plugin.live.metrics.collector import MonitorCollector
+    from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
+
+    try:
+        served = MetricsServer(MonitorCollector(live), port)
+    except BaseException:
+        live.close()
+        raise
+    Terminal(stderr=True, soft_wrap=True).print(f"metrics: {served.url}")
+    return served
 
 
 def _show(live: LiveMonitor, until: float, printer: EventPrinter | None, *, page: bool) -> None:
