@@ -37,6 +37,7 @@ COMMANDS = {
     "inspect": "Show what a log holds",
     "match": "Match an aircraft's load with its power system",
     "monitor": "Watch every aircraft on a link",
+    "record": "Write the record of a spraying job: what, where, how much, when, by whom",
     "replay": "Replay a recorded flight",
     "report": "Write a margin report of one or more flights",
     "stream": "Play a telemetry log onto the network as if the vehicle were there",
@@ -46,7 +47,17 @@ COMMANDS = {
 #: Room of thrustmargin.gcs_plugin.commands -> its subcommands: modules that hold a function of
 #: the same name. `airframe` has a room of its own.
 ROOMS = {
-    "flight": ("demo", "export", "fetch", "inspect", "monitor", "replay", "report", "stream"),
+    "flight": (
+        "demo",
+        "export",
+        "fetch",
+        "inspect",
+        "monitor",
+        "record",
+        "replay",
+        "report",
+        "stream",
+    ),
     "load": ("cover", "fill", "forecast", "match"),
     "loop": ("identify", "train"),
     "season": ("fleet", "ingest"),

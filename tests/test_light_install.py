@@ -26,6 +26,7 @@ WITHOUT_TORCH = {
     "inspect": [FLIGHT],
     "match": ["--airframe", "topxgun-f16"],
     "monitor": [FLIGHT, "--port", "0", "--no-browser", "--seconds", "3"],
+    "record": [FLIGHT, "--out", "job"],
     "replay": [FLIGHT, "--port", "0", "--no-browser"],
     "report": [FLIGHT],
     "stream": [FLIGHT, "--to", "udpout:127.0.0.1:9", "--speed", "10000"],
