@@ -91,7 +91,8 @@ class SeasonStore:
         """The whole of one object. Raises OSError when it is a folder, a pipe or a device."""
         if self.on_disk:
             return regular(Path(self.path(key))).read_bytes()
-        return bytes(self.files.cat_file(self.path(key)))
+        held = self.files.cat_file(self.path(key))
+        return held if isinstance(held, bytes) else held.encode()
 
     def names(self) -> str | None:
         """What the key of this store's pseudonyms is known by; None where flights have names.
