@@ -27,6 +27,7 @@ COMMANDS = {
     "airframe": "Make, show and check the file of an aircraft",
     "cover": "Plan the route that sprays a field",
     "demo": "Show what thrustmargin does",
+    "export": "Write a flight as messages that Foxglove and other viewers of MCAP show",
     "fetch": "Download the mission or a flight log from the vehicle",
     "fill": "Say how much liquid to fill for a day, and how that changes with air and battery",
     "fleet": "Show which aircraft of a season to look at first, and why",
@@ -37,6 +38,7 @@ COMMANDS = {
     "install": "Copy what goes into another program",
     "match": "Match an aircraft's load with its power system",
     "monitor": "Watch every aircraft on a link",
+    "record": "Write the record of a spraying job: what, where, how much, when, by whom",
     "replay": "Replay a recorded flight",
     "report": "Write a margin report of one or more flights",
     "stream": "Play a telemetry log onto the network as if the vehicle were there",
@@ -46,7 +48,18 @@ COMMANDS = {
 #: Room of thrustmargin.gcs_plugin.commands -> its subcommands: modules that hold a function of
 #: the same name. `airframe` has a room of its own.
 ROOMS = {
-    "flight": ("demo", "fetch", "inspect", "install", "monitor", "replay", "report", "stream"),
+    "flight": (
+        "demo",
+        "export",
+        "fetch",
+        "inspect",
+        "install",
+        "monitor",
+        "record",
+        "replay",
+        "report",
+        "stream",
+    ),
     "load": ("cover", "fill", "forecast", "match"),
     "loop": ("identify", "train"),
     "season": ("fleet", "ingest"),

@@ -46,6 +46,9 @@ EXTRAS = {
     **dict.fromkeys(
         ("pyarrow", "duckdb", "fsspec", "filelock", "ruptures", "distributed", "s3fs"), "fleet"
     ),
+    "mcap": "streams",
+    "prometheus_client": "streams",
+    "shapefile": "field",
 }
 
 

@@ -98,11 +98,13 @@ def test_the_house_has_at_most_20_rooms_on_12_floors():
 
 def test_pages_of_different_kinds_share_only_what_is_shared():
     kinds = {"identify", "margin", "model"}
+    of_the_margin_report = {"streams", "record"}  # the same numbers in other files
     for name, targets in module_graph().items():
         if name.startswith("gcs_plugin.reports."):
             own = name.split(".")[2]
             seen = {t.split(".")[2] for t in targets if t.startswith("gcs_plugin.reports.")}
-            assert seen & kinds <= {own} & kinds, name
+            allowed = {"margin" if own in of_the_margin_report else own}
+            assert seen & kinds <= allowed & kinds, name
 
 
 @pytest.mark.parametrize("package", ["models", "mission"])

@@ -24,6 +24,7 @@ from pathlib import Path
 from thrustmargin.gcs_plugin.mavlink.frame import SIGNATURE, SIGNED, V1, V2, checksum
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.models.errors import LinkError
+from thrustmargin.models.whole_file import regular
 
 KEY_LENGTH = 32  # bytes
 DIGEST_LENGTH = 6  # bytes
@@ -229,7 +230,7 @@ def read_signing_key(path: Path) -> SigningKey:
     users of the computer can read the file. Raises LinkError when the file holds none of these.
     """
     try:
-        content = path.read_bytes() if path.stat().st_size <= 4096 else b""
+        content = path.read_bytes() if regular(path).stat().st_size <= 4096 else b""
         mode = path.stat().st_mode
     except OSError as error:
         raise LinkError(f"signing key file {path} cannot be read: {error.strerror}") from error

@@ -32,6 +32,7 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.units import UNITS, Scale
+from thrustmargin.models.whole_file import regular
 
 FILE = "columns.toml"
 QUATERNION = tuple(f"quaternion_{part}" for part in "wxyz")
@@ -53,11 +54,13 @@ def stated_columns(path: Path, unit_of: Callable[[str], str | None]) -> dict[str
     names the line that is wrong.
     """
     places = (path.with_name(f"{path.stem}.{FILE}"), path.with_name(FILE))
-    file = next((place for place in places if place.is_file()), None)
+    file = next((place for place in places if place.exists()), None)
     if file is None:
         return {}
     try:
-        lines = tomllib.loads(file.read_text(encoding="utf-8"))
+        lines = tomllib.loads(regular(file).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise LogError(f"{file.name} cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise LogError(f"{file.name}: not a file of columns: {error}") from error
     units = {name: "" if name in QUATERNION else unit_of(name) for name in lines}

@@ -26,7 +26,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.store.schema import table_schema
 from thrustmargin.models.errors import DataError, require
-from thrustmargin.models.whole_file import whole_file
+from thrustmargin.models.whole_file import regular, whole_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -88,6 +88,13 @@ class SeasonStore:
             return []
         return sorted(str(p).rstrip("/").rpartition("/aircraft=")[2] for p in found)
 
+    def read(self, key: str) -> bytes:
+        """The whole of one object. Raises OSError when it is a folder, a pipe or a device."""
+        if self.on_disk:
+            return regular(Path(self.path(key))).read_bytes()
+        held = self.files.cat_file(self.path(key))
+        return held if isinstance(held, bytes) else held.encode()
+
     def names(self) -> str | None:
         """What the key of this store's pseudonyms is known by; None where flights have names.
 
@@ -97,7 +104,7 @@ class SeasonStore:
         if not self.files.exists(key):
             return None
         try:
-            held = json.loads(self.files.cat_file(key))
+            held = json.loads(self.read(NAMES))
         except (ValueError, RecursionError):
             held = None
         names = held.get("names", 0) if isinstance(held, dict) else 0

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 TABLES = ("flights", "rows", "sums", "rejected")
 HEARD_S = 0.1  # within which Ctrl-C is heard
+#: Rows of an answer at most: more is a table to copy, and memory that nobody has.
+MOST_ROWS = 1_000_000
 CLOSED = {
+    "memory_limit": "'2GB'",
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
     "python_enable_replacements": "false",
@@ -30,7 +33,8 @@ CLOSED = {
 def query(store: SeasonStore, sql: str) -> pa.Table:
     """The answer of one SELECT over `flights`, `rows`, `sums` and `rejected`.
 
-    Raises DataError with duckdb's reason where it is none. Ctrl-C ends a query that does not.
+    Raises DataError with duckdb's reason where it is none, or where it has more than MOST_ROWS.
+    Ctrl-C ends a query that does not.
     """
     require("--sql", "duckdb")
     import duckdb
@@ -44,15 +48,18 @@ def query(store: SeasonStore, sql: str) -> pa.Table:
             statements = connection.extract_statements(sql)
             if len(statements) != 1 or statements[0].type != duckdb.StatementType.SELECT:
                 raise DataError("--sql takes one SELECT statement, and nothing that writes")
-            return _interruptible(connection, sql)
+            answer = _interruptible(connection, sql)
         except duckdb.Error as error:
             raise DataError(f"--sql: {str(error).splitlines()[0]}") from error
+    if answer.num_rows > MOST_ROWS:
+        raise DataError(f"--sql: the answer has more than {MOST_ROWS} rows; add a LIMIT or a WHERE")
+    return answer
 
 
 def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
     """The answer, computed in a thread: duckdb holds the one that would hear of Ctrl-C."""
     with ThreadPoolExecutor(max_workers=1) as worker:
-        answer = worker.submit(lambda: connection.sql(sql).to_arrow_table())
+        answer = worker.submit(lambda: connection.sql(sql).limit(MOST_ROWS + 1).to_arrow_table())
         try:
             while not answer.done():
                 wait((answer,), timeout=HEARD_S)

@@ -7,6 +7,7 @@ no other file.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from hashlib import sha256
 from importlib import resources
 from pathlib import Path
@@ -29,6 +30,8 @@ from thrustmargin.models.whole_file import regular, whole_file
 #: what the JSON in a model file says it is
 SCHEMA = "thrustmargin.model/1"
 METADATA_KEY = "thrustmargin"
+#: beside it: the digest of all else, which files of earlier versions lack
+DIGEST_KEY = "thrustmargin.sha256"
 
 #: arrays of RotorNetwork beside its layers
 STANDARDISATION = ("input_mean", "input_scale", "output_mean", "output_scale")
@@ -56,10 +59,19 @@ def shipped_model() -> RotorModel:
 
 
 def model_bytes(model: RotorModel) -> bytes:
-    """All that a model file of it holds."""
+    """All that a model file of it holds but the digest of that."""
     from safetensors.numpy import save
 
     return save(_tensors(model.network), metadata={METADATA_KEY: json.dumps(_metadata(model))})
+
+
+def _content_digest(text: str, tensors: Mapping[str, np.ndarray]) -> str:
+    """SHA-256 of the JSON and of every tensor's name, kind, shape and numbers."""
+    digest = sha256(text.encode())
+    for name, array in sorted(tensors.items()):
+        digest.update(f"\n{name} {array.dtype.str} {array.shape}\n".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 def model_digest(model: RotorModel) -> str:
@@ -72,7 +84,11 @@ def save_model(model: RotorModel, path: Path) -> None:
 
     Raises ModelError when the file cannot be written.
     """
-    content = model_bytes(model)
+    from safetensors.numpy import save
+
+    text, tensors = json.dumps(_metadata(model)), _tensors(model.network)
+    metadata = {METADATA_KEY: text, DIGEST_KEY: _content_digest(text, tensors)}
+    content = save(tensors, metadata=metadata)
     try:
         with whole_file(path) as draft:
             draft.write_bytes(content)
@@ -99,8 +115,14 @@ def load_model(path: str | Path | None = None) -> RotorModel:
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise _unreadable(path, error) from error
+    text = metadata.get(METADATA_KEY, "null")
+    if metadata.get(DIGEST_KEY, digest := _content_digest(text, tensors)) != digest:
+        raise ModelError(
+            f"model file {path} was changed since it was written: its digest differs; take a whole "
+            "copy, or train again"
+        )
     try:
-        return _model(json.loads(metadata.get(METADATA_KEY, "null")), tensors)
+        return _model(json.loads(text), tensors)
     except (ModelError, AirframeError, ValueError, RecursionError) as error:
         raise ModelError(
             f"model file {path}: {error}; train a new one with: thrustmargin train"
@@ -112,7 +134,8 @@ def _unreadable(path: Path, error: Exception) -> ModelError:
         return ModelError(f"no model file {path}; make one with: thrustmargin train LOG...")
     if path.is_dir():
         return ModelError(f"{path} is a folder; give the .safetensors file in it")
-    return ModelError(f"{path} is not a whole model file ({error}); give another --model")
+    reason = error.strerror if isinstance(error, OSError) else error
+    return ModelError(f"{path} is not a whole model file ({reason}); give another --model")
 
 
 def _tensors(network: RotorNetwork | None) -> dict[str, np.ndarray]:

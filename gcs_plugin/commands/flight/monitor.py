@@ -7,8 +7,9 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import tyro
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
@@ -16,13 +17,14 @@ from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_ut
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.models.errors import LinkError
+from thrustmargin.models.errors import LinkError, require
 
 LOOK_FOR = 5.0  # s until it is said where nothing was heard
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.console import EventPrinter
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
+    from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
     from thrustmargin.gcs_plugin.view.live_view import LiveView
     from thrustmargin.models.physics.airframe import Airframe
 
@@ -50,6 +52,7 @@ def monitor(
     token_file: Path | None = None,
     browser: bool = True,
     silent: bool = False,
+    metrics: Annotated[int | None, tyro.conf.arg(metavar="PORT")] = None,
     seconds: float | None = None,
 ) -> None:
     """Watch every aircraft on a link: thrust margin, redundancy, tank and alarms as they happen.
@@ -98,6 +101,8 @@ def monitor(
         browser: Open the page in the browser.
         silent: Make no sound: without it the page has a button that switches tone and voice on, and
             the terminal without a page rings its bell.
+        metrics: Port at which Prometheus on this computer collects margins, alarms, ages and
+            losses; without it none.
         seconds: End by itself after so long.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
@@ -114,6 +119,8 @@ def monitor(
     check_utilisation(max_utilisation)
     if announce_battery and not announce:
         raise UsageError("--announce-battery sends nothing without --announce; give both")
+    if metrics is not None:
+        require("monitor --metrics", "prometheus_client")
     where = {"host": host, "port": port, "token": page_token(host, token_file)}
     keywords = reading_keywords(reading)
     if url is None:
@@ -204,6 +211,7 @@ def monitor(
 
         live.subscribers.append(Bell(Terminal().bell))
     page = _page(live, chosen.airframe, silent, max_utilisation, **where) if view else None
+    served = None if metrics is None else _metrics(live, metrics)
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
         if pilot_bar is not None:
@@ -217,6 +225,8 @@ def monitor(
             fetcher.close()
         if pilot_bar is not None:
             pilot_bar.stop()
+        if served is not None:
+            served.close()
         live.close()
         if watch is not None:
             watch.close()
@@ -273,6 +283,19 @@ def _page(
         raise
     live.subscribers.append(page)
     return page
+
+
+def _metrics(live: LiveMonitor, port: int) -> MetricsServer:
+    from thrustmargin.gcs_plugin.live.metrics.collector import MonitorCollector
+    from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
+
+    try:
+        served = MetricsServer(MonitorCollector(live), port)
+    except BaseException:
+        live.close()
+        raise
+    Terminal(stderr=True, soft_wrap=True).print(f"metrics: {served.url}")
+    return served
 
 
 def _show(

@@ -10,6 +10,7 @@ from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, LogError
+from thrustmargin.models.whole_file import regular
 
 
 def stream(
@@ -41,8 +42,12 @@ def stream(
 
     if not (speed > 0.0 and math.isfinite(speed)):
         raise LinkError(f"--speed {speed:g} is no speed; give a number above 0")
-    if not log.is_file():
+    if not log.exists():
         raise LogError(f"{log}: no such file; check the name")
+    try:
+        regular(log)
+    except OSError as error:
+        raise LogError(f"{log}: {error.strerror}; give a log") from error
     found = formats(log)[0].name
     if found != "tlog":
         raise LogError(

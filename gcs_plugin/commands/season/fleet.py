@@ -132,9 +132,7 @@ def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
             ) from error
     if not store.files.exists(store.path(PARTS)):
         return []
-    with store.files.open(store.path(PARTS), "rb") as held:
-        data = held.read()
-    return read_parts(data if isinstance(data, bytes) else data.encode(), PARTS)
+    return read_parts(store.read(PARTS), PARTS)
 
 
 def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]:

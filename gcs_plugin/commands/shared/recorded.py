@@ -16,6 +16,7 @@ from rich.console import Console
 
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.whole_file import regular
 
 OPTIONS = "options.json"
 LIMIT = 0.5  # share of a rotor's maximum thrust, where nobody names another
@@ -110,10 +111,10 @@ def _common(recorded: Sequence[Chosen], logs: Sequence[Path], part: Callable[[Ch
 def _options_of(log: Path) -> Chosen:
     """Those beside a .tlog; none where there is no such file."""
     path = log.parent / OPTIONS
-    if log.suffix.lower() != ".tlog" or not path.is_file():
+    if log.suffix.lower() != ".tlog" or not path.exists():
         return Chosen()
     try:
-        table = json.loads(path.read_text("utf-8"))
+        table = json.loads(regular(path).read_text("utf-8"))
         made = Chosen(
             model=None if table["model"] is None else Path(table["model"]),
             airframe=table["airframe"],

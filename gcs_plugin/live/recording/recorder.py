@@ -69,6 +69,7 @@ def tabulates() -> bool:
 class Recorder:
     """Writes one session into a new folder below `parent`, with the files `beside` by name.
 
+    Other users of the computer cannot read it: it holds where people and their fields are.
     Raises LinkError when it cannot.
     """
 
@@ -81,7 +82,7 @@ class Recorder:
             parent.mkdir(parents=True, exist_ok=True)
             for number in range(2, 1000):
                 with contextlib.suppress(FileExistsError):
-                    self.folder.mkdir(parents=True)
+                    self.folder.mkdir(mode=0o700)
                     break
                 self.folder = parent / f"{stem}-{number}"
             for file, content in (beside or {}).items():
@@ -201,7 +202,7 @@ class _Appended:
 
     def __init__(self, path: Path) -> None:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-        self._file = os.open(path, flags, 0o644)
+        self._file = os.open(path, flags, 0o600)
         self.size = 0  # bytes of whole items
         self.items = 0
         self.lost = 0
@@ -308,6 +309,7 @@ class _Parts:
         table = pa.concat_tables(tables, promote_options="default")
         # The draft's name begins with a dot and does not end in .parquet: no reader takes it.
         with whole_file(path) as draft:
+            draft.touch(0o600)
             # Measurements hardly repeat: looking for values that do takes twice as long.
             pq.write_table(table, draft, use_dictionary=False)
 

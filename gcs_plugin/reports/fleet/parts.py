@@ -27,6 +27,10 @@ NAN = float("nan")
 POSITION = re.compile(r"(propeller|motor) ([1-9][0-9]?)|battery(?: [1-9][0-9]?)?")
 
 
+#: Characters of a name or a time.
+LONGEST_CELL = 200
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
     """One part in one place for a time."""
@@ -103,6 +107,12 @@ def _parts(rows: csv.DictReader, name: str) -> list[Part]:
 
 
 def _part(row: dict[str, Any], where: str) -> Part:
+    for column in COLUMNS:
+        if len(row[column] or "") > LONGEST_CELL:
+            raise DataError(
+                f"{where}: {column} has {len(row[column])} characters, more than {LONGEST_CELL}; "
+                "is it a table of parts?"
+            )
     part, aircraft, position, installed, removed = (clean(row[c] or "").strip() for c in COLUMNS)
     if not POSITION.fullmatch(position.lower()):
         raise DataError(

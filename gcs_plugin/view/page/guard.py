@@ -75,6 +75,7 @@ def page_headers(host: str) -> dict[str, str]:
             f"connect-src 'self' ws://{host} data: blob:; frame-ancestors 'none'"
         ),
         "X-Frame-Options": "DENY",
+        "X-Content-Type-Options": "nosniff",
         "Referrer-Policy": "no-referrer",
         "Cross-Origin-Resource-Policy": "same-origin",
     }

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.view.page.guard import is_loopback
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -40,9 +41,12 @@ def page_token(host: str, token_file: Path | None) -> str:
     if token_file is None:
         return "" if is_loopback(host) else secrets.token_urlsafe(16)
     try:
-        token = token_file.read_text("utf-8").strip()
+        token = regular(token_file).read_text("utf-8").strip()
     except (OSError, ValueError) as error:
-        raise DataError(f"{token_file} cannot be read; give another --token-file") from error
+        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        raise DataError(
+            f"{token_file} cannot be read ({reason}); give another --token-file"
+        ) from error
     if len(token) < SHORTEST or not re.fullmatch(r"[A-Za-z0-9_.~-]+", token):
         raise DataError(
             f"{token_file} holds no token; write {SHORTEST} or more letters, digits, - or _"
@@ -73,6 +77,7 @@ def asked_for(connection: ServerConnection, request: Request, token: str) -> Res
         response.headers["Content-Type"] = "text/html; charset=utf-8"
     response.headers["Cache-Control"] = "no-store"
     response.headers["Referrer-Policy"] = "no-referrer"
+    response.headers["X-Content-Type-Options"] = "nosniff"
     return response
 
 

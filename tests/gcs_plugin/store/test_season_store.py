@@ -1,6 +1,8 @@
 """The note on how the flights of a store are named: read, or refused in one line."""
 
 import json
+import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -37,3 +39,13 @@ def test_a_whole_note_is_read_and_none_is_none(tmp_path: Path):
     assert store.names() == "k"
     (tmp_path / "_store.json").write_text('{"names": null}')  # flights keep their names
     assert store.names() is None
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_pipe_in_place_of_the_note_is_refused(tmp_path):
+    note = tmp_path / "_store.json"
+    os.mkfifo(note)
+    # Who reads it all the same gets an answer, and the test fails instead of waiting.
+    threading.Thread(target=note.write_text, args=('{"names": null}',), daemon=True).start()
+    with pytest.raises(OSError, match="it is a pipe or a device"):
+        SeasonStore.open(str(tmp_path)).names()

@@ -70,3 +70,24 @@ def test_ctrl_c_ends_a_query_that_does_not(tmp_path: Path):
         finally:
             running.kill()
     assert b"KeyboardInterrupt" in said
+
+
+def test_an_answer_without_end_is_bounded(tmp_path: Path):
+    store = empty_store(tmp_path / "season")
+    assert query(store, "SELECT * FROM range(1000000)").num_rows == 1_000_000
+    with pytest.raises(DataError, match="more than 1000000 rows; add a LIMIT"):
+        query(store, "SELECT * FROM range(1000000000000)")
+
+
+def test_the_order_that_was_asked_for_stays(tmp_path: Path):
+    answer = query(
+        empty_store(tmp_path / "season"), "SELECT * FROM range(5000) AS t(n) ORDER BY n DESC"
+    )
+    assert answer.column(0).to_pylist() == list(range(4999, -1, -1))
+
+
+def test_memory_is_bounded(tmp_path: Path):
+    (row,) = query(
+        empty_store(tmp_path / "season"), "SELECT current_setting('memory_limit') AS most"
+    ).to_pylist()
+    assert row["most"] == "1.8 GiB"  # 2 GB

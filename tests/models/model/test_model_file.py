@@ -256,3 +256,23 @@ def test_the_shipped_model_is_whole_and_small():
     size = (resources.files("models") / "shipped" / "default.safetensors").read_bytes()
     assert len(size) < 1_000_000
     assert SCHEMA == "thrustmargin.model/1"
+
+
+def test_one_number_changed_on_the_disk_is_refused(tmp_path):
+    """A weight that is another number is as sound a file as before, and predicts otherwise."""
+    path = saved(tmp_path)
+    data = bytearray(path.read_bytes())
+    data[-3] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(ModelError, match="was changed since it was written"):
+        load_model(path)
+
+
+def test_a_changed_note_is_refused_too(tmp_path):
+    path = saved(tmp_path)
+    data = path.read_bytes()
+    name = b'reference_density\\":'
+    at = data.index(name) + data[data.index(name) :].index(b".") + 1  # the first decimal
+    path.write_bytes(data[:at] + (b"8" if data[at : at + 1] != b"8" else b"7") + data[at + 1 :])
+    with pytest.raises(ModelError, match="was changed since it was written"):
+        load_model(path)

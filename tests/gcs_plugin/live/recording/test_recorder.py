@@ -210,3 +210,20 @@ def test_a_file_system_without_room_is_survived(tmp_path):
         assert len(kept) == status.frames > 100
     finally:
         subprocess.run(["umount", str(small)], check=True)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes are of POSIX")
+def test_only_its_owner_reads_where_people_flew(tmp_path):
+    before = os.umask(0o022)
+    try:
+        recorder = Recorder(tmp_path, beside={"options.json": b"{}"})
+        recorder.frames(flight(1.0))
+        record(recorder, rows(0, 5))
+        recorder.event({"kind": "note"})
+        recorder.close()
+    finally:
+        os.umask(before)
+    modes = {p.name: p.stat().st_mode & 0o777 for p in recorder.folder.rglob("*") if p.is_file()}
+    assert recorder.folder.stat().st_mode & 0o777 == 0o700
+    for name in ("telemetry.tlog", "events.jsonl", "000001.parquet"):
+        assert modes[name] == 0o600

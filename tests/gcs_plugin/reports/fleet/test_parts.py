@@ -52,3 +52,21 @@ def test_a_cell_that_is_none_is_named_by_its_line():
 def test_a_byte_order_mark_is_no_part_of_a_column():
     (part,) = read_parts((HEAD + "P-1,a,motor 2,,\n").encode("utf-8-sig"), "parts.csv")
     assert part.name == "P-1"
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-32", "latin-1"])
+def test_another_encoding_is_one_line_whatever_it_is(encoding: str):
+    text = f"{HEAD}pé,A,propeller 1,,\n"
+    with pytest.raises(DataError, match="is not UTF-8; save it as CSV in UTF-8"):
+        read_parts(text.encode(encoding), "parts.csv")
+
+
+@pytest.mark.parametrize("length", [131_000, 131_072, 131_073])
+@pytest.mark.parametrize("column", [0, 2, 3])
+def test_a_cell_without_end_is_one_short_line(length: int, column: int):
+    cells = ["p", "A", "propeller 1", "2026-01-01", ""]
+    cells[column] = "9" * length
+    with pytest.raises(DataError) as refused:
+        read_parts((HEAD + ",".join(cells) + "\n").encode(), "parts.csv")
+    assert str(refused.value).startswith("parts.csv line")
+    assert len(str(refused.value)) < 200

@@ -241,3 +241,8 @@ def test_a_token_is_made_or_read_and_must_be_long_enough(tmp_path):
 def test_a_wrong_host_or_port_has_its_own_reason(host, port, says):
     with pytest.raises(LinkError, match=says):
         open_port(host, port)
+
+
+def test_no_answer_is_taken_for_another_kind_of_content(server):
+    own = get(server.get_port(), f"127.0.0.1:{server.get_port()}")
+    assert own.getheader("X-Content-Type-Options") == "nosniff"

@@ -1,0 +1,201 @@
+"""The monitor's newest figures as Prometheus metrics, made when they are asked for.
+
+A figure that is unknown or old is left out, so that no series goes on with a value of the past;
+the ages stay, and say why. Alarms stand until there is evidence to the contrary, as everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
+from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+
+#: MAV_SEVERITY -> what the label `level` says.
+LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
+_ROTOR = ("vehicle", "rotor", "name", "basis")
+#: Metric -> what it is, its labels beside the vehicle's.
+FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "margin_ratio": ("Thrust margin in the air, of one", _ROTOR),
+    "margin_low_ratio": ("Low end of its 90 % interval", _ROTOR),
+    "margin_high_ratio": ("High end of its 90 % interval", _ROTOR),
+    "utilisation_ratio": ("Share of the rotor's maximum thrust in use", _ROTOR),
+    "margin_predicted_ratio": ("Thrust margin as predicted, worst rotor", ("vehicle",)),
+    "redundancy_ratio": ("Worst rotor lost, yaw uncontrolled: thrust over weight", ("vehicle",)),
+    "tank_kg": ("Liquid in the tank", ("vehicle",)),
+    "tank_by_thrust_kg": ("Liquid in the tank as the rotors' thrust shows it", ("vehicle",)),
+    "time_to_empty_seconds": ("At the present flow; +Inf: not within a flight", ("vehicle",)),
+    "margin_ahead_ratio": ("Least predicted margin on the rest of the route", ("vehicle",)),
+    "margin_full_tank_ratio": ("Predicted margin with a full tank", ("vehicle",)),
+    "voltage_volts": ("Battery voltage", ("vehicle",)),
+    "flying": ("1 off the ground", ("vehicle",)),
+    "verdict_withheld": ("1: the aircraft is not known, no margin is claimed", ("vehicle",)),
+}
+#: What comes in, of the whole monitor: field of MonitorStatus -> what it counts.
+COUNTS = {
+    "frames": "MAVLink frames",
+    "bytes": "Bytes",
+    "bad_checksum": "Frames with a wrong checksum",
+    "unknown": "Frames of an unknown id",
+    "bytes_skipped": "Bytes of no frame",
+    "refused": "Frames that are not signed as they must be",
+    "kernel_drops": "Datagrams that the system dropped",
+    "compute_drops": "Frames that the analysis dropped",
+}
+PREFIX = "thrustmargin_"
+
+
+class MonitorCollector(Collector):
+    """All metrics of one monitor, at the time of each request; asked from any thread."""
+
+    def __init__(self, monitor: LiveMonitor) -> None:
+        self._monitor = monitor
+
+    def describe(self) -> Iterable[Metric]:
+        """None: what there is depends on what is heard."""
+        return ()
+
+    def collect(self) -> Iterator[Metric]:
+        """The metrics now."""
+        fleet, now_us = self._monitor.fleet, self._monitor.now_us()
+        watches = {str(n): w for n, w in fleet.vehicles.items() if not w.left(now_us)}
+        yield _gauge("vehicles", "Vehicles that are heard or missed", [((), float(len(watches)))])
+        limit = 1.0 - fleet.max_utilisation
+        yield _gauge("margin_least_ratio", "Margin below which an alarm is raised", [((), limit)])
+        yield from _ages(watches, now_us)
+        yield from _figures(watches, now_us, fleet.old_s)
+        labels = ("vehicle", "alarm", "part", "level", "state")
+        standing = [
+            ((number, alarm.name, part_of(alarm), LEVELS[alarm.severity], str(alarm.state)), 1.0)
+            for number, watch in watches.items()
+            for alarm in list(watch.alarms.standing.values())
+        ]
+        yield _gauge("alarm", "1 for each alarm that stands", standing, labels)
+        yield from _of_status(self._monitor.status())
+
+
+def part_of(alarm: Alarm) -> str:
+    """The label `part` of an alarm: `rotor 3`, `rotor 1 or 2`, or empty where it is of none."""
+    rotors = alarm.rotors if alarm.rotor is None else (alarm.rotor,)
+    return f"rotor {' or '.join(map(str, rotors))}" if rotors else ""
+
+
+def _gauge(
+    name: str,
+    words: str,
+    samples: Iterable[tuple[tuple[str, ...], float]],
+    labels: tuple[str, ...] = (),
+) -> GaugeMetricFamily:
+    family = GaugeMetricFamily(PREFIX + name, words, labels=labels)
+    for values, number in samples:
+        if not math.isnan(number):
+            family.add_metric(values, number)
+    return family
+
+
+def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric]:
+    """How old everything is, and what is lost on the way."""
+    silent = [((n,), w.silent(now_us)) for n, w in watches.items()]
+    yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
+    rows = [
+        ((n,), age_s(update, now_us)) for n, w in watches.items() if (update := w.last) is not None
+    ]
+    words = "Age of the newest figures; old ones are left out"
+    yield _gauge("figures_age_seconds", words, rows, ("vehicle",))
+    fields = [
+        ((n, field), age)
+        for n, w in watches.items()
+        for field, age in w.telemetry.stale(now_us).items()
+    ]
+    words = "Age of a field that is no longer reported"
+    yield _gauge("field_age_seconds", words, fields, ("vehicle", "field"))
+    for name, words in (
+        ("missing", "Frames whose numbers show that they were lost"),
+        ("doubled", "Frames that came twice"),
+        ("late", "Frames that newer ones overtook"),
+    ):
+        counted = [
+            ((n, str(component)), float(getattr(sender, name)))
+            for n, w in watches.items()
+            for component, sender in list(w.senders.items())
+        ]
+        yield _gauge(f"link_{name}_frames", words, counted, ("vehicle", "component"))
+
+
+def age_s(update: Update, now_us: int) -> float:
+    """s since the newest row's report came, at a time of the ground's clock."""
+    return max((now_us - int(update.stamp_us[-1])) * 1e-6, 0.0)
+
+
+def _figures(watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float) -> Iterator[Metric]:
+    """The figures of vehicles whose newest row is not old."""
+    samples: dict[str, list[tuple[tuple[str, ...], float]]] = {name: [] for name in FIGURES}
+    for number, watch in watches.items():
+        update = watch.last
+        if update is None or age_s(update, now_us) > old_s or watch.shared:
+            continue
+        for name, value in _of_vehicle(update).items():
+            samples[name].append(((number,), value))
+        for labels, of_rotor in _of_rotors(update):
+            for name, value in of_rotor.items():
+                samples[name].append(((number, *labels), value))
+    for name, (words, labels) in FIGURES.items():
+        yield _gauge(name, words, samples[name], labels)
+
+
+def _of_vehicle(update: Update) -> dict[str, float]:
+    analysis, outlook = update.analysis, update.outlook
+    predicted = analysis.margin_predicted[-1]
+    flying = bool(analysis.track.flying[-1])
+    return {
+        "margin_predicted_ratio": float(np.min(predicted)) if predicted.size else math.nan,
+        "redundancy_ratio": float(analysis.redundancy_yaw_uncontrolled[-1]),
+        "tank_kg": float(analysis.track.tank_kg[-1]),
+        "tank_by_thrust_kg": float(update.virtual_kg[-1]),
+        "time_to_empty_seconds": outlook.seconds_to_empty,
+        "margin_ahead_ratio": outlook.margin_ahead,
+        "margin_full_tank_ratio": outlook.margin_full,
+        "voltage_volts": float(analysis.track.voltage[-1]),
+        "flying": float(flying),
+        "verdict_withheld": float(bool(analysis.withheld)),
+    }
+
+
+def _of_rotors(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str, float]]]:
+    """(rotor, its name, what its figures rest on), figures; none on the ground."""
+    analysis = update.analysis
+    names = analysis.model.airframe.rotor_names
+    if analysis.withheld or not analysis.track.flying[-1]:
+        return
+    uses, errors = analysis.known_utilisation[-1], analysis.utilisation_error[-1]
+    for rotor, (use, error) in enumerate(zip(uses.tolist(), errors.tolist(), strict=True)):
+        reach = INTERVAL * error
+        yield (
+            (str(rotor + 1), names[rotor], str(analysis.basis_of(-1, rotor))),
+            {
+                "utilisation_ratio": use,
+                "margin_ratio": 1.0 - use,
+                "margin_low_ratio": 1.0 - (use + reach),
+                "margin_high_ratio": 1.0 - max(use - reach, 0.0) if use == use else math.nan,
+            },
+        )
+
+
+def _of_status(status: MonitorStatus) -> Iterator[Metric]:
+    for name, words in COUNTS.items():
+        yield CounterMetricFamily(f"{PREFIX}link_{name}", words, value=getattr(status, name))
+    yield _gauge("behind_seconds", "By which the analysis is late", [((), status.behind_s)])
+    recorder = status.recorder
+    if recorder is not None:
+        working = float(not recorder.trouble)
+        yield _gauge("recording", "1: what is heard is recorded", [((), working)])
+        lost = float(recorder.frames_lost)
+        yield CounterMetricFamily(f"{PREFIX}recording_lost_frames", "Not recorded", value=lost)

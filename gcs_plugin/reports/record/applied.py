@@ -1,0 +1,267 @@
+"""What was applied: the swaths of all sorties on one plane, their area, and the liquid used.
+
+The area is that under the track with the pump on, as wide as a swath, and ground that was sprayed
+twice counts once, whichever sortie it was. Liquid is taken from up to three independent estimates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pymap3d
+import shapely
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.mission.field import sprayed_field
+from thrustmargin.models.flight import FlightTrack, Floats, Origin
+from thrustmargin.models.model.inferred.load_inference import NINETY, with_load
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
+
+#: Rows at either end of a flight whose median is the level there.
+END_ROWS = 10
+#: Share by which two estimates of the liquid may differ and still agree, beside their intervals.
+AGREE_SHARE = 0.1
+#: s between two rows beyond which the way from the one to the other is not known.
+LONGEST_PAUSE = 2.0
+_REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pass:
+    """One stretch with the pump on, of sortie `flight` (its place in the job, from 1)."""
+
+    flight: int
+    start_unix_s: float | None
+    end_unix_s: float | None
+    length: float  # m
+    speed: float  # m/s, mean
+    strip: shapely.Polygon | None  # longitude, latitude in degrees; None without swath or place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Applied:
+    """The swaths of a job. Areas are m², NaN where the width is not known."""
+
+    passes: tuple[Pass, ...]
+    ground: shapely.MultiPolygon | None  # degrees, of all passes; None without swath or place
+    area: float
+    swath: float  # m
+    swath_from_lines: bool  # the spacing of neighbouring lines, nobody stated it
+    pump: Provenance  # what says that the pump was on
+    start_unix_s: float | None  # of the first pass, the end of the last
+    end_unix_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Liquid:
+    """kg that left the tank by one estimate, half of its 90 % interval, and its source."""
+
+    by: str  # gauge, pump or thrust
+    kg: float
+    within_kg: float
+    source: str
+
+
+def applied(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
+    """The swaths of all sorties; None where the pump was never heard to be on.
+
+    Without a `swath` in m it is the spacing of neighbouring lines. Sorties without a place on the
+    globe have no area beside others, for what they share is not known.
+    """
+    tracks = [log.track for log in logs]
+    origin = next((t.origin for t in tracks if t.origin is not None), None)
+    placed = all(track.origin is not None for track in tracks)
+    plans = [_on_plane(track, origin if placed else None) for track in tracks]
+    pumps = [np.where(track.flying, track.spraying, np.nan) for track in tracks]
+    runs = [_runs(*one) for one in zip(tracks, plans, pumps, strict=True)]
+    # A row without a place between two stretches: nothing is sprayed from the one to the other.
+    stretches = [
+        np.append(plan[run], np.full((1, 3), np.nan), axis=0)
+        for plan, held in zip(plans, runs, strict=True)
+        for run in held
+    ]
+    positions = np.concatenate([np.empty((0, 3)), *stretches])
+    field = sprayed_field(positions, np.ones(len(positions)), swath_width=swath)
+    if field is None:
+        return None
+    common = placed or len(logs) == 1
+    width = field.swath_width
+    passes = [
+        one
+        for number, (track, plan, held) in enumerate(zip(tracks, plans, runs, strict=True), 1)
+        for one in _passes(number, track, plan, held, width, origin if placed else None)
+    ]
+    times = [t for p in passes for t in (p.start_unix_s, p.end_unix_s) if t is not None]
+    dated = len(times) == 2 * len(passes) and bool(times)
+    known = placed and np.isfinite(width) and origin is not None
+    return Applied(
+        passes=tuple(passes),
+        ground=_degrees(field.ground, origin) if known and origin is not None else None,
+        area=field.area if common else float("nan"),
+        swath=width,
+        swath_from_lines=swath is None,
+        pump=tracks[0].source("spraying"),
+        start_unix_s=min(times) if dated else None,
+        end_unix_s=max(times) if dated else None,
+    )
+
+
+def _on_plane(track: FlightTrack, origin: Origin | None) -> Floats:
+    """(T, 3) the track's positions from `origin`, as they are without one."""
+    zero = track.origin
+    if origin is None or zero is None or zero == origin:
+        return track.position_ned
+    north, east, down = track.position_ned.T
+    latitude, longitude, altitude = pymap3d.ned2geodetic(
+        north, east, down, zero.latitude_deg, zero.longitude_deg, zero.altitude
+    )
+    moved = pymap3d.geodetic2ned(
+        latitude,
+        longitude,
+        altitude,
+        origin.latitude_deg,
+        origin.longitude_deg,
+        origin.altitude,
+    )
+    return np.stack(moved, axis=-1)
+
+
+def _runs(track: FlightTrack, plan: Floats, pump: Floats) -> list[NDArray[np.intp]]:
+    """Rows of each stretch with the pump on, without a pause in which the place is not known."""
+    on = np.flatnonzero((pump > 0.5) & np.all(np.isfinite(plan), axis=1))
+    ends = (np.diff(on) > 1) | (np.diff(track.time_s[on]) > LONGEST_PAUSE)
+    return [run for run in np.split(on, np.flatnonzero(ends) + 1) if run.size > 1]
+
+
+def _passes(
+    number: int,
+    track: FlightTrack,
+    plan: Floats,
+    runs: Sequence[NDArray[np.intp]],
+    width: float,
+    origin: Origin | None,
+) -> list[Pass]:
+    start = track.start_unix_s
+    made = []
+    for run in runs:
+        line = shapely.simplify(shapely.LineString(plan[run, :2]), 0.1)
+        if line.length == 0.0:
+            continue
+        seconds = float(track.time_s[run[-1]] - track.time_s[run[0]])
+        strip = None
+        if origin is not None and np.isfinite(width):
+            flat = shapely.buffer(line, width / 2, cap_style="flat", join_style="mitre")
+            strip = _degrees(flat, origin)
+        made.append(
+            Pass(
+                flight=number,
+                start_unix_s=None if start is None else start + float(track.time_s[run[0]]),
+                end_unix_s=None if start is None else start + float(track.time_s[run[-1]]),
+                length=float(line.length),
+                speed=float(line.length) / seconds if seconds > 0.0 else float("nan"),
+                strip=strip,
+            )
+        )
+    return made
+
+
+def _degrees(geometry: Any, origin: Origin) -> Any:
+    """A geometry of (north, east) in m as one of (longitude, latitude) in degrees."""
+
+    def degrees(points: Floats) -> Floats:
+        latitude, longitude, _ = pymap3d.ned2geodetic(
+            points[:, 0],
+            points[:, 1],
+            np.zeros(len(points)),
+            origin.latitude_deg,
+            origin.longitude_deg,
+            origin.altitude,
+        )
+        return np.column_stack([longitude, latitude])
+
+    return shapely.transform(geometry, degrees)
+
+
+def by_gauge(track: FlightTrack) -> Liquid | None:
+    """What the level fell by in the air; None where no gauge reports it, or it rose."""
+    source = track.source("tank_kg")
+    if source.kind not in _REPORTED:
+        return None
+    fall, _ = _fall(track)
+    return Liquid(by="gauge", kg=fall, within_kg=0.0, source=source.words) if fall >= 0.0 else None
+
+
+def by_pump(track: FlightTrack) -> Liquid | None:
+    """What the pump's output summed up to, of a track whose tank level was read from it."""
+    source = track.source("tank_kg")
+    if source.kind is not SourceKind.INFERRED or source.meaning is Meaning.HOVER_THRUST:
+        return None
+    fall, _ = _fall(track)
+    # Of a pump whose flow is not known nothing sums up.
+    return Liquid(by="pump", kg=fall, within_kg=0.0, source=source.words) if fall > 0.0 else None
+
+
+def by_thrust(track: FlightTrack, airframe: Airframe) -> Liquid | None:
+    """What the rotors carried less at the end, whatever gauge there is; None where too unsure."""
+    hidden = replace(
+        track,
+        tank_kg=np.full(track.time_s.size, np.nan),
+        sources={k: v for k, v in track.sources.items() if k != "tank_kg"},
+        standard_errors={k: v for k, v in track.standard_errors.items() if k != "tank_kg"},
+    )
+    shown = with_load(hidden, airframe)
+    source = shown.source("tank_kg")
+    if source.meaning is not Meaning.HOVER_THRUST:
+        return None
+    fall, error = _fall(shown)
+    within = NINETY * error
+    if not fall >= 0.0:
+        return None
+    return Liquid(by="thrust", kg=fall, within_kg=within, source=source.words)
+
+
+def _fall(track: FlightTrack) -> tuple[float, float]:
+    """kg from the first to the last known level in the air, and its standard error at most."""
+    known = np.flatnonzero(track.flying & np.isfinite(track.tank_kg))
+    if known.size < 2 * END_ROWS:
+        return float("nan"), float("nan")
+    ends = known[:END_ROWS], known[-END_ROWS:]
+    first, last = (float(np.median(track.tank_kg[rows])) for rows in ends)
+    errors = track.standard_errors.get("tank_kg", np.zeros(track.time_s.size))
+    # As if the two ends had nothing in common: it is never less.
+    before, after = (float(np.median(errors[rows])) for rows in ends)
+    return first - last, float(np.hypot(before, after))
+
+
+def in_all(parts: Sequence[Liquid | None]) -> Liquid | None:
+    """One estimate of the whole job; None where a sortie has none."""
+    known = [part for part in parts if part is not None]
+    if not known or len(known) < len(parts):
+        return None
+    kg = sum(part.kg for part in known)
+    within = float(np.hypot.reduce([part.within_kg for part in known]))
+    return replace(known[0], kg=kg, within_kg=within)
+
+
+def differences(found: Sequence[Liquid]) -> list[dict[str, object]]:
+    """Each two of the estimates: by how many kg they differ, and whether they agree."""
+    made: list[dict[str, object]] = []
+    for k, one in enumerate(found):
+        for other in found[k + 1 :]:
+            apart = other.kg - one.kg
+            reach = float(np.hypot(one.within_kg, other.within_kg))
+            reach += AGREE_SHARE * max(one.kg, other.kg)
+            made.append(
+                {
+                    "between": [one.by, other.by],
+                    "difference_kg": apart,
+                    "allowed_kg": reach,
+                    "agree": abs(apart) <= reach,
+                }
+            )
+    return made

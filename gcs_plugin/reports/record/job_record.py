@@ -1,0 +1,251 @@
+"""The record of a job as data: every field with its value, its unit and where it comes from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, tzinfo
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.reports.record.applied import Applied, Liquid, differences
+from thrustmargin.gcs_plugin.reports.record.job_rules import JobRule, due_utc, open_items
+from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.mission.coverage.outline import FieldOutline
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.json_values import to_json_values
+from thrustmargin.models.provenance import Meaning, SourceKind
+
+SCHEMA = "thrustmargin.record/1"
+HECTARE = 10_000.0  # m²
+
+
+class EntrySource(StrEnum):
+    """Where a field of the record comes from."""
+
+    OPTION = "option"  # of the command line
+    TERMINAL = "terminal"  # asked and answered
+    LOG = "log"
+    COMPUTED = "computed"  # from other fields
+    FILE = "file"  # of the field
+    COMPUTER = "computer"  # its clock and zone
+    FORECAST = "forecast"
+    STATION = "weather station"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One field that is known."""
+
+    value: Any
+    unit: str = ""
+    source: EntrySource
+    detail: str = ""  # the option, message or method
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobRecord:
+    """The whole record; what is not in `fields` is not known."""
+
+    made_utc: str
+    fields: Mapping[str, Entry]
+    liquid: tuple[Liquid, ...]
+    rules: tuple[JobRule, ...]
+    logs: tuple[str, ...]
+    finished: datetime | None
+
+    @property
+    def liquid_differences(self) -> list[dict[str, object]]:
+        """Each two estimates of the liquid beside each other."""
+        return differences(self.liquid)
+
+    def as_json(self) -> dict[str, Any]:
+        """The record as JSON values, schema "thrustmargin.record/1"."""
+        return {
+            "schema": SCHEMA,
+            "made_utc": self.made_utc,
+            "version": software_version(),
+            "logs": list(self.logs),
+            "fields": {name: to_json_values(entry) for name, entry in self.fields.items()},
+            "liquid": {
+                "estimates": to_json_values(self.liquid),
+                "differences": self.liquid_differences,
+            },
+            "rules": [
+                {
+                    "rule": rule.name,
+                    "title": rule.title,
+                    "keep": rule.keep,
+                    "due_utc": None if due is None else _utc(due),
+                    "late": due is not None and datetime.fromisoformat(self.made_utc) > due,
+                    "missing": open_items(rule, self.fields.keys()),
+                }
+                for rule in self.rules
+                for due in [due_utc(rule, self.finished)]
+            ],
+        }
+
+
+def from_logs(
+    logs: Sequence[FlightLog], done: Applied | None, zone: tzinfo | None
+) -> dict[str, Entry]:
+    """What the logs know: times, place, wind, the area treated.
+
+    Local times are in `zone`, that of this computer without one; each states its offset.
+    """
+    found: dict[str, Entry] = {}
+    if done is not None and done.start_unix_s is not None and done.end_unix_s is not None:
+        words = f"pump on: {done.pump.words}"
+        first, last = (datetime.fromtimestamp(s, UTC) for s in (done.start_unix_s, done.end_unix_s))
+        for name, when in (("start", first), ("finish", last)):
+            local = when.astimezone(zone)
+            at = EntrySource.COMPUTER if zone is None else EntrySource.OPTION
+            whose = "zone of this computer" if zone is None else f"option --zone {zone}"
+            found[name] = Entry(value=_utc(when), source=EntrySource.LOG, detail=words)
+            stamp = local.isoformat(timespec="seconds")
+            found[f"{name}_local"] = Entry(value=stamp, source=at, detail=whose)
+        day = first.astimezone(zone).date().isoformat()
+        found["date"] = Entry(value=day, source=EntrySource.LOG, detail=f"of start_local; {words}")
+    if done is not None and np.isfinite(done.area):
+        how = "spacing of the lines" if done.swath_from_lines else "option --swath"
+        kind = EntrySource.LOG if done.swath_from_lines else EntrySource.OPTION
+        found["swath"] = Entry(value=done.swath, unit="m", source=kind, detail=how)
+        found["area"] = Entry(
+            value=done.area / HECTARE,
+            unit="ha",
+            source=EntrySource.COMPUTED,
+            detail="track with the pump on by the swath; overlaps count once",
+        )
+    if done is not None and done.ground is not None and not done.ground.is_empty:
+        middle = done.ground.representative_point()
+        found["location"] = Entry(
+            value=f"{middle.y:.6f}, {middle.x:.6f}",
+            unit="° latitude, longitude, WGS 84",
+            source=EntrySource.LOG,
+            detail="a point of the area treated; its outline: applied.geojson",
+        )
+    if (wind := _wind(logs, done)) is not None:
+        found["wind"] = wind
+    if (air := _temperature(logs)) is not None:
+        found["temperature"] = air
+    serials = sorted({log.hardware_id for log in logs if log.hardware_id})
+    if serials:
+        detail = "of the autopilot, not of the aircraft"
+        found["autopilot_serial"] = Entry(
+            value=", ".join(serials), source=EntrySource.LOG, detail=detail
+        )
+    return found
+
+
+def _utc(when: datetime) -> str:
+    return when.astimezone(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
+def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
+    """The autopilot's estimate, mean over the rows with the pump on, its most at the end."""
+    if done is None:
+        return None
+    parts = [log.track.wind_ned[(log.track.spraying > 0.5) & log.track.flying, :2] for log in logs]
+    wind = np.concatenate(parts)
+    wind = wind[np.all(np.isfinite(wind), axis=1)]
+    if not wind.size:
+        return None
+    north, east = wind.mean(axis=0)
+    most = float(np.hypot(*wind.T).max())
+    comes = float(np.degrees(np.arctan2(-east, -north)) % 360.0)
+    return Entry(
+        value=f"{np.hypot(north, east):.1f} from {comes:.0f}°, at most {most:.1f}",
+        unit="m/s",
+        source=EntrySource.LOG,
+        detail=f"estimated in flight: {logs[0].track.source('wind_ned').words}",
+    )
+
+
+def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
+    """Of a sensor of the outside air; that of the autopilot's board is none."""
+    for log in logs:
+        source = log.track.source("temperature")
+        outside = source.kind is not SourceKind.ABSENT and source.meaning is Meaning.AS_NAMED
+        kelvin = log.track.temperature[log.track.flying]
+        kelvin = kelvin[np.isfinite(kelvin)]
+        if outside and kelvin.size:
+            celsius = float(np.median(kelvin)) - 273.15
+            return Entry(
+                value=round(celsius, 1), unit="°C", source=EntrySource.LOG, detail=source.words
+            )
+    return None
+
+
+def of_field(outline: FieldOutline, done: Applied | None) -> dict[str, Entry]:
+    """What the field's file adds: its name and area, and how much of it was treated."""
+    detail = outline.name
+    found = {
+        "field_area": Entry(
+            value=outline.area.area / HECTARE, unit="ha", source=EntrySource.FILE, detail=detail
+        )
+    }
+    if done is not None and done.ground is not None:
+        ground = outline.plane.to_plane(done.ground)
+        outside = ground.difference(outline.area).area / HECTARE
+        found["area_outside_field"] = Entry(
+            value=outside,
+            unit="ha",
+            source=EntrySource.COMPUTED,
+            detail="outline of the area treated, less the field",
+        )
+    return found
+
+
+#: A dose: a number, then L, ml, kg or g a hectare.
+DOSE = re.compile(r"\s*(\d+(?:[.,]\d+)?)\s*(L|l|ml|mL|kg|g)\s*/\s*ha\s*")
+
+
+def of_product(rate: str, area_ha: float | None) -> dict[str, Entry]:
+    """How much of the product the stated dose makes on the area treated.
+
+    Raises DataError where the dose is none.
+    """
+    found = DOSE.fullmatch(rate)
+    if found is None:
+        raise DataError(f"--rate {rate!r:.40} is no dose; give one such as 1.5 L/ha or 0.2 kg/ha")
+    if area_ha is None:
+        return {}
+    amount = float(found[1].replace(",", ".")) * area_ha
+    detail = "dose as stated by the area treated"
+    return {
+        "product_quantity": Entry(
+            value=amount, unit=found[2], source=EntrySource.COMPUTED, detail=detail
+        )
+    }
+
+
+def of_liquid(
+    found: Sequence[Liquid], density: float | None, area_ha: float | None
+) -> dict[str, Entry]:
+    """Quantity and spray volume by the first estimate, which is the most direct.
+
+    `density` is kg/L; without it litres are not known, and the quantity is in kg.
+    """
+    if not found:
+        return {}
+    first = found[0]
+    detail = f"by {first.by}: {first.source}"
+    made = {"quantity_kg": Entry(value=first.kg, unit="kg", source=EntrySource.LOG, detail=detail)}
+    if density is None:
+        return {**made, "quantity": made["quantity_kg"]}
+    litres = first.kg / density
+    made["quantity"] = Entry(
+        value=litres, unit="L", source=EntrySource.COMPUTED, detail=f"{detail}; {density:g} kg/L"
+    )
+    if area_ha:
+        made["spray_volume"] = Entry(
+            value=litres / area_ha,
+            unit="L/ha",
+            source=EntrySource.COMPUTED,
+            detail="quantity over area",
+        )
+    return made

@@ -1,0 +1,156 @@
+"""The record as JSON, CSV and PDF, and what was applied as GeoJSON and shapefile."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import shapely
+import shapely.geometry
+from markupsafe import escape
+
+from thrustmargin.gcs_plugin.reports.record.applied import Applied, Pass
+from thrustmargin.gcs_plugin.reports.record.job_record import JobRecord
+from thrustmargin.gcs_plugin.reports.shared.pdf_page import pdf_bytes
+from thrustmargin.gcs_plugin.wording.record_words import TITLES, liquid_words, missing_words
+from thrustmargin.models.errors import require
+from thrustmargin.models.whole_file import whole_file
+
+#: WGS 84 as a .prj states it; what GIS programs expect beside a shapefile.
+WGS84 = (
+    'GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],'
+    'PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]]'
+)
+
+
+def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[Path]:
+    """Write record.json, .csv and .pdf, and applied.geojson, .shp, .shx, .dbf and .prj where there
+    is a swath and a place. Returns the files. Raises OSError, and InstallError without pyshp."""
+    contents = {
+        "record.json": _json(record.as_json()),
+        "record.csv": csv_text(record).encode("utf-8", "replace"),
+        "record.pdf": pdf_bytes(html_text(record), {}),
+    }
+    if done is not None and done.ground is not None:
+        contents["applied.geojson"] = _json(geojson(done))
+        contents |= shapefile(done)
+    for name, data in contents.items():
+        with whole_file(folder / name) as draft:
+            draft.write_bytes(data)
+    return [folder / name for name in contents]
+
+
+def _json(values: Any) -> bytes:
+    text = json.dumps(values, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    return text.encode("utf-8", "replace")
+
+
+def csv_text(record: JobRecord) -> str:
+    """A line a field: name, value, unit, source, detail; no cell is a formula."""
+    text = io.StringIO()
+    table = csv.writer(text)
+    table.writerow(["field", "value", "unit", "source", "detail"])
+    for name, entry in record.fields.items():
+        row = [name, entry.value, entry.unit, str(entry.source), entry.detail]
+        table.writerow([_plain(cell) for cell in row])
+    for rule in record.as_json()["rules"]:
+        for item in rule["missing"]:
+            for name in item["fields"]:
+                row = [name, "", "", "missing", f"{rule['rule']}: {item['asks']}"]
+                table.writerow([_plain(cell) for cell in row])
+    return text.getvalue()
+
+
+def _plain(cell: Any) -> Any:
+    """Text that a spreadsheet does not take for a formula."""
+    return f"'{cell}" if isinstance(cell, str) and cell[:1] in ("=", "+", "-", "@") else cell
+
+
+def html_text(record: JobRecord) -> str:
+    """The record as the simple page that becomes the PDF."""
+    rows = "".join(
+        f"<tr><td>{escape(TITLES.get(name, name))}</td><td>{escape(_shown(entry.value))} "
+        f"{escape(entry.unit)}</td><td>{escape(entry.source)}: {escape(entry.detail)}</td></tr>"
+        for name, entry in record.fields.items()
+    )
+    data = record.as_json()
+    amounts = liquid_words(data["liquid"]["estimates"], data["liquid"]["differences"])
+    liquid = "".join(f"<li>{escape(words)}</li>" for words in amounts)
+    missing = "".join(f"<li>{escape(words)}</li>" for words in missing_words(data["rules"]))
+    return (
+        "<h1>Record of a spraying job</h1>"
+        f"<p>made {escape(record.made_utc)}, of {escape(', '.join(record.logs))}</p>"
+        "<h2>Fields</h2><table><tr><th>field</th><th>value</th><th>from</th></tr>"
+        f"{rows}</table><h2>Liquid</h2><ul>{liquid}</ul>"
+        f"<h2>What rules ask for and nothing says</h2><ul>{missing}</ul>"
+    )
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _of_pass(number: int, one: Pass) -> dict[str, Any]:
+    return {
+        "pass": number,
+        "flight": one.flight,
+        "start_utc": _utc(one.start_unix_s),
+        "end_utc": _utc(one.end_unix_s),
+        "length_m": round(one.length, 2),
+        "speed_m_s": round(one.speed, 2) if one.speed == one.speed else None,
+    }
+
+
+def _utc(unix_s: float | None) -> str | None:
+    if unix_s is None:
+        return None
+    return datetime.fromtimestamp(unix_s, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
+def geojson(done: Applied) -> dict[str, Any]:
+    """The area treated as one feature, and each pass as another; RFC 7946, WGS 84."""
+    area = {"part": "area", "area_ha": done.area / 1e4, "swath_m": done.swath}
+    shapes = [({"part": "pass", **_of_pass(n, p)}, p.strip) for n, p in enumerate(done.passes, 1)]
+    return {
+        "type": "FeatureCollection",
+        "features": [
+            {
+                "type": "Feature",
+                "properties": properties,
+                # Outlines run as the standard wants them.
+                "geometry": shapely.geometry.mapping(shapely.orient_polygons(shape)),
+            }
+            for properties, shape in [(area, done.ground), *shapes]
+            if shape is not None and not shape.is_empty
+        ],
+    }
+
+
+def shapefile(done: Applied) -> dict[str, bytes]:
+    """Name -> content of the shapefile's parts, a polygon a pass. Raises InstallError."""
+    require("record", "shapefile")
+    import shapefile as pyshp
+
+    parts = {ending: io.BytesIO() for ending in ("shp", "shx", "dbf")}
+    make: Any = pyshp.Writer
+    writer = make(**parts, shapeType=pyshp.POLYGON)
+    for name, kind, *size in (
+        ("pass", "N", 9, 0),
+        ("flight", "N", 9, 0),
+        ("start_utc", "C", 20),
+        ("end_utc", "C", 20),
+        ("length_m", "N", 14, 2),
+        ("speed_m_s", "N", 10, 2),
+    ):
+        writer.field(name, kind, *size)
+    for number, one in enumerate(done.passes, 1):
+        if one.strip is not None and not one.strip.is_empty:
+            writer.shape(shapely.geometry.mapping(one.strip))
+            writer.record(*_of_pass(number, one).values())
+    writer.close()
+    contents = {f"applied.{ending}": part.getvalue() for ending, part in parts.items()}
+    return {**contents, "applied.prj": WGS84.encode()}

@@ -1,0 +1,83 @@
+"""Titles and questions of the record of a job, its liquid, and what is missing, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from thrustmargin.gcs_plugin.wording.numbers import number
+
+#: Field of the record -> its title, which is the question on a terminal too.
+TITLES: Mapping[str, str] = MappingProxyType(
+    {
+        "product": "product, full name",
+        "registration": "registration or authorisation number of the product",
+        "active": "active constituents",
+        "rate": "dose, such as 1.5 L/ha",
+        "crop": "crop or situation",
+        "crop_code": "EPPO code of the crop",
+        "growth_stage": "growth stage, BBCH",
+        "use_type": "type of use, such as area",
+        "field": "name of the field",
+        "land_address": "address of the land",
+        "customer": "name of the person served",
+        "customer_address": "address of the person served",
+        "customer_contact": "phone or e-mail of the person served",
+        "pilot": "name of the pilot",
+        "pilot_address": "address of the pilot",
+        "pilot_certificate": "certificate number of the pilot",
+        "pilot_skill_date": "date on which the pilot passed the knowledge and skill test",
+        "aircraft": "registration mark, else serial number, of the aircraft",
+        "equipment": "nozzles and other spray equipment, with what reduces drift",
+        "wind": "wind, such as 3 m/s from 240°",
+        "temperature": "temperature of the air, °C",
+        "humidity": "relative humidity, %",
+        "inversion": "temperature inversion: yes or no",
+        "permit": "number of the approved application plan or permit",
+        "planned_start": "planned start, date and time",
+        "flight_authorisation": "number of the authorisation to fly",
+        "aerial_reason": "why not from the ground",
+        "date": "date",
+        "start": "start, UTC",
+        "finish": "finish, UTC",
+        "start_local": "start, local",
+        "finish_local": "finish, local",
+        "area": "area treated",
+        "field_area": "area of the field",
+        "area_outside_field": "treated outside the field",
+        "swath": "swath",
+        "quantity": "spray liquid applied",
+        "product_quantity": "product applied",
+        "quantity_kg": "spray liquid applied, by weight",
+        "spray_volume": "spray volume",
+        "location": "place",
+        "autopilot_serial": "serial number of the autopilot",
+    }
+)
+
+
+def liquid_words(
+    estimates: list[Mapping[str, Any]], apart: list[Mapping[str, Any]]
+) -> Iterator[str]:
+    """Each estimate of the liquid, then each two that differ beyond what they may."""
+    for one in estimates:
+        within = f" ± {number(one['within_kg'], 'kg')}" if one["within_kg"] else ""
+        yield f"by {one['by']}: {number(one['kg'], 'kg')}{within} ({one['source']})"
+    for two in apart:
+        first, second = two["between"]
+        if not two["agree"]:
+            more = number(abs(two["difference_kg"]), "kg")
+            order = (second, first) if two["difference_kg"] > 0.0 else (first, second)
+            yield f"{order[0]} shows {more} more than {order[1]}: find out which is wrong"
+
+
+def missing_words(rules: list[Mapping[str, Any]]) -> Iterator[str]:
+    """Each thing that a rule asks for and nothing says; and records that are late."""
+    for rule in rules:
+        for item in rule["missing"]:
+            lacking = ", ".join(TITLES.get(name, name) for name in item["fields"])
+            when = f"; due where {item['when']}" if item["when"] else ""
+            yield f"{rule['title']}: {item['asks']} (missing: {lacking}{when})"
+        if rule["late"]:
+            yield f"{rule['title']}: the record was due {rule['due_utc']}"

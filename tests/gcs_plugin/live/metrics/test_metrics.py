@@ -1,0 +1,213 @@
+"""The metrics of a monitor that runs as a process, read as Prometheus reads them."""
+
+import json
+import re
+import signal
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from importlib import resources
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from tests.gcs_plugin.live.live_vehicle import command
+from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
+from tests.gcs_plugin.peers.ports import free_port, free_udp_port
+from thrustmargin.gcs_plugin.link.open_transport import open_transport
+from thrustmargin.gcs_plugin.link.playback import play
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
+from thrustmargin.gcs_plugin.live.live_monitor import MonitorStatus
+from thrustmargin.gcs_plugin.live.metrics.collector import COUNTS, FIGURES, LEVELS, part_of
+from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
+from thrustmargin.models.errors import LinkError
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.model_file import save_model
+
+Samples = dict[str, list[tuple[dict[str, str], float]]]
+
+
+def scraped(port: int) -> Samples:
+    """Name of a sample -> its labels and value."""
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+        text = answer.read().decode()
+    found: Samples = {}
+    for family in text_string_to_metric_families(text):
+        for sample in family.samples:
+            found.setdefault(sample.name, []).append((sample.labels, sample.value))
+    return found
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory, sitl_logs) -> SimpleNamespace:
+    """A minute of a flight heard over UDP: metrics at its last row, and when that is old."""
+    folder = tmp_path_factory.mktemp("metrics")
+    frames = list(stamped_frames(sitl_logs / "campaign" / "v4_m10_q3.5.tlog"))
+    first_us = frames[0][0]
+    part = [(us, data) for us, data in frames if us - first_us < 60_000_000]
+    log = folder / "minute.tlog"
+    log.write_bytes(b"".join(us.to_bytes(8, "big") + data for us, data in part))
+    save_model(MODEL, folder / "model.safetensors")
+    link, port = free_udp_port(), free_port()
+    monitor = command(
+        *("monitor", f"udpin:127.0.0.1:{link}", "--no-view", "--metrics", str(port)),
+        *("--record", str(folder / "rec"), "--model", str(folder / "model.safetensors")),
+        *("--silent", "--seconds", "60", "--max-utilisation", "0.3"),
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+    )
+    try:
+        assert monitor.stderr is not None
+        said = monitor.stderr.readline()
+        unheard = scraped(port)
+        transport = open_transport(f"udpout:127.0.0.1:{link}")
+        play(log, transport, speed=40.0)
+        fresh: Samples = {}
+        deadline = time.monotonic() + 20.0
+        while time.monotonic() < deadline:
+            now = scraped(port)
+            if "thrustmargin_margin_ratio" in now:
+                fresh = now
+            if fresh and "thrustmargin_margin_ratio" not in now:
+                break
+            time.sleep(0.05)
+        transport.close()
+    finally:
+        monitor.send_signal(signal.SIGINT)
+        monitor.communicate(timeout=30)
+    track = read_log(log, airframe=AIRFRAME, sampling="hold").track
+    return SimpleNamespace(
+        said=said,
+        port=port,
+        unheard=unheard,
+        fresh=fresh,
+        old=now,
+        frames=len(part),
+        analysis=analyse(track, MODEL),
+    )
+
+
+def test_the_address_is_said_and_is_of_this_computer_alone(flown):
+    assert flown.said == f"metrics: http://127.0.0.1:{flown.port}/metrics\n"
+
+
+def test_before_anything_is_heard_there_is_no_figure(flown):
+    assert flown.unheard["thrustmargin_vehicles"] == [({}, 0.0)]
+    assert flown.unheard["thrustmargin_link_frames_total"] == [({}, 0.0)]
+    assert not [name for name in flown.unheard if "margin_ratio" in name]
+
+
+def test_margins_and_use_are_those_of_the_flight_read_from_its_file(flown):
+    margin, use = flown.analysis.margin[-1], flown.analysis.known_utilisation[-1]
+    assert np.isfinite(margin).all()
+    found = {labels["rotor"]: value for labels, value in flown.fresh["thrustmargin_margin_ratio"]}
+    assert found == pytest.approx({str(k + 1): m for k, m in enumerate(margin)}, abs=1e-9)
+    found = {labels["rotor"]: v for labels, v in flown.fresh["thrustmargin_utilisation_ratio"]}
+    assert found == pytest.approx({str(k + 1): u for k, u in enumerate(use)}, abs=1e-9)
+    labels, _ = flown.fresh["thrustmargin_margin_ratio"][0]
+    assert labels == {"vehicle": "1", "rotor": "1", "name": "front right", "basis": "measured"}
+    ((_, tank),) = flown.fresh["thrustmargin_tank_kg"]
+    assert tank == pytest.approx(flown.analysis.track.tank_kg[-1], abs=1e-9)
+
+
+def test_the_interval_is_around_the_margin(flown):
+    low, middle, high = (
+        np.array([v for _, v in flown.fresh[f"thrustmargin_margin{part}_ratio"]])
+        for part in ("_low", "", "_high")
+    )
+    assert ((low <= middle) & (middle <= high)).all()
+
+
+def test_what_comes_in_is_counted(flown):
+    assert flown.fresh["thrustmargin_link_frames_total"] == [({}, float(flown.frames))]
+    assert flown.fresh["thrustmargin_link_bad_checksum_total"] == [({}, 0.0)]
+    assert flown.fresh["thrustmargin_vehicles"] == [({}, 1.0)]
+    missing = flown.fresh["thrustmargin_link_missing_frames"]
+    assert [labels for labels, _ in missing] == [{"vehicle": "1", "component": "1"}]
+
+
+def test_an_alarm_that_stands_has_its_level(flown):
+    found = {labels["alarm"]: labels for labels, _ in flown.fresh["thrustmargin_alarm"]}
+    assert found["margin"]["level"] == "warning"
+    assert found["margin"]["vehicle"] == "1"
+    assert flown.fresh["thrustmargin_margin_least_ratio"] == [({}, 0.7)]
+
+
+def test_an_old_figure_is_left_out_and_its_age_says_why(flown):
+    assert {f"thrustmargin_{name}" for name in FIGURES} & flown.old.keys() == set()
+    ((_, age),) = flown.old["thrustmargin_figures_age_seconds"]
+    assert age > 1.5
+    ((_, silence),) = flown.old["thrustmargin_silence_seconds"]
+    assert silence > 1.0
+    assert flown.old["thrustmargin_vehicles"] == [({}, 1.0)]
+    assert "thrustmargin_alarm" in flown.old
+
+
+def test_the_dashboard_draws_what_there_is(flown):
+    text = (
+        resources.files("thrustmargin.gcs_plugin.live.metrics") / "grafana_dashboard.json"
+    ).read_text("utf-8")
+    dashboard = json.loads(text)
+    drawn = {
+        name
+        for panel in dashboard["panels"]
+        for target in panel["targets"]
+        for name in re.findall(r"thrustmargin_\w+", target["expr"])
+    }
+    there = flown.fresh.keys() | {"thrustmargin_field_age_seconds"}
+    assert drawn <= there
+    for said in ("margin_ratio", "alarm", "figures_age_seconds", "link_missing_frames"):
+        assert f"thrustmargin_{said}" in drawn
+    # A line that goes on over a gap would show a margin that nobody knows.
+    lines = [p for p in dashboard["panels"] if "margin_ratio" in str(p) and p["type"] != "table"]
+    assert all(not p["fieldConfig"]["defaults"]["custom"]["spanNulls"] for p in lines)
+
+
+class Nothing:
+    def collect(self):
+        return ()
+
+
+def test_a_name_that_a_web_page_points_here_gets_nothing():
+    served = MetricsServer(Nothing(), 0)  # type: ignore[arg-type]
+    try:
+        asked = urllib.request.Request(served.url, headers={"Host": "evil.example:9464"})
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(asked, timeout=5)
+        assert refused.value.code == 403
+        with urllib.request.urlopen(served.url, timeout=5) as answer:
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+    finally:
+        served.close()
+
+
+def test_a_port_in_use_is_an_error_that_names_the_option():
+    served = MetricsServer(Nothing(), 0)  # type: ignore[arg-type]
+    try:
+        port = served.url.removesuffix("/metrics").rpartition(":")[2]
+        with pytest.raises(LinkError, match=f"--metrics {port} cannot be opened"):
+            MetricsServer(Nothing(), int(port))  # type: ignore[arg-type]
+    finally:
+        served.close()
+    with pytest.raises(LinkError, match="ports are 0 to 65535"):
+        MetricsServer(Nothing(), 70_000)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("rotor", "rotors", "part"),
+    [(3, (), "rotor 3"), (None, (1, 2), "rotor 1 or 2"), (None, (), "")],
+)
+def test_the_part_of_an_alarm_is_a_rotor_or_none(rotor, rotors, part: str):
+    alarm = Alarm("rotor", rotor, 4, "text", 0.0, rotors=rotors)
+    assert part_of(alarm) == part
+    assert LEVELS[alarm.severity] == "warning"
+
+
+def test_every_count_is_one_of_the_monitor():
+    assert COUNTS.keys() <= set(MonitorStatus.__dataclass_fields__)
