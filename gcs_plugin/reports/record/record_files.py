@@ -13,9 +13,9 @@ import shapely
 import shapely.geometry
 from markupsafe import escape
 
+from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
 from thrustmargin.gcs_plugin.reports.record.applied import Applied, Pass
 from thrustmargin.gcs_plugin.reports.record.job_record import JobRecord
-from thrustmargin.gcs_plugin.reports.shared.pdf_page import pdf_bytes
 from thrustmargin.gcs_plugin.wording.record_words import TITLES, liquid_words, missing_words
 from thrustmargin.models.errors import require
 from thrustmargin.models.whole_file import whole_file
