@@ -4,8 +4,8 @@ The rows are those that `read_log(..., sampling="hold")` makes of a recording of
 `telemetry` makes both, here with the last seconds of every signal and what is carried from before.
 However the frames are cut into pieces, the rows are the same. They differ from the file's only
 - before a message from which the file knows something from its start on: the parameters that say
-  which output is which motor and how large the tank is; which component is the autopilot; the first
-  SYSTEM_TIME with a GPS time, before which Unix time is by the ground's clock;
+  which output is which motor and how large the tank is, the autopilot's component, the first GPS
+  time, before which Unix time is by the ground's clock;
 - in `position_ned`, before take-off or the first home: where zero is may change until then;
 - after a restart, by the clocked messages that it takes to believe it; each start is a flight;
 - where frames came twice or late, which are left out here.
@@ -290,8 +290,7 @@ class VehicleTelemetry:
             options = replace(self._options, tank="none")
             made = flight_rows(signals, motors, state.parameters, options, carried)
         if made is None:
-            # What came has made no row, and still belongs to the next: rotors report one by one.
-            self._carried = carried
+            self._carried = carried  # what came belongs to the next row: rotors report one by one
             return None
         self._carried = replace(made.carried, heard_s=until_s)
         for signal in made.reported.get("tank_kg", ()):
@@ -350,10 +349,7 @@ class VehicleTelemetry:
         return self._motors
 
     def stale(self, now_us: int) -> dict[str, float]:
-        """Field -> s since it was last known, of those once known and now too old to be used.
-
-        `now_us` is the ground's clock.
-        """
+        """Field -> s since it was last known by the ground's clock `now_us`, where too old to use."""
         now, signals = self.clock.now_s(now_us), self._buffer.signals
         ages: dict[str, float] = {}
         for limit, channels in FIELDS.items():

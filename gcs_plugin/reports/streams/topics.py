@@ -129,7 +129,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
 }
 
 
-class Message(NamedTuple):
+class StreamMessage(NamedTuple):
     """One message: its topic, s from the sortie's first row, and its content."""
 
     topic: str
@@ -155,25 +155,25 @@ def sortie_clock(log: FlightLog) -> SortieClock:
     return SortieClock(start_s=log.clock_start_s if unix is None else unix, unix=unix is not None)
 
 
-def messages_of(report: FlightReport, log: FlightLog) -> Iterator[Message]:
+def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]:
     """All messages of a sortie, topic by topic."""
     sortie, clock, rows = log.sortie, sortie_clock(log), report.rows
     first = float(rows["time_s"][0])
     whole = {
         f.name: to_json_values(getattr(report, f.name)) for f in fields(report) if f.name != "rows"
     }
-    yield Message("/report", first, whole)
+    yield StreamMessage("/report", first, whole)
     yield from _margins(report, sortie)
     yield from _rotors(report, sortie)
     plain = {name: _nulls(rows[name]) for name in PLAIN}
     for k, time_s in enumerate(rows["time_s"].tolist()):
         of_row = {name: values[k] for name, values in plain.items()}
-        yield Message("/flight", time_s, {**of_row, "sortie": sortie})
+        yield StreamMessage("/flight", time_s, {**of_row, "sortie": sortie})
     yield from _positions(log, clock)
     for finding in report.findings:
         time_s = first if finding.time_s is None else finding.time_s
         content = {**to_json_values(finding), "sortie": sortie}
-        yield Message("/findings", time_s, content)
+        yield StreamMessage("/findings", time_s, content)
         yield _line(log, clock, time_s, _level(finding), finding.check, finding.words)
     for time_s, words in log.messages:
         yield _line(log, clock, time_s, _INFO, "vehicle", words)
@@ -198,7 +198,7 @@ def _margin_band(report: FlightReport) -> tuple[Floats, Floats, Floats]:
     return 1.0 - use, 1.0 - (use + reach), 1.0 - np.maximum(use - reach, 0.0)
 
 
-def _margins(report: FlightReport, sortie: int) -> Iterator[Message]:
+def _margins(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
     rows = report.rows
     margin, low, high = _margin_band(report)
     _, worst = worst_rotor(1.0 - margin)
@@ -222,7 +222,7 @@ def _margins(report: FlightReport, sortie: int) -> Iterator[Message]:
             elif outputs[k, rotor]:
                 basis = SpeedBasis.MOTOR_OUTPUTS
         least = 1.0 - report.verdict.limit
-        yield Message(
+        yield StreamMessage(
             "/margin",
             time_s,
             {
@@ -235,7 +235,7 @@ def _margins(report: FlightReport, sortie: int) -> Iterator[Message]:
         )
 
 
-def _rotors(report: FlightReport, sortie: int) -> Iterator[Message]:
+def _rotors(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
     rows, names = report.rows, report.model["rotor_names"]
     columns = {key: _nulls(rows[key]) for key in OF_ROTOR}
     bands = zip(("margin", "margin_low", "margin_high"), _margin_band(report), strict=True)
@@ -247,10 +247,12 @@ def _rotors(report: FlightReport, sortie: int) -> Iterator[Message]:
             {**head, **{key: values[k][r] for key, values in columns.items()}}
             for r, head in enumerate(heads)
         ]
-        yield Message("/rotors", time_s, {"time_s": time_s, "sortie": sortie, "rotors": rotors})
+        yield StreamMessage(
+            "/rotors", time_s, {"time_s": time_s, "sortie": sortie, "rotors": rotors}
+        )
 
 
-def _positions(log: FlightLog, clock: SortieClock) -> Iterator[Message]:
+def _positions(log: FlightLog, clock: SortieClock) -> Iterator[StreamMessage]:
     """Rows whose place on the globe is known; there are none without an origin."""
     track = log.track
     if track.origin is None:
@@ -269,12 +271,12 @@ def _positions(log: FlightLog, clock: SortieClock) -> Iterator[Message]:
             "position_covariance_type": 0,
             "position_covariance": [0.0] * 9,
         }
-        yield Message("/position", time_s, content)
+        yield StreamMessage("/position", time_s, content)
 
 
 def _line(
     log: FlightLog, clock: SortieClock, time_s: float, level: int, name: str, words: str
-) -> Message:
+) -> StreamMessage:
     content = {
         "timestamp": _timestamp(clock.stamp_ns(time_s)),
         "level": level,
@@ -283,7 +285,7 @@ def _line(
         "file": log.path.name,
         "line": 0,
     }
-    return Message("/log", time_s, content)
+    return StreamMessage("/log", time_s, content)
 
 
 def _timestamp(stamp_ns: int) -> dict[str, int]:
