@@ -349,7 +349,7 @@ class VehicleTelemetry:
         return self._motors
 
     def stale(self, now_us: int) -> dict[str, float]:
-        """Field -> s since it was last known by the ground's clock `now_us`, where too old to use."""
+        """Field -> s since it was last known, by the ground's clock; of those now too old."""
         now, signals = self.clock.now_s(now_us), self._buffer.signals
         ages: dict[str, float] = {}
         for limit, channels in FIELDS.items():
