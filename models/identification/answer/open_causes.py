@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from thrustmargin.models.effects.base import Placed
@@ -127,7 +128,7 @@ def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[Held]) ->
         return CausesFound()
     fold = np.arange(problem.flights) % MOST_FOLDS
     curves = _curves(problem, residual_rpm, held, fold)
-    every = np.unique(fold)
+    every = np.unique(fold).tolist()
     base = problem.speeds()
 
     def change(chosen: Choice, found: Floats) -> Floats:
@@ -145,7 +146,7 @@ def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[Held]) ->
         return CausesFound(left_out_rpm=left_out)
     found = curves.whole(every, chosen)
     without = curves.fit(every, chosen)[0]
-    folds = every.size
+    folds = len(every)
     error = np.sqrt((folds - 1) / folds * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
     half = stdtrit(folds - 1, 0.5 + CONFIDENCE / 2) * error
     pairs = zip(chosen, curves.placed(chosen, found), curves.placed(chosen, half), strict=True)
@@ -176,7 +177,9 @@ def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
     return problem.speeds([one.placed for one in causes]) - problem.speeds()
 
 
-def _curves(problem: Problem, residual_rpm: Floats, held: Sequence[Held], fold: Floats) -> _Curves:
+def _curves(
+    problem: Problem, residual_rpm: Floats, held: Sequence[Held], fold: NDArray[np.intp]
+) -> _Curves:
     stride = max(1, residual_rpm.shape[0] // ROWS)
     rows = thinned(problem, stride)
     left = rows.in_modes(residual_rpm[::stride])
