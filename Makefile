@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 # The import name as folders, for pyright: it does not follow an editable install.
 LINKS := $(VENV)/links/thrustmargin
 
-.PHONY: demo fleet-demo test pytest check bench measured mutation package screenshots clean
+.PHONY: demo fleet-demo test pytest lab check bench measured mutation package screenshots clean
 
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
@@ -19,22 +19,26 @@ test: check
 pytest: $(VENV)/.test
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
 
+# The loop on causes that it does not know, on measured data and on a season; minutes to an hour.
+lab: $(VENV)/.test
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGS) tests/lab
+
 check: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright -p tests
 
 bench: $(VENV)/.test
-	$(BIN)/python -m pytest tests/bench --benchmark-only -o python_files='bench_*.py' -s
+	$(BIN)/python -m pytest tests/lab/bench --benchmark-only -o python_files='bench_*.py' -s
 
 # make measured DATA=../shared/measured [ONLY="px4_ulog ..."]
 measured: $(VENV)/.test
-	$(BIN)/python -m tests.measured $(DATA) $(if $(ONLY),--only $(ONLY)) $(MEASURED_ARGS)
+	$(BIN)/python -m tests.lab.measured $(DATA) $(if $(ONLY),--only $(ONLY)) $(MEASURED_ARGS)
 
 # Breaks the source on purpose and counts what fast tests notice: make mutation MUTATION_ARGS='ROOM --sample 20'
 mutation: $(VENV)/.test
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[mutation]'
-	nice $(BIN)/python tests/mutation/mutate.py $(MUTATION_ARGS)
+	nice $(BIN)/python tests/lab/mutation/mutate.py $(MUTATION_ARGS)
 
 # What an index takes: the wheel is built from the source archive, so that neither lacks a file.
 package: $(VENV)/.test
@@ -53,7 +57,7 @@ $(VENV)/.venv:
 
 # A season of 12 aircraft from the recorded flights, with faults put in, and the page that finds them.
 fleet-demo: $(VENV)/.test
-	$(BIN)/python -m tests.season_plant fleet-demo --flights 40
+	$(BIN)/python -m tests.lab.season_plant fleet-demo --flights 40
 	$(BIN)/thrustmargin fleet fleet-demo --out fleet.html
 
 $(VENV)/.demo: $(VENV)/.venv pyproject.toml constraints.txt

@@ -22,10 +22,11 @@ TESTED_BY = {
 #: Folders of tests that mirror no folder of the source, and what they hold.
 NOT_MIRRORED = {
     "tests": "this, and what all tests share",
-    "tests/bench": "measurements of speed and memory, run by `make bench`",
-    "tests/measured": "the loop on measured data of others, run by `make measured`",
-    "tests/mutation": "a count of what fast tests notice, run as its first lines say",
-    "tests/undeclared": "effects that the code does not know",
+    "tests/lab": "what measures the product, run by `make lab` and by hand",
+    "tests/lab/bench": "measurements of speed and memory, run by `make bench`",
+    "tests/lab/measured": "the loop on measured data of others, run by `make measured`",
+    "tests/lab/mutation": "a count of what fast tests notice, run as its first lines say",
+    "tests/lab/undeclared": "effects that the code does not know",
     "tests/gcs_plugin/peers": "the programs at the other end of a link",
 }
 

@@ -1,7 +1,7 @@
 """The alarms of one vehicle: each rule of `alarm_rules` with its hysteresis and the times it holds.
 
 Times are the vehicle's clock, but for the rules of the link, which go by the ground's. While an
-alarm stands its text follows the numbers. Measured false alarms: tests/bench/bench_alarms.py.
+alarm stands its text follows the numbers. Measured false alarms: tests/lab/bench/bench_alarms.py.
 """
 
 from __future__ import annotations

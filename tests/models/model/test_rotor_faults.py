@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.undeclared.crafts import CRAFTS
-from tests.undeclared.recorded import CAMPAIGN
+from tests.lab.undeclared.crafts import CRAFTS
+from tests.lab.undeclared.recorded import CAMPAIGN
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim

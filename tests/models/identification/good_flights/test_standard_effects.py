@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.lab.undeclared.crafts import CRAFTS
+from tests.lab.undeclared.flight_laws import yaw_time
+from tests.lab.undeclared.plan import good_flights
+from tests.lab.undeclared.subject import airframe_of
 from tests.models.made_flights import F16, curve_model, made_flights
-from tests.undeclared.crafts import CRAFTS
-from tests.undeclared.flight_laws import yaw_time
-from tests.undeclared.plan import good_flights
-from tests.undeclared.subject import airframe_of
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.good_flights import standard_effects as module

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from tests.undeclared.recorded import CAMPAIGN
+from tests.lab.undeclared.recorded import CAMPAIGN
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import FlightEvidence, flight_sums

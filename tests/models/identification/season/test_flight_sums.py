@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.undeclared.conditions import Implant
-from tests.undeclared.recorded import CAMPAIGN, implanted
+from tests.lab.undeclared.conditions import Implant
+from tests.lab.undeclared.recorded import CAMPAIGN, implanted
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.errors import DataError

@@ -5,6 +5,8 @@ import time
 import numpy as np
 import pytest
 
+from tests.lab.undeclared.conditions import Implant
+from tests.lab.undeclared.recorded import CAMPAIGN, implanted
 from tests.models.identification.season.made_seasons import (
     GAIN,
     LOSS_2,
@@ -14,8 +16,6 @@ from tests.models.identification.season.made_seasons import (
     wear,
     with_change,
 )
-from tests.undeclared.conditions import Implant
-from tests.undeclared.recorded import CAMPAIGN, implanted
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.flight_sums import flight_sums
@@ -61,7 +61,7 @@ def test_a_drifting_gauge_beside_a_worn_propeller_are_two_changes():
 
 
 def test_healthy_seasons_are_silent():
-    # 40 here; `python -m tests.bench.bench_season` counts 300.
+    # 40 here; `python -m tests.lab.bench.bench_season` counts 300.
     rng = np.random.default_rng(6)
     assert [e for _ in range(40) for e in entries(of(season(rng, 100)))] == []
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.lab.undeclared.crafts import CRAFTS
+from tests.lab.undeclared.plan import good_flights
+from tests.lab.undeclared.subject import airframe_of
 from tests.models.made_flights import F16, curve_model, made_flights, table
-from tests.undeclared.crafts import CRAFTS
-from tests.undeclared.plan import good_flights
-from tests.undeclared.subject import airframe_of
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.identification.rows.candidates import Held, candidates_of, predicted
 from thrustmargin.models.identification.rows.reduced import reduce_flights
