@@ -57,6 +57,12 @@ TITLES: Mapping[str, str] = MappingProxyType(
 )
 
 
+NO_SHAPEFILE = (
+    "no shapefile: pyshp is not installed; run: pip install 'thrustmargin[field]'. The GeoJSON has "
+    "the same ground"
+)
+
+
 def liquid_words(
     estimates: list[Mapping[str, Any]], apart: list[Mapping[str, Any]]
 ) -> Iterator[str]:

@@ -186,12 +186,12 @@ def monitor(
         live.taps.append(fetcher.feed)
     unprinted: list[OSError] = []
     printer: EventPrinter | None = None
-    events = Terminal(soft_wrap=True)
+    events = Terminal()  # the table on it wraps; lines are printed whole
 
     def print_line(words: str) -> None:
         # A full disk behind a redirected answer must not end the watch.
         try:
-            events.print(words)
+            events.print(words, soft_wrap=True)
         except OSError as error:
             unprinted.append(error)
 

@@ -140,8 +140,12 @@ def record(
         of_product,
     )
     from thrustmargin.gcs_plugin.reports.record.job_rules import fields_asked, job_rules
-    from thrustmargin.gcs_plugin.reports.record.record_files import write_record
-    from thrustmargin.gcs_plugin.wording.record_words import liquid_words, missing_words
+    from thrustmargin.gcs_plugin.reports.record.record_files import makes_shapefiles, write_record
+    from thrustmargin.gcs_plugin.wording.record_words import (
+        NO_SHAPEFILE,
+        liquid_words,
+        missing_words,
+    )
     from thrustmargin.mission.coverage.field_file import read_field
 
     if swath is not None and not 0.1 <= swath <= 100.0:
@@ -194,6 +198,8 @@ def record(
         said.print(f"missing: {words}")
     for log in unread:
         console.print(f"not read: {log.name}: {log.reason}")
+    if done is not None and done.ground is not None and not makes_shapefiles():
+        said.print(NO_SHAPEFILE)
     said.print(f"wrote {', '.join(path.name for path in written)} in {out}")
     return 1 if unread else 0
 

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from datetime import UTC, datetime
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
 from thrustmargin.gcs_plugin.reports.record.applied import Applied, Pass
 from thrustmargin.gcs_plugin.reports.record.job_record import JobRecord
 from thrustmargin.gcs_plugin.wording.record_words import TITLES, liquid_words, missing_words
-from thrustmargin.models.errors import require
 from thrustmargin.models.whole_file import whole_file
 
 #: WGS 84 as a .prj states it; what GIS programs expect beside a shapefile.
@@ -29,7 +29,8 @@ WGS84 = (
 
 def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[Path]:
     """Write record.json, .csv and .pdf, and applied.geojson, .shp, .shx, .dbf and .prj where there
-    is a swath and a place. Returns the files. Raises OSError, and InstallError without pyshp."""
+    is a swath and a place; the last four where pyshp is installed. Returns the files. Raises
+    OSError."""
     contents = {
         "record.json": _json(record.as_json()),
         "record.csv": csv_text(record).encode("utf-8", "replace"),
@@ -37,7 +38,7 @@ def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[
     }
     if done is not None and done.ground is not None:
         contents["applied.geojson"] = _json(geojson(done))
-        contents |= shapefile(done)
+        contents |= shapefile(done) if makes_shapefiles() else {}
     for name, data in contents.items():
         with whole_file(folder / name) as draft:
             draft.write_bytes(data)
@@ -130,9 +131,13 @@ def geojson(done: Applied) -> dict[str, Any]:
     }
 
 
+def makes_shapefiles() -> bool:
+    """Whether pyshp is installed, which the extra `field` holds."""
+    return find_spec("shapefile") is not None
+
+
 def shapefile(done: Applied) -> dict[str, bytes]:
-    """Name -> content of the shapefile's parts, a polygon a pass. Raises InstallError."""
-    require("record", "shapefile")
+    """Name -> content of the shapefile's parts, a polygon a pass."""
     import shapefile as pyshp
 
     parts = {ending: io.BytesIO() for ending in ("shp", "shx", "dbf")}

@@ -296,8 +296,14 @@ def test_readings_that_are_no_measurement_are_none_live_too(tmp_path, step):
     assert_the_same(flight, having([], flight), list(range(40, len(flight.frames), step)))
 
 
+#: One length of cable is as another: the shortest looks back least, the longest most.
+CABLES = [effect for effect in CATALOGUE if effect.name == "slung_load"]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.key)
+@pytest.mark.parametrize(
+    "effect", [e for e in CATALOGUE if e not in CABLES[1:-1]], ids=lambda e: e.key
+)
 def test_each_effect_is_live_what_it_is_in_the_file(effect):
     flight = recorded("campaign/v4_m16_q2.5", 6000)
     cuts = list(range(40, len(flight.frames), 150))

@@ -59,6 +59,7 @@ SIZES = {
     ("rotor_degradation", "onset_time"): (0, 100000, 60, 0),
     ("rotor_degradation", "end_time"): (0, 100000, 60, 0),
     ("rotor_degradation", "onset_clock"): (0, 1e11, 60, 0),
+    ("rotor_degradation", "end_clock"): (0, 1e11, 60, 0),
     ("thrust_drift", "rate"): (-0.001, 0.002, 0.0001, 1.7e-05),
     ("translational_lift", "gain"): (-0.5, 1, 0.1, 0.01),
 }
@@ -99,6 +100,8 @@ RESOLUTION = {
     "rotor_degradation:for a while.end_time": 0.3,
     "rotor_degradation:in each flight.onset_time": 0.3,
     "rotor_degradation:since.onset_clock": 0.3,
+    "rotor_degradation:until repaired.onset_clock": 0.3,
+    "rotor_degradation:until repaired.end_clock": 0.3,
 }
 ACCURACY = {"load_factor.gain": 0.05, "yaw_trim.moment": 0.15, "weathervane.lever": 0.15}
 ACCURACY |= {f"cg_offset.{axis}": 0.01 for axis in "xy"}
@@ -137,7 +140,7 @@ def having(flag: str) -> set[str]:
     return {e.key for e in CATALOGUE if getattr(e, flag)}
 
 
-WHEN = ("onset", "for a while", "in each flight", "since")
+WHEN = ("onset", "for a while", "in each flight", "since", "until repaired")
 
 
 def test_what_kind_of_thing_each_effect_is():
@@ -147,6 +150,7 @@ def test_what_kind_of_thing_each_effect_is():
     assert having("torque") == onsets | {"rotor_degradation", "air_density"}
     assert having("on_airframe") == onsets | {"rotor_degradation", "extra_mass"}
     assert having("afterwards") == {"rotor_degradation:onset", "rotor_degradation:since"}
+    assert having("gone") == {"rotor_degradation:until repaired"}
     assert having("delays") == {"sensor_lag:rotor speed"}
     assert having("by_flights") == {"tank_zero"}
     assert having("of_every_aircraft") == {

@@ -26,7 +26,7 @@ CASES = (
         ("", "--airframe"),
         tuple(("--out-model", e) for e in (".safetensors", ".loss.csv", ".loss.svg")),
     ),
-    ("match", ("--model", "--airframe"), (("--out", ".svg"), ("--out", ".png"))),
+    ("match", ("--model", "--airframe"), (("--out", ".svg"), ("--out", ".pdf"))),
     ("airframe new", ("--from", "--bench", "--hover"), (("--out", ".toml"),)),
     ("fetch mission", ("--signing-key-file",), (("--output", ".plan"),)),
     ("fetch log", ("--signing-key-file",), (("--output", ".BIN"),)),

@@ -29,9 +29,9 @@ from thrustmargin.gcs_plugin.reports.margin.render import (
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed
 from thrustmargin.gcs_plugin.reports.shared.plot_style import keep_extremes, keep_worst, single
-from thrustmargin.gcs_plugin.reports.shared.route_map import moved, plotly_scale
+from thrustmargin.gcs_plugin.reports.shared.route_map import plotly_scale
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, estimate
-from thrustmargin.gcs_plugin.wording.palette import LOAD
+from thrustmargin.gcs_plugin.wording.palette import LOAD, moved
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model

@@ -72,7 +72,7 @@ def test_a_loss_is_bounded_by_what_could_be_flown(reduced):
     bounds = {p.name: p for p in candidates_of(reduced, [LOSS])[0].term.effect.parameters}["loss"]
     loss = {p.name: p for p in LOSS.parameters}["loss"]
     assert bounds.upper == pytest.approx(min(loss.upper, max(most, loss.scale)))
-    assert bounds.lower == -loss.smallest
+    assert bounds.lower == -0.15  # a propeller of the next size
 
 
 def test_what_a_model_has_of_motion_is_not_looked_for_again(reduced):

@@ -325,8 +325,8 @@ def test_a_change_of_what_the_model_has_is_as_uncertain_in_form_as_the_model_and
 
 
 def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect(monkeypatch):
-    """A rotor that would have to gain thrust is none that is bad; beside it the mass is there."""
-    search = searched(["rotor_degradation", "extra_mass"], hidden_mass=2.0, loss=-0.05)
+    """A rotor would have to gain more than any propeller does; beside it the mass is there."""
+    search = searched(["rotor_degradation", "extra_mass"], hidden_mass=2.0, loss=-0.25)
     mass, both = (
         place(search, *names) for names in (["extra_mass"], ["rotor_degradation@1", "extra_mass"])
     )
