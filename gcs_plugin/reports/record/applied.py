@@ -202,8 +202,9 @@ def by_pump(track: FlightTrack) -> Liquid | None:
     if source.kind is not SourceKind.INFERRED or source.meaning is Meaning.HOVER_THRUST:
         return None
     fall, _ = _fall(track)
-    # Of a pump whose flow is not known nothing sums up.
-    return Liquid(by="pump", kg=fall, within_kg=0.0, source=source.words) if fall > 0.0 else None
+    # Of a pump whose flow is not known nothing sums up. What the level began with is no part of it.
+    whose = f"{source.name}: {source.remarks[-1]}"
+    return Liquid(by="pump", kg=fall, within_kg=0.0, source=whose) if fall > 0.0 else None
 
 
 def by_thrust(track: FlightTrack, airframe: Airframe) -> Liquid | None:

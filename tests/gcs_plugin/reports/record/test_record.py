@@ -60,6 +60,11 @@ def job(tmp_path_factory) -> SimpleNamespace:
     )
 
 
+def test_the_pump_is_summed_from_no_level_that_somebody_would_have_stated(job):
+    said = {one["by"]: one["source"] for one in job.record["liquid"]["estimates"]}
+    assert said["pump"] == "pump output: 3.5 L/min at full output"
+
+
 def test_area_and_liquid_are_those_of_the_report(job):
     fields = job.record["fields"]
     assert fields["area"]["value"] == pytest.approx(job.flight["sprayed_area"] / 10_000.0, rel=1e-3)
