@@ -131,10 +131,16 @@ def standing_names(
         mentioned=tuple(
             one
             for one, c in answer.mentioned(members)
-            if one.probability >= COSTS["rotor"].asked_from
-            and error(members) >= (1.0 + LEAST_FALL) * error([*members, c])
+            if worth_a_look(one.probability, error(members), error([*members, c]))
         ),
     )
+
+
+def worth_a_look(probability: float, without_rpm: float, with_rpm: float) -> bool:
+    """Whether a person is asked to look at a rotor without a name: by its probability, and by the
+    errors of flights left out without its loss and with it."""
+    likely = probability >= COSTS["rotor"].asked_from
+    return likely and without_rpm >= (1.0 + LEAST_FALL) * with_rpm
 
 
 def that_matter(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:
