@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import lgamma, log, pi
 
 import numpy as np
@@ -95,38 +95,62 @@ class Scored:
     variance: Floats  # (P,) of each value, the others unknown
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _OwnPrior:
+    """What one candidate brings to the prior of every set that holds it."""
+
+    limits: Floats  # (5, P)
+    normal: Bools  # (P,)
+    centre: Floats  # (P,)
+    least: float
+    constant: float
+
+
 @lru_cache(maxsize=4096)
-def _of_candidates(candidates: tuple[Candidate, ...]) -> SetPrior:
-    parameters = [one.parameters for one in candidates]
+def _own_prior(one: Candidate) -> _OwnPrior:
+    parameters = one.parameters
     rows = [
         (p.lower, p.upper, p.scale, p.smallest or 0.01 * p.scale, p.absent or 0.0)
-        for of in parameters
-        for p in of
+        for p in parameters
     ]
     limits = np.array(rows).reshape(-1, 5).T
-    normal = np.array([is_shape(p) for of in parameters for p in of], dtype=bool)
-    ends = np.cumsum([0, *map(len, parameters)])
-    main = np.flatnonzero(~normal)
-    owner = np.searchsorted(ends, main, side="right")
-    _, first, dimensions = np.unique(owner, return_index=True, return_counts=True)
-    least, constant = np.zeros(first.size), np.zeros(first.size)
-    for g, (k, d) in enumerate(zip(first, dimensions.tolist(), strict=True)):
-        lower, upper, scale, smallest, absent = limits[:, main[k : k + d]]
-        least[g] = np.max(smallest / scale)
+    normal = np.array([is_shape(p) for p in parameters], dtype=bool)
+    lower, upper, scale, smallest, absent = limits[:, ~normal]
+    least, constant = 0.0, 0.0
+    if scale.size:
+        least = float(np.max(smallest / scale))
         most = float(np.max(np.maximum(upper - absent, absent - lower) / scale))
-        surface = log(2.0) + 0.5 * d * log(pi) - lgamma(0.5 * d)  # of the unit sphere in d
-        constant[g] = -surface - log(log1p_ratio(most, least[g])) - np.sum(np.log(scale))
+        half = 0.5 * scale.size
+        surface = log(2.0) + half * log(pi) - lgamma(half)  # of the unit sphere
+        constant = -surface - log(log1p_ratio(most, least)) - float(np.sum(np.log(scale)))
+    return _OwnPrior(
+        limits=limits,
+        normal=normal,
+        centre=np.array(one.start_values),
+        least=least,
+        constant=constant,
+    )
+
+
+@lru_cache(maxsize=4096)
+def _of_candidates(candidates: tuple[Candidate, ...]) -> SetPrior:
+    own = [_own_prior(one) for one in candidates]
+    normal = np.concatenate([np.zeros(0, dtype=bool), *(of.normal for of in own)])
+    limits = np.concatenate([np.zeros((5, 0)), *(of.limits for of in own)], axis=1)
+    ends = [0, *accumulate(of.normal.size for of in own)]
+    some = [of for of in own if not of.normal.all()]
+    dimensions = np.array([of.normal.size - int(of.normal.sum()) for of in some], dtype=np.intp)
     return SetPrior(
         weight=np.where(normal, 1.0 / limits[2] ** 2, 0.0),
         normal=normal,
         limits=limits,
-        centre=np.array([v for one in candidates for v in one.start_values]),
-        groups=tuple(slice(*pair) for pair in pairwise(ends.tolist())),
-        main=main,
-        first=first,
+        centre=np.concatenate([np.zeros(0), *(of.centre for of in own)]),
+        groups=tuple(slice(*pair) for pair in pairwise(ends)),
+        main=np.flatnonzero(~normal),
+        first=np.cumsum(dimensions) - dimensions,
         dimensions=dimensions,
-        least=least,
-        constant=constant,
+        least=np.array([of.least for of in some]),
+        constant=np.array([of.constant for of in some]),
         log_sets=sum(one.log_prior for one in candidates) + _first_rotor(candidates),
     )
 

@@ -92,15 +92,24 @@ class Linear:
         prior = prior_of([self.held[c] for c in members])
         system = gram[np.ix_(where, where)] + np.diag(prior.weight + TINY)
         left = gram - gram[:, where] @ np.linalg.solve(system, gram[where])
-        before = float(residual @ left @ residual)
+        along = left @ residual
+        first = self.columns[-1].stop if self.columns else 0
         out = np.zeros(len(pool))
-        for i, c in enumerate(pool):
-            part, own = self.columns[c], prior_of([self.held[c]])
-            with_it = self._residual(key ^ {c})
-            g = left[part] @ with_it + own.pull
-            h = left[part, part] + np.diag(own.weight + TINY)
-            after = float(with_it @ left @ with_it)
-            out[i] = 0.5 * (before - after) + 0.5 * float(g @ np.linalg.solve(h, g))
+        sizes = np.array([self.columns[c].stop - self.columns[c].start for c in pool])
+        for size in np.unique(sizes):
+            of = np.flatnonzero(sizes == size)
+            some = np.array(pool)[of]
+            part = np.array([self.columns[c].start for c in some])[:, None] + np.arange(size)
+            change, own = first + some, [prior_of([self.held[c]]) for c in some]
+            sign = np.array([1.0 if c in self.about.key else -1.0 for c in some])
+            pull = np.stack([one.pull for one in own])
+            g = along[part] + sign[:, None] * left[part, change[:, None]] + pull
+            h = left[part[:, :, None], part[:, None, :]].copy()
+            place = np.arange(size)
+            weight = np.stack([one.weight for one in own])
+            h[:, place, place] += weight + TINY * (np.abs(h[:, place, place]) + TINY)
+            gain = np.sum(g * np.linalg.solve(h, g[:, :, None])[:, :, 0], axis=1)
+            out[of] = 0.5 * gain - sign * along[change] - 0.5 * left[change, change]
         return out
 
     def only(self, members: Collection[int], without: Collection[int]) -> Linear:

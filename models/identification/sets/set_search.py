@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -197,6 +198,7 @@ class Search:
         best = self.fitted[linear.about.key]
         levels = sorted({best.best_level, 0, len(LEVELS) // 2})
 
+        @cache
         def look(key: Key, level: int) -> float:
             value = linear.score(key, level).log_evidence + linear.taken_out[level]
             found[key] = max(found.get(key, IMPOSSIBLE), value)
