@@ -7,7 +7,7 @@ Apparent thrust of a rotor is a0 N². An effect changes one of four things, in t
 3. moments      how the rotors share it,
 4. coefficient  the thrust that a rotor makes at a speed, as a factor kappa.
 
-An effect owns all that is said of it anywhere: how its parameters scale with the aircraft, what it
+An effect owns all that other rooms ask of it: how its parameters scale with the aircraft, what it
 does to the airframe, how far around a row it looks, and the value of each channel at which it does
 nothing.
 """

@@ -1,6 +1,6 @@
 """Close the loop: residual -> missing effect -> added effect -> error before and after.
 
-`identify` scores sets of effects on flights with measured rotor speeds, beside a free form that
+`identify` scores sets of effects on flights with measured rotor speeds, beside a discrepancy that
 competes with them; it names what nearly all the weight holds, lists what cannot be distinguished
 and what is excluded, and states the error on flights that no step has used.
 """
@@ -17,6 +17,7 @@ from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer.accepted_names import accepted_names, size
 from thrustmargin.models.identification.answer.already_followed import followed_wind
 from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_flights
@@ -24,7 +25,6 @@ from thrustmargin.models.identification.answer.open_causes import change_on, ope
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.row_values import by_rows
-from thrustmargin.models.identification.answer.standing_names import size, standing_names
 from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares, steepness_of
@@ -95,16 +95,16 @@ def identify_checked(
     if steps and search.add(steps, without_rotors(search, search.best.key)):
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
-    standing = standing_names(space, search, problem, steepness=steepness, progress=progress)
-    answer = standing.answer
-    left_out, estimates = by_rows(standing.left_out, standing.estimates)
+    accepted = accepted_names(space, search, problem, steepness=steepness, progress=progress)
+    answer = accepted.answer
+    left_out, estimates = by_rows(accepted.left_out, accepted.estimates)
     if progress:
         progress("errors on flights not used", 1.0)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
     # With nothing added the model stays what it was, and so does its error.
-    aside = [c for c in standing.named if c not in standing.members]
-    chosen = left_out.with_choice(standing.members, aside) if estimates else before
+    aside = [c for c in accepted.named if c not in accepted.members]
+    chosen = left_out.with_choice(accepted.members, aside) if estimates else before
     open_ = open_causes(problem, after, left_out.held(values))
     chosen, after = chosen - open_.left_out_rpm, after - open_.change_rpm
     unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
@@ -124,24 +124,24 @@ def identify_checked(
         model=model,
         problem=problem,
         found=_found(left_out, estimates),
-        left=standing.left,
-        closest=tuple(search.candidates[c].term for c in standing.closest),
+        left=accepted.left,
+        closest=tuple(search.candidates[c].term for c in accepted.closest),
         unseen=tuple(unseen),
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
-        residual_carried_rpm=left_out.with_carried(standing.members) - open_.left_out_rpm,
+        residual_carried_rpm=left_out.with_carried(accepted.members) - open_.left_out_rpm,
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
         sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
-        one_of=standing.one_of,
+        one_of=accepted.one_of,
         # Motors and ESCs of one make differ by more than outputs scatter: they clear no rotor.
         excluded=tuple(
             e
-            for e in answer.excluded(answer.search.linearise(answer.best), standing.named)
+            for e in answer.excluded(answer.search.linearise(answer.best), accepted.named)
             if e.term.rotor is None or not problem.of_outputs
         ),
-        mentioned=standing.mentioned,
+        mentioned=accepted.mentioned,
         open_causes=open_.causes,
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),

@@ -28,7 +28,7 @@ BATTERY_VOLTAGE = Effect(
     name="battery_voltage",
     kind=Kind.COEFFICIENT,
     # Smallest: 0.5 % of thrust where the voltage falls by a tenth. Bounds: a motor's speed goes at
-    # most in proportion to the voltage, so thrust at a speed that is said to be the same whatever
+    # most in proportion to the voltage, so thrust at a speed that is reported the same whatever
     # the battery goes at most with V², and at one worked out in that proportion, if it does not go
     # so at all, with 1 / V²; and an error of a fifth.
     parameters=(

@@ -1,13 +1,13 @@
-"""Do the names take what a free form could explain? What they leave, in which mode, along what.
+"""Do the names take what a discrepancy could explain? What they leave, in which mode, along what.
 
-In each mode the free form is let loose (the widest level) beside the best set. What it then takes
+In each mode the discrepancy is let loose (the widest level) beside the best set. What it then takes
 is what no effect of the table explains. A sound aircraft leaves some too: as much as it takes of
 good flights that their model has not seen, where flights differ from day to day and the model is
 off along its own inputs. Where a mode's free part is beyond that and more than LEFT of all that is
 explained in the mode, the mode is unexplained. Effects that act mostly in such modes, or by the
 channel that the unexplained goes with, are then only the closest that the table has. What goes with
-no channel shows by a mode that wanders within a flight far more than in good flights: it is said,
-and takes no name away, for a gusty day does the same.
+no channel shows by a mode that wanders within a flight far more than in good flights: that
+is reported, and takes no name away, for a gusty day does the same.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
-from thrustmargin.models.identification.sets.free_form import MEANS, WANDER, slow_wander, slowly
+from thrustmargin.models.identification.sets.discrepancy import MEANS, WANDER, slow_wander, slowly
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
 from thrustmargin.models.identification.sets.nuisance import (
     FREEDOMS,
@@ -56,7 +56,7 @@ class Unexplained:
     channel: str
     share: float  # of the variance of what is left
     rms_rpm: float
-    curve_rpm: Floats  # (N,) the free form along the channel
+    curve_rpm: Floats  # (N,) the discrepancy along the channel
     wanders: bool = False  # within flights, along no channel but time
     rotor: int | None = None  # of which the loss is not steady: all modes are its own
 
@@ -174,10 +174,10 @@ def _wandering(
     )
 
 
-def free_form_rms(
+def discrepancy_rms(
     model: RotorModel, tracks: Sequence[FlightTrack], catalogue: Sequence[Effect]
 ) -> Floats:
-    """(R,) rpm that the free form takes in each mode of flights in which nothing is missing."""
+    """(R,) rpm that the discrepancy takes in each mode of flights in which nothing is missing."""
     space = search_space(model, tracks, catalogue)
     search = Search(space.reduced, space.nuisance, space.candidates)
     curves = _free_part(space, search, search.fit(frozenset(), ()))
@@ -220,7 +220,7 @@ def closest_to(
 
 
 def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str, Floats]:
-    """Channel -> (N, R) rpm that the free form takes beside a set, at the widest level."""
+    """Channel -> (N, R) rpm that the discrepancy takes beside a set, at the widest level."""
     nuisance, solved = search.nuisance, search.solved
     level = len(LEVELS) - 1
     shared = nuisance.sums(left_by(search, best)[:, :, None])[0][:, 0]
@@ -241,7 +241,7 @@ def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str,
 
 
 def _sound_part(space: SearchSpace, named: bool) -> Floats:
-    """(R,) rpm²: mean square of the free form on a sound aircraft, as its size is taken to be or
+    """(R,) rpm²: mean square of the discrepancy on a sound aircraft, as its size is taken to be or
     as good flights showed, which clears no name."""
     usual = np.mean(space.hats**2, axis=0) @ (space.sizes**2).T
     known = None if named else space.reduced.model.good_flights

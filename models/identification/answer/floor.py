@@ -18,7 +18,7 @@ from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.left_out import FIFTHS, MOST_FOLDS
 from thrustmargin.models.identification.rows.problem import Problem, thinned
-from thrustmargin.models.identification.sets.free_form import hats
+from thrustmargin.models.identification.sets.discrepancy import hats
 
 RIDGES = 10.0 ** np.arange(-3.0, 2.0)  # per row; those that leave least, mode by mode
 HATS = 9  # along one channel

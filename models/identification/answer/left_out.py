@@ -60,7 +60,7 @@ class LeftOutPart:
                     key=key,
                     held=tuple(linear.held[c] for c in sorted(key)),
                     levels=levels,
-                    log_evidence=np.array([s.log_evidence for s in levels]) + linear.taken_out,
+                    log_evidence=np.array([s.log_evidence for s in levels]) + linear.marginalised,
                     residual=linear.about.residual,
                 )
             )

@@ -82,7 +82,7 @@ class Posterior:
         return min(1.0, float(sum(held)))
 
     def named(self) -> list[int]:
-        """Candidates that nearly all the weight holds, at a size that is clear of nothing.
+        """Candidates that nearly all the weight holds, with an interval that excludes zero.
 
         A rotor that is surely weak is named though it may be so from the start or from a moment on:
         by the likeliest of these.
@@ -140,23 +140,23 @@ class Posterior:
         )
 
     def estimates(self, kept: Sequence[int], either: Collection[int] = ()) -> list[EffectEstimate]:
-        """Of those names that are kept which stay clear of nothing by themselves. Values are those
+        """Of the kept names those whose own interval excludes zero. Values are those
         of them alone, since that is what they predict with, but beside the likeliest of each
         `either ... or`, and as uncertain as the absence of whatever else is likely moves them."""
         kept, found = sorted(kept), []
         while kept:
             alone = Posterior.of(self.search, [self.of_alone({*kept, *either})], self.steepness)
-            found, standing = [], []
+            found, still_clear = [], []
             for c in kept:
                 among, own = self.estimate(c), alone.estimate(c)
                 error = np.hypot(own.error, among.value - own.value)
                 found.append(replace(among, value=own.value, error=np.maximum(error, among.error)))
                 # Of one value that is by its interval; of several another may stand out each time.
                 if _clear(own) and (_clear(found[-1]) or len(_main(own.term)) > 1):
-                    standing.append(c)
-            if standing == kept:
+                    still_clear.append(c)
+            if still_clear == kept:
                 break
-            kept, found = standing, []
+            kept, found = still_clear, []
         return found
 
     def of_alone(self, kept: Iterable[int]) -> FittedSet:

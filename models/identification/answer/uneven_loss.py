@@ -37,8 +37,8 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.column_sums import Remainder
+from thrustmargin.models.identification.sets.discrepancy import CHANNELS, FORM, hats
 from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE
-from thrustmargin.models.identification.sets.free_form import CHANNELS, FORM, hats
 from thrustmargin.models.identification.sets.linear_sets import TINY, FittedSet
 from thrustmargin.models.identification.sets.nuisance import root_of
 from thrustmargin.models.identification.sets.set_search import Search

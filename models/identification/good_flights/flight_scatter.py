@@ -18,7 +18,7 @@ from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.answer.adequacy import free_form_rms
+from thrustmargin.models.identification.answer.adequacy import discrepancy_rms
 from thrustmargin.models.identification.good_flights.standard_effects import gain_and_error
 from thrustmargin.models.identification.rows.candidates import (
     Held,
@@ -31,7 +31,7 @@ from thrustmargin.models.identification.rows.output_shares import effects_on_sha
 from thrustmargin.models.identification.rows.problem import Problem, assemble
 from thrustmargin.models.identification.rows.row_fit import block_sums
 from thrustmargin.models.identification.rows.whitening import Whitening, plain
-from thrustmargin.models.identification.sets.free_form import WANDER, slow_wander
+from thrustmargin.models.identification.sets.discrepancy import WANDER, slow_wander
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.records import GoodFlights, scatter_between
 
@@ -96,7 +96,7 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
         },
     )
     free_form = [
-        free_form_rms(replace(fold.model, good_flights=shown), fold.tracks, catalogue)
+        discrepancy_rms(replace(fold.model, good_flights=shown), fold.tracks, catalogue)
         for fold, catalogue in zip(left_out, catalogues, strict=True)
     ]
     together = np.sqrt(np.mean(np.square(free_form), axis=0))

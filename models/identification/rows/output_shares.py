@@ -6,10 +6,10 @@ of the model, so a prediction is scaled, row by row, to the sum of squares that 
 
     N_i' = N_i sqrt(sum N_meas² / sum N²)
 
-and only effects that change how the rotors share the thrust are looked for. A standing share also
+and only effects that change how the rotors share the thrust are looked for. A constant share also
 differs from flight to flight, by wind and by how the battery was put in. That spread is taken from
 the flights themselves, or from good flights that the model has learnt from; with neither, a
-standing difference cannot be distinguished from it.
+constant difference cannot be distinguished from it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Least squares on rows at 10 Hz, for a set of effects that is given: no search, no free form.
+"""Least squares on rows at 10 Hz, for a set of effects that is given: no search, no discrepancy.
 
 Lags of tenths of a second show in rows, not in means. Each row's residual in modes is over the
 mode's robust size, with Huber weights, and blocks of time keep their sums z'z of derivatives and
-residual: leaving flights out, intervals and effects taken out again are algebra on those sums.
+residual: leaving flights out, intervals and effects removed again are algebra on those sums.
 """
 
 from __future__ import annotations

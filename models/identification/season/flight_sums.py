@@ -2,7 +2,7 @@
 
 About the model as it is, with nothing missing, the residual r of a flight is linear in the values d
 of all effects: r = J d + what is not asked (scatter of flights, errors of the base model,
-the free form, noise). With that taken out, all that the flight says is the matrix [J r]'[J r]. Sums
+the discrepancy, noise). With that marginalised, all that the flight says is [J r]'[J r]. Sums
 of flights add up, so a season is identified without its rows (`season_sums`).
 
 A rotor's loss bends: 8 % does 6 % more than 8 times what 1 % does. The columns of what it does
@@ -50,8 +50,8 @@ class FlightEvidence:
     names: tuple[str, ...]  # (q,) "effect.value", of one rotor "effect.value@2" (counted from 1)
     limits: Floats  # (q, 7) LIMITS of each value
     bent: tuple[int, ...]  # (c,) places of the values that bend
-    #: (q + c + 1, q + c + 1) of [derivatives, bends, residual], what is not asked taken out, with
-    #: the free form as on a sound aircraft
+    #: (q + c + 1, q + c + 1) of [derivatives, bends, residual], the nuisances marginalised, with
+    #: the discrepancy as on a sound aircraft
     gram: Floats
     known: Floats  # (q,) the diagonal that the derivatives would have without model uncertainty
     seconds: float  # in flight that were used

@@ -29,7 +29,7 @@ from thrustmargin.models.identification.season.change_points import (
     spread_beyond,
 )
 from thrustmargin.models.identification.season.season_sums import SeasonSums, season_sums
-from thrustmargin.models.identification.sets.free_form import FORM
+from thrustmargin.models.identification.sets.discrepancy import FORM
 
 MOST_FINDS = 8  # of one season
 SHAPE = TORQUE_SHARE.scale  # of a loss: what its torque share may be off by

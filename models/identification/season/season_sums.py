@@ -18,7 +18,7 @@ LOSS, SHARE = "rotor_degradation.loss@", "rotor_degradation.torque_share@"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SeasonSums:
-    """F flights, q values of effects that last; what one flight has for itself is taken out.
+    """F flights, q values of effects that last; what one flight has for itself is marginalised.
 
     A flight that says nothing of a value has zeros there.
     """
@@ -76,7 +76,7 @@ def season_sums(
     Raises DataError when there are none, or they are of aircraft with different rotors.
     """
     if not flights:
-        raise DataError("no flight with sums; nothing can be said of the season")
+        raise DataError("no flight with sums; the season cannot be judged")
     if len({f.rotor_count for f in flights}) > 1:
         raise DataError("flights with different numbers of rotors cannot be of one aircraft")
     limits: dict[str, Floats] = {}

@@ -1,1 +1,1 @@
-"""The search: sets of effects, scored on Gram matrices beside a free form."""
+"""The search: sets of effects, scored on Gram matrices beside a discrepancy."""

@@ -1,4 +1,4 @@
-"""Columns with all that is not asked for taken out, of which the sums are kept.
+"""Sums of columns with all nuisances marginalised.
 
 About one set many residuals are asked for, one for each step that is tried. What columns have in
 common with themselves and with the nuisances stays; only the residual's own products are anew.
@@ -19,15 +19,15 @@ from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved, S
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Remainder:
     """P asked columns without what is known and without their forms, which have size one: all that
-    does not go with the level. The free form has X columns."""
+    does not go with the level. The discrepancy has X columns."""
 
     solved: Solved
     own: Floats  # (P, P)
     free: Floats  # (X, P)
-    gram: Floats  # (X, X) of the free form itself
+    gram: Floats  # (X, X) of the discrepancy itself
     root: Floats  # (Q, Q) of the covariance of the forms
     crossed: Floats  # (Q, P + X) what the forms take, of both
-    evidence: Floats  # (levels,) log evidence of what was taken out
+    evidence: Floats  # (levels,) log evidence of the marginalised
 
     @classmethod
     def of(cls, solved: Solved, sums: Sums, asked: Sequence[int]) -> Remainder:
@@ -50,7 +50,7 @@ class Remainder:
         )
 
     def at_levels(self) -> tuple[Floats, Floats]:
-        """(levels, P, P) with the free form taken out too, and (levels,) the log evidence."""
+        """(levels, P, P) with the discrepancy marginalised too, and (levels,) the log evidence."""
         grams, determinants = [], []
         for level in self.solved.levels:
             root, determinant = level.root(self.gram, 0, self.solved.hats)
@@ -69,9 +69,9 @@ class Prepared:
     drawn: Floats  # (draws of all flights, q) what the scatter takes of them
     known: Floats  # (D, q) what is known takes
     rest: Remainder
-    level: Floats  # (X, X) root of the free form's covariance at one level
+    level: Floats  # (X, X) root of the discrepancy's covariance at one level
     moved: Floats  # (X, P) what it takes there
-    left: Floats  # (P, P) of the asked, with all that is not asked taken out
+    left: Floats  # (P, P) of the asked, with all that is not asked marginalised
 
     @classmethod
     def of(
@@ -102,7 +102,7 @@ class Prepared:
 
     def gram(self, residual: Floats) -> Floats:
         """(P + 1, P + 1) of the asked columns and a residual (N, R) rpm in modes, at the level,
-        with all that is not asked taken out."""
+        with all that is not asked marginalised."""
         along, free, own = self._of_residual(residual)
         moved = self.level @ free
         along = along - self.moved.T @ moved
@@ -110,7 +110,7 @@ class Prepared:
 
     def at_levels(self, residual: Floats) -> tuple[Floats, Floats]:
         """(levels, P + 1, P + 1) the same at every level, and (levels,) the log evidence of what
-        was taken out."""
+        was marginalised."""
         along, free, own = self._of_residual(residual)
         rest = self.rest
         both = replace(
@@ -121,7 +121,7 @@ class Prepared:
         return both.at_levels()
 
     def _of_residual(self, residual: Floats) -> tuple[Floats, Floats, float]:
-        """z'r (P,), F'r (X,) and r'r with the scatter, what is known and the forms taken out."""
+        """z'r (P,), F'r (X,) and r'r with the scatter, what is known and the forms marginalised."""
         n, z, rest = self.nuisance, self.z, self.rest
         r = n.filtered(residual[:, :, None])
         drawn, (shared, own) = n.drawn(r)[:, 0], n.products(r)

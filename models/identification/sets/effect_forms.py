@@ -17,7 +17,7 @@ from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.rows.modes import MODE_NAMES
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
-from thrustmargin.models.identification.sets.free_form import FORM
+from thrustmargin.models.identification.sets.discrepancy import FORM
 
 SIDE, SIDE_FORM = 0.2, 0.5  # share of the main change that is by the way, and how good it is
 LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter

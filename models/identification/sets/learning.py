@@ -1,4 +1,4 @@
-"""What sound flights show: how large the scatter and the free form are when nothing is missing.
+"""What sound flights show: how large the scatter and the discrepancy are when nothing is missing.
 
 Both are variance components of a linear model, found by expectation and maximisation (Dempster,
 Laird and Rubin 1977; Laird and Ware 1982): the mean square of each draw given the flights takes the
@@ -112,7 +112,7 @@ class _Sums:
 
 
 def _of_draws_alone(sums: _Sums, level: Level) -> _Sums:
-    """A single flight with what flights share taken out once, for it keeps its size: the steps then
+    """A single flight, what flights share marginalised once, for it keeps its size: the steps then
     solve for the draws alone, a fifth of all."""
     (one,), (seen,) = sums.flights, sums.seen
     root, _ = level.root(sums.shared, sums.known, sums.hats)

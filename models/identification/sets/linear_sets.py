@@ -67,7 +67,7 @@ class Linear:
     held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
     columns: tuple[slice, ...]
     gram: Floats
-    taken_out: Floats  # (levels,) log evidence of what was taken out
+    marginalised: Floats  # (levels,) its log evidence
 
     def score(self, key: Iterable[int], level: int) -> Scored:
         """A set about this one."""
@@ -154,7 +154,11 @@ class ColumnsAbout:
 
     def linear(self, solved: Solved, sums: Sums) -> Linear:
         """By the sums of the flights that are `solved`."""
-        gram, taken_out = Remainder.of(solved, sums, range(self.asked)).at_levels()
+        gram, marginalised = Remainder.of(solved, sums, range(self.asked)).at_levels()
         return Linear(
-            about=self.about, held=self.held, columns=self.columns, gram=gram, taken_out=taken_out
+            about=self.about,
+            held=self.held,
+            columns=self.columns,
+            gram=gram,
+            marginalised=marginalised,
         )

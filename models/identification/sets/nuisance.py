@@ -1,11 +1,11 @@
-"""All that is not asked for, taken out of the Gram matrices flight by flight.
+"""What is not asked for, marginalised flight by flight in the Gram matrices.
 
     y = J d + S_f s_f + B b + F c + e
 
 y are whitened mode residuals, J the derivatives by what is asked. S_f are the derivatives by every
 effect's scatter from flight to flight, one draw a flight; B what the base model is unsure of; F the
-free form. s, b and c are normal, so they leave as Schur complements: what is left of [J y]'[J y] is
-as if they had been measured with their priors. The size of the free form is a hypothesis
+discrepancy. s, b and c are normal, so they leave as Schur complements: what is left of [J y]'[J y]
+is as if they had been measured with their priors. The size of the discrepancy is a hypothesis
 (`Level`), each with its own matrix and its own evidence.
 """
 
@@ -28,12 +28,12 @@ from thrustmargin.models.identification.rows.value_columns import (
 )
 from thrustmargin.models.identification.rows.whitening import Whitening
 
-#: times the size that the free form has on a sound aircraft, and how likely each is beforehand: an
-#: aircraft is usually what its good flights say
+#: times the size that the discrepancy has on a sound aircraft, and how likely each is beforehand:
+#: an aircraft is usually what its good flights say
 FREEDOMS, FREEDOM_PRIORS = (1.0, 4.0, 16.0), (0.6, 0.25, 0.15)
 #: the same of a constant under every hypothesis: 0.2 % of rotor speed, by which sound propellers
-#: scatter (0.4 % of thrust). What stands beyond that is an effect: the table has one for each mode
-STANDING = 2.0
+#: scatter (0.4 % of thrust). A constant beyond that is an effect: the table has one for each mode
+CONSTANT_FACTOR = 2.0
 
 
 _factored, _inverted = get_lapack_funcs(("potrf", "trtri"))
@@ -52,7 +52,7 @@ def root_of(system: Floats) -> tuple[Floats, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Level:
-    """One hypothesis: factors of the free form of the collective and of the other modes."""
+    """One hypothesis: factors of the discrepancy of the collective and of the other modes."""
 
     collective: float
     moments: float
@@ -66,7 +66,7 @@ class Level:
         """
         mode = np.arange(gram.shape[0] - known) // max(hats, 1)
         of_modes = np.where(mode == 0, self.collective, self.moments)
-        of_modes[:: max(hats, 1)] = STANDING
+        of_modes[:: max(hats, 1)] = CONSTANT_FACTOR
         size = np.concatenate([np.ones(known), of_modes])
         root, determinant = root_of(np.eye(size.size) + size[:, None] * gram * size)
         return root * size, determinant
@@ -81,7 +81,7 @@ LEVELS = tuple(
 EVERY = slice(None)
 #: of each mode, which of the columns act in it, and these (k, n): most act in one mode alone
 OfModes = tuple[tuple[NDArray[np.intp], Floats], ...]
-#: of q columns z: X'z (X, q) with the shared X and z'z (q, q), the scatter of flights taken out
+#: of q columns z: X'z (X, q) with the shared X and z'z (q, q), the scatter of flights marginalised
 Sums = tuple[Floats, Floats]
 
 
@@ -89,11 +89,11 @@ Sums = tuple[Floats, Floats]
 class Solved:
     """The nuisances of flights eliminated, at every level.
 
-    Only the free form goes with the level, so what is `known` is taken out once for all of them.
+    Only the discrepancy goes with the level, so `known` columns are marginalised once for all.
     """
 
-    gram: Floats  # (X, X) X'X of the shared columns, the scatter of flights taken out
-    known: int  # of X, those before the hats of the free form
+    gram: Floats  # (X, X) X'X of the shared columns, the scatter of flights marginalised
+    known: int  # of X, those before the hats of the discrepancy
     hats: int  # of each mode
     levels: tuple[Level, ...]
     of_draws: float  # ln of the scatter's determinant
@@ -110,7 +110,7 @@ class Solved:
 
     @cached_property
     def free_gram(self) -> Floats:
-        """(X - D, X - D) F'F of the free form, what is known taken out."""
+        """(X - D, X - D) F'F of the discrepancy, what is known marginalised."""
         return self.gram[self.known :, self.known :] - self.crossed.T @ self.crossed
 
     @cached_property
@@ -140,7 +140,7 @@ class Solved:
         return known, shared[self.known :] - self.crossed.T @ known
 
     def reduce(self, sums: Sums, levels: slice = EVERY) -> Floats:
-        """(levels, q, q): z'z with the nuisances taken out."""
+        """(levels, q, q): z'z with the nuisances marginalised."""
         known, free = self.less_known(sums[0])
         own = sums[1] - known.T @ known
         moved = [root @ free for root, _ in self._roots[levels]]
@@ -166,7 +166,7 @@ class Nuisance:
     flights: tuple[slice, ...]  # of the n means
     scatter: Floats  # (n, R, K) one standard deviation of a sound aircraft's scatter
     uncertainty: Floats  # (n, R, D) one of the base model
-    free: Floats  # (R, n, H) one of the free form on a sound aircraft
+    free: Floats  # (R, n, H) one of the discrepancy on a sound aircraft
 
     @cached_property
     def by_flight(self) -> tuple[FlightScatter, ...]:

@@ -50,7 +50,7 @@ KINDS = {
 
 
 def without_rotors(search: Search, key: Key) -> Key:
-    """A set of which bad rotors are taken out."""
+    """A set without its bad rotors."""
     return frozenset(
         c for c in key if search.candidates[c].term.effect.name != ROTOR_DEGRADATION.name
     )
@@ -135,7 +135,7 @@ def _grid(time_s: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _LossSums:
-    """A loss's derivative and a set's residual, summed by flights with their scatter taken out."""
+    """A loss's derivative and a set's residual, by flights, their scatter marginalised."""
 
     search: Search
     columns: Floats  # (N, R, 2) rpm in modes: the loss throughout, and the residual

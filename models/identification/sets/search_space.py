@@ -23,7 +23,7 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.output_shares import spread_of_flights
 from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flights
 from thrustmargin.models.identification.rows.whitening import Whitening, whitening_of
-from thrustmargin.models.identification.sets.free_form import (
+from thrustmargin.models.identification.sets.discrepancy import (
     FORM,
     WANDER,
     form_columns,
@@ -40,7 +40,7 @@ from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.physics.atmosphere import SEA_LEVEL_TEMPERATURE
 from thrustmargin.models.physics.flight_phases import TURN_RATE
 
-#: of the mean rotor speed: what a curve of the free form, and the slow noise, begin with where no
+#: of the mean rotor speed: what a curve of the discrepancy, and the slow noise, begin with where no
 #: good flights tell; a trained model is off by 0.1 to 0.5 % along its own inputs
 USUAL_SHARE = 0.001
 LEAST_CHANGE = 0.5  # rpm RMS of a mode, below which the form of an effect does not matter
@@ -63,7 +63,7 @@ class SearchSpace:
     reduced: Reduced
     candidates: tuple[Candidate, ...]
     nuisance: Nuisance
-    groups: tuple[str, ...]  # (H,) the channel of each hat of the free form
+    groups: tuple[str, ...]  # (H,) the channel of each hat of the discrepancy
     hats: Floats  # (N, H)
     sizes: Floats  # (R, H) rpm of each hat on a sound aircraft
     wander_rpm: Floats  # (R,) size of the flights' slow noise in each mode
@@ -83,14 +83,14 @@ def search_space(
     residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
     anything, at_start = _moved(reduced, candidates)
     sizes_of = _scatter_sizes(candidates, model.good_flights)
-    standing, shared = _standing(reduced, residual)
+    offsets, shared = _flight_offsets(reduced, residual)
     form = (anything * sizes_of)[:, :, sizes_of > 0.0]
     hats, groups = free_columns(reduced.channels, reduced.flight)
-    if standing.any():  # how flights differ as a whole is known, and is nobody else's
+    if offsets.any():  # how flights differ as a whole is known, and is nobody else's
         form = _within_flights(form, reduced.flight)
         hats[:, 0] = 0.0
     shared = np.concatenate([shared, _of_thermometer(reduced, tracks)], axis=2)
-    scatter = np.concatenate([form, standing, unreported_wind(reduced, tracks)], axis=2)
+    scatter = np.concatenate([form, offsets, unreported_wind(reduced, tracks)], axis=2)
     filter_ = _noise(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())
     wander, own = _wander(reduced, scatter.shape[2])
@@ -271,7 +271,7 @@ def _answers(reduced: Reduced, base: Floats) -> list[Floats]:
     return columns
 
 
-def _standing(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
+def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
     """(N, R, R) rpm: by how much each mode differs from flight to flight, whatever it comes from,
     and by how much all flights differ from those that the model was made from.
 
@@ -342,7 +342,7 @@ def _busy(reduced: Reduced) -> Bools:
 def _free_sizes(
     reduced: Reduced, groups: Sequence[str], known: GoodFlights | None, speed: float
 ) -> Floats:
-    """(R, H) rpm: size of each hat of the free form on a sound aircraft."""
+    """(R, H) rpm: size of each hat of the discrepancy on a sound aircraft."""
     learnt = {} if known is None else known.curve_rpm
     usual, least = USUAL_SHARE * speed, LEAST_SHARE * speed
     return np.array(

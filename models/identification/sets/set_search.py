@@ -25,13 +25,13 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.column_sums import Prepared
+from thrustmargin.models.identification.sets.discrepancy import form_columns
 from thrustmargin.models.identification.sets.effect_forms import cancel, forms_of
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
     prior_of,
     scores,
 )
-from thrustmargin.models.identification.sets.free_form import form_columns
 from thrustmargin.models.identification.sets.linear_sets import (
     ColumnsAbout,
     FittedSet,
@@ -46,7 +46,7 @@ NEXT = 4  # the same of those one effect away, however they rank: far from it a 
 ROUNDS = 6
 MOST_EFFECTS = 10
 HOPELESS = 500.0  # the same, from which a set takes no more steps: a lag alone may bring 200
-STEPPED = 0  # the level at which values are found: a free form of the usual size
+STEPPED = 0  # the level at which values are found: a discrepancy of the usual size
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 FAR = 3 * NEAR  # the same, from which a set is left as it is once its steps promise no more
 
@@ -117,7 +117,7 @@ class Search:
         level = best.best_level
         for key in self.possible:
             found = self.fitted[key]
-            promised = linear.score(key, level).log_evidence + linear.taken_out[level]
+            promised = linear.score(key, level).log_evidence + linear.marginalised[level]
             if promised > max(found.log_evidence[level] + STALE, best.total - NEAR):
                 other = self._fit(key, [linear.held[c] for c in sorted(key)], 8, best.total)
                 self.fitted[key] = max(found, other, key=lambda one: one.total)
@@ -200,7 +200,7 @@ class Search:
 
         @cache
         def look(key: Key, level: int) -> float:
-            value = linear.score(key, level).log_evidence + linear.taken_out[level]
+            value = linear.score(key, level).log_evidence + linear.marginalised[level]
             found[key] = max(found.get(key, IMPOSSIBLE), value)
             return value
 
@@ -332,9 +332,9 @@ class Search:
         self, key: Key, columns: Prepared, held: Sequence[Held], residual: Floats
     ) -> FittedSet:
         """A set as it stands, with all that the derivatives promise, at every level."""
-        grams, taken_out = columns.at_levels(residual)
+        grams, marginalised = columns.at_levels(residual)
         levels = scores(prior_of(held), grams)
-        evidence = np.array([s.log_evidence for s in levels]) + taken_out
+        evidence = np.array([s.log_evidence for s in levels]) + marginalised
         return FittedSet(
             key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual
         )

@@ -92,7 +92,7 @@ def test_rows_in_flight_count_however_many_stand_on_the_ground():
     assert "3.0 s after" in (late_speeds(on_ground) or "")
 
 
-def test_what_drifts_is_taken_out_and_neighbours_are_smoothed():
+def test_what_drifts_is_marginalised_and_neighbours_are_smoothed():
     ramp: Floats = np.arange(300.0)
     assert _quick(ramp, STEP)[100:200] == pytest.approx(np.zeros(100), abs=1e-9)
     lone = np.zeros(301)

@@ -94,7 +94,7 @@ def test_rows_far_apart_are_not_differentiated_and_too_few_rows_are_none():
     assert _samples(samples_flight(2))[3].size == 0
 
 
-def test_the_trend_of_five_seconds_is_taken_out():
+def test_the_trend_of_five_seconds_is_marginalised():
     ramp = np.arange(200.0)[:, None]
     np.testing.assert_allclose(_fast(ramp)[25:-25], 0.0, atol=1e-9)
     alternating = np.where(np.arange(201) % 2 == 0, 1.0, -1.0)[:, None]

@@ -217,7 +217,7 @@ def test_under_the_noise_a_ratio_of_a_is_passed_by_less_than_one_start_in_a():
         assert count < starts / a
 
 
-def test_a_change_that_is_known_is_taken_out():
+def test_a_change_that_is_known_is_marginalised():
     """After `settle` the same level is no news, and the way back is."""
     test = watch()
     rng = np.random.default_rng(9)
@@ -241,7 +241,7 @@ def test_a_change_that_is_known_is_taken_out():
     assert back.log_ratio > 3.0
 
 
-def test_after_a_change_was_taken_out_the_filter_is_as_if_there_had_been_none():
+def test_after_a_change_was_marginalised_the_filter_is_as_if_there_had_been_none():
     values = np.random.default_rng(3).normal(0.0, 0.01, (28, 2))
     step = np.array([0.2, -0.1])
     sound, changed = frozen(trim=0.1), frozen(trim=0.1)

@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.identification.answer import adequacy, standing_names
+from thrustmargin.models.identification.answer import accepted_names, adequacy
 from thrustmargin.models.identification.answer.adequacy import (
     _channel_of,
     _evidence,
@@ -15,7 +15,7 @@ from thrustmargin.models.identification.answer.adequacy import (
     _sound_part,
     acts_in,
     closest_to,
-    free_form_rms,
+    discrepancy_rms,
     unexplained,
     with_free,
 )
@@ -24,7 +24,7 @@ from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.loop import identify_checked
 from thrustmargin.models.identification.rows.candidates import Held, Term, predicted
 from thrustmargin.models.identification.rows.modes import modes
-from thrustmargin.models.identification.sets.nuisance import LEVELS, STANDING
+from thrustmargin.models.identification.sets.nuisance import CONSTANT_FACTOR, LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
@@ -80,7 +80,7 @@ def test_the_free_form_takes_what_a_dense_model_expects_of_it():
     curves = np.zeros((rows, 4, 4, nuisance.free.shape[2]))
     sizes = np.full((4, nuisance.free.shape[2]), widest.moments)
     sizes[0] = widest.collective
-    sizes[:, 0] = STANDING
+    sizes[:, 0] = CONSTANT_FACTOR
     for mode in range(4):
         curves[:, mode, mode] = sizes[mode] * nuisance.free[mode]
     parts.append(curves.reshape(rows * 4, -1))
@@ -92,7 +92,7 @@ def test_the_free_form_takes_what_a_dense_model_expects_of_it():
     taken = drawn.reshape(4, -1) * space.sizes
     taken *= sizes
     expected = np.sqrt(np.mean((space.hats @ taken.T) ** 2, axis=0))
-    np.testing.assert_allclose(free_form_rms(MODEL, flights, catalogue), expected, rtol=1e-6)
+    np.testing.assert_allclose(discrepancy_rms(MODEL, flights, catalogue), expected, rtol=1e-6)
 
 
 def dense_evidence(name: str, mode: int, space, white) -> float:
@@ -180,7 +180,7 @@ def test_what_the_values_of_a_set_take_is_not_left_wherever_it_is_linearised(wav
 def test_what_good_flights_show_too_is_no_finding():
     """A model that is off along its own inputs is off by as much on a sound aircraft."""
     catalogue = effects_for(F16, table(["extra_mass"]))
-    shown = free_form_rms(MODEL, flights_with_wave(1), catalogue)
+    shown = discrepancy_rms(MODEL, flights_with_wave(1), catalogue)
     assert shown[1] == pytest.approx(SIZE * np.sqrt(0.5), rel=0.3)
     assert np.all(shown[[0, 2, 3]] < 0.1 * shown[1])
     for factor, found in ((1.0, False), (0.2, True)):
@@ -441,7 +441,7 @@ def test_what_is_likely_but_not_said_explains_nothing(monkeypatch: pytest.Monkey
     assert found.unexplained()["mode"] == "pitch"
     assert found.unexplained()["closest"] == ["cg_offset"]
     with monkeypatch.context() as without:
-        without.setattr(standing_names, "closest_to", lambda *_: [])
+        without.setattr(accepted_names, "closest_to", lambda *_: [])
         assert identify_checked(flights, MODEL, catalogue=catalogue).left is None
     either = OneOf(terms=found.closest, probabilities=(0.9,))
     monkeypatch.setattr(Posterior, "one_of", lambda *_: (either,))
@@ -470,7 +470,7 @@ def test_a_loss_is_that_beside_a_mass_that_may_be_thin_air(monkeypatch: pytest.M
 
 def test_a_rotor_that_is_likely_and_gets_no_name_is_said(monkeypatch: pytest.MonkeyPatch):
     """Also where its name fell because it takes too little of the error on flights left out."""
-    monkeypatch.setattr(standing_names, "that_matter", lambda *_: [])
+    monkeypatch.setattr(accepted_names, "that_matter", lambda *_: [])
     worn = made_flights(3, loss=0.06)
     found = identify_checked(worn, MODEL, catalogue=table(["rotor_degradation"]))
     assert not found.found

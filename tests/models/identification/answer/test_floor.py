@@ -8,7 +8,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.identification.answer.floor import _columns, floor_rpm
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.problem import assemble
-from thrustmargin.models.identification.sets.free_form import hats
+from thrustmargin.models.identification.sets.discrepancy import hats
 from thrustmargin.models.model.model_file import shipped_model
 
 

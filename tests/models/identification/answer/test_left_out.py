@@ -7,13 +7,13 @@ import pytest
 
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.identification.answer.accepted_names import that_matter
 from thrustmargin.models.identification.answer.left_out import (
     MOST_FOLDS,
     LeftOut,
     own_values,
     residual_of_unseen,
 )
-from thrustmargin.models.identification.answer.standing_names import that_matter
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, placed
 from thrustmargin.models.identification.rows.problem import assemble
@@ -87,7 +87,7 @@ def test_a_part_that_is_left_out_is_in_none_of_the_sums_of_the_rest(flights):
         size = np.sqrt(np.einsum("lii->li", expected.gram))
         off = (fold.linear.gram - expected.gram) / (size[:, :, None] * size[:, None] + 1e-9)
         assert np.abs(off).max() < 1e-7
-        np.testing.assert_allclose(fold.linear.taken_out, expected.taken_out)
+        np.testing.assert_allclose(fold.linear.marginalised, expected.marginalised)
 
 
 def test_names_are_chosen_anew_in_each_fold():

@@ -9,7 +9,7 @@ from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION_ONSET
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer import standing_names
+from thrustmargin.models.identification.answer import accepted_names
 from thrustmargin.models.identification.answer import uneven_loss as uneven
 from thrustmargin.models.identification.answer.adequacy import beside, closest_to
 from thrustmargin.models.identification.answer.uneven_loss import (
@@ -25,7 +25,7 @@ from thrustmargin.models.identification.rows.candidates import (
     derivatives,
 )
 from thrustmargin.models.identification.rows.modes import modes
-from thrustmargin.models.identification.sets.nuisance import LEVELS, STANDING
+from thrustmargin.models.identification.sets.nuisance import CONSTANT_FACTOR, LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 
@@ -137,7 +137,7 @@ def test_the_odds_are_those_of_a_dense_model(law):
     level = LEVELS[best.best_level]
     for mode in range(modes):
         size = np.full(space.free.shape[2], level.collective if mode == 0 else level.moments)
-        size[0] = STANDING
+        size[0] = CONSTANT_FACTOR
         own = np.zeros((rows, modes, space.free.shape[2]))
         own[:, mode] = size * space.free[mode]
         parts.append(own.reshape(rows * modes, -1))
@@ -231,7 +231,7 @@ def test_names_are_asked_again_beside_what_the_loss_may_do(monkeypatch):
             asked.append(nuisance)
             super().__init__(reduced, nuisance, candidates, solved)
 
-    monkeypatch.setattr(standing_names, "Search", Asked)
+    monkeypatch.setattr(accepted_names, "Search", Asked)
     identify_checked(flights("bends"), MODEL, catalogue=CATALOGUE)
     (nuisance,) = asked
     search = searched("bends")
@@ -316,7 +316,7 @@ def test_an_effect_in_the_place_of_which_a_loss_that_is_nearly_steady_does_has_n
             steady=slight + 1.0, instead=instead[-1],
         )  # fmt: skip
 
-    monkeypatch.setattr(standing_names, "uneven_loss", like_the_shift)
+    monkeypatch.setattr(accepted_names, "uneven_loss", like_the_shift)
     assert names() == {f"rotor_degradation@{ROTOR + 1}"}
     instead.append(False)  # of a rotor that no set has it is no name's place
     left = identify_checked(shifted, MODEL, catalogue=catalogue).left
@@ -334,7 +334,7 @@ def test_an_effect_in_the_place_of_which_a_loss_that_is_nearly_steady_does_has_n
         asked.append(columns)
         return beside(space, columns)
 
-    monkeypatch.setattr(standing_names, "beside", noted)
+    monkeypatch.setattr(accepted_names, "beside", noted)
     found = identify_checked(waving, MODEL, catalogue=catalogue)
     assert found.left is not None
     assert (found.left.mode, found.left.channel) == (1, "airspeed")

@@ -124,7 +124,7 @@ def test_predictions_hold_the_effects_beside_the_model(problem):
     np.testing.assert_allclose(problem.speeds([item]), expected, rtol=1e-6)
 
 
-def test_an_effect_of_the_model_is_in_its_predictions_and_can_be_taken_out(three):
+def test_an_effect_of_the_model_is_in_its_predictions_and_can_be_marginalised(three):
     mass = Identified(value=2.0, unit="kg", ci95=(1.8, 2.2))
     record = EffectRecord(name="extra_mass", rotor=None, parameters={"mass": mass})
     heavy = replace(MODEL, effects=(record,))

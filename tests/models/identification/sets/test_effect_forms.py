@@ -14,9 +14,9 @@ from thrustmargin.models.effects import effects_for
 from thrustmargin.models.identification.rows.candidates import Held, candidates_of, predicted
 from thrustmargin.models.identification.rows.reduced import reduce_flights
 from thrustmargin.models.identification.sets import set_search
+from thrustmargin.models.identification.sets.discrepancy import form_columns
 from thrustmargin.models.identification.sets.effect_forms import cancel, forms_of
 from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE
-from thrustmargin.models.identification.sets.free_form import form_columns
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.model.rotor_model import physics_model

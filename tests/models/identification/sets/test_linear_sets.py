@@ -28,7 +28,7 @@ COLUMNS[..., -1] += 3.0
 def linear(about: set[int]) -> Linear:
     gram = COLUMNS.transpose(0, 2, 1) @ COLUMNS
     fitted: Any = SimpleNamespace(key=frozenset(about))
-    return Linear(about=fitted, held=HELD, columns=PLACES, gram=gram, taken_out=np.zeros(2))
+    return Linear(about=fitted, held=HELD, columns=PLACES, gram=gram, marginalised=np.zeros(2))
 
 
 def parts(about: set[int], key: set[int], level: int) -> tuple[np.ndarray, np.ndarray]:
@@ -93,7 +93,7 @@ def test_values_of_some_candidates_alone_keep_their_places():
 
 
 @pytest.mark.parametrize("forms", [0, 2])
-def test_what_forms_may_do_is_taken_out_as_noise_of_size_one(forms):
+def test_what_forms_may_do_is_marginalised_as_noise_of_size_one(forms):
     columns = RNG.normal(size=(30, 5))
     asked = [4, 0, 2] if forms else [0, 1, 2, 3, 4]
     noise = np.delete(columns, asked, axis=1)

@@ -14,7 +14,7 @@ from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
 from thrustmargin.models.identification.rows.modes import modes
-from thrustmargin.models.identification.sets.free_form import form_columns, slowly
+from thrustmargin.models.identification.sets.discrepancy import form_columns, slowly
 from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import (
     _answers,

@@ -96,7 +96,7 @@ def test_a_fitted_set_has_the_evidence_that_all_columns_about_it_give():
     linear = search.linearise(found)
     for level in range(len(LEVELS)):
         scored = linear.score(found.key, level)
-        whole = scored.log_evidence + linear.taken_out[level]
+        whole = scored.log_evidence + linear.marginalised[level]
         assert found.log_evidence[level] == pytest.approx(whole, abs=0.1)
         np.testing.assert_allclose(found.levels[level].variance, scored.variance, rtol=0.05)
 
@@ -127,7 +127,7 @@ def test_what_is_promising_is_what_every_subset_tried_has_on_top(about):
     linear = search.linearise(found)
     levels = {found.best_level, 0, 4}
     value = {
-        key: max(linear.score(key, k).log_evidence + linear.taken_out[k] for k in levels)
+        key: max(linear.score(key, k).log_evidence + linear.marginalised[k] for k in levels)
         for key in all_sets(search)
     }
     ranked = sorted(value, key=lambda key: -value[key])
@@ -152,7 +152,7 @@ def test_sets_at_most_9_less_likely_than_the_best_are_near(monkeypatch):
     linear = search.linearise(nothing)
     levels = {nothing.best_level, 0, 4}
     value = {
-        key: max(linear.score(key, k).log_evidence + linear.taken_out[k] for k in levels)
+        key: max(linear.score(key, k).log_evidence + linear.marginalised[k] for k in levels)
         for key in all_sets(search)
     }
     below = {key: max(value.values()) - one for key, one in value.items()}

@@ -10,8 +10,8 @@ from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
 from thrustmargin.models.identification.rows.reduced import BIN, STRETCH, reduce_flights
+from thrustmargin.models.identification.sets.discrepancy import free_columns, hats, wander_columns
 from thrustmargin.models.identification.sets.effect_forms import forms_of
-from thrustmargin.models.identification.sets.free_form import free_columns, hats, wander_columns
 from thrustmargin.models.identification.sets.onsets import _LossSums, _steps, onset_candidates
 from thrustmargin.models.identification.sets.search_space import (
     _answers_to_load,

@@ -25,8 +25,7 @@ from thrustmargin.models.identification.rows.candidates import (
     Term,
     candidate,
 )
-from thrustmargin.models.identification.sets.evidence import prior_of, score
-from thrustmargin.models.identification.sets.free_form import (
+from thrustmargin.models.identification.sets.discrepancy import (
     form_columns,
     free_columns,
     hats,
@@ -34,6 +33,7 @@ from thrustmargin.models.identification.sets.free_form import (
     slowly,
     wander_columns,
 )
+from thrustmargin.models.identification.sets.evidence import prior_of, score
 from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.onsets import without_rotors
 from thrustmargin.models.identification.sets.search_space import (
@@ -256,7 +256,7 @@ def test_an_aircraft_has_one_load_on_a_cable_whatever_its_length_and_may_be_late
             assert Search._twice(search, frozenset({k}), c) == (k in cables and c in cables)
 
 
-def test_bad_rotors_alone_are_taken_out_of_a_set():
+def test_bad_rotors_alone_are_marginalised_of_a_set():
     names = ["airspeed_sensor", "wind", "rotor_degradation", "extra_mass"]
     search: Any = SimpleNamespace(
         candidates=[

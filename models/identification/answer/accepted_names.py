@@ -1,4 +1,4 @@
-"""Which names stand, and what no name explains.
+"""Which names are accepted, and what no name explains.
 
 A name is what nearly all the weight of a search holds. It falls where it is only the closest that
 the table has to what no effect explains, where flights left out are predicted as well without it,
@@ -40,8 +40,8 @@ from thrustmargin.models.identification.sets.set_search import Progress, Search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StandingNames:
-    """The names that stand, with what else is said; candidates are those of `answer.search`."""
+class AcceptedNames:
+    """The accepted names, with what else is reported; candidates are those of `answer.search`."""
 
     answer: Posterior
     left_out: LeftOut
@@ -58,14 +58,14 @@ class StandingNames:
         return [e.candidate for e in self.estimates]
 
 
-def standing_names(
+def accepted_names(
     space: SearchSpace,
     search: Search,
     problem: Problem,
     *,
     steepness: float = 0.0,
     progress: Progress | None = None,
-) -> StandingNames:
+) -> AcceptedNames:
     """The names of a search that has run; `steepness` is that of `posterior_of`."""
     first_named = posterior_of(search, steepness).named()
     answer, left_out = borne_out(problem, posterior_of(search, steepness))
@@ -109,18 +109,18 @@ def standing_names(
     firsts = {one.terms[0].key for one in one_of}
     either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
     estimates = answer.estimates(matter, either)
-    said = {*either, *(e.candidate for e in estimates)}
+    reported = {*either, *(e.candidate for e in estimates)}
     quiet = any_name and not estimates and uneven is None
     if left is not None and quiet and not that_matter(error, named):
         left = unexplained(space, search, first.best)  # good flights may leave as much
         closest = closest if left is not None else []
-    if left is None and (silent := sorted(answer.best.key - said)):
-        # What is likely but not said explains nothing of what it does.
-        left = unexplained(space, search, first.of_alone(said))
+    if left is None and (silent := sorted(answer.best.key - reported)):
+        # What is likely but not reported explains nothing of what it does.
+        left = unexplained(space, search, first.of_alone(reported))
         closest = closest_to(left, silent, search, answer.best)
         left = left if closest else None
     members = [e.candidate for e in estimates]
-    return StandingNames(
+    return AcceptedNames(
         answer=answer,
         left_out=left_out,
         named=tuple(sorted({*first_named, *named})),

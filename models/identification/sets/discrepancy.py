@@ -1,4 +1,4 @@
-"""The free form: what any smooth law of the channels could do, for names to compete with.
+"""The discrepancy: what any smooth law of the channels could do, for names to compete with.
 
 Each mode has a sum of piecewise linear curves over the channels (hats between quantiles), and of
 airspeed times tank mass; a heading has its first two harmonics, the pump a step. Each flight also

@@ -2,7 +2,7 @@
 
 import pytest
 
-from thrustmargin.models.identification.answer.standing_names import worth_a_look
+from thrustmargin.models.identification.answer.accepted_names import worth_a_look
 
 
 @pytest.mark.parametrize(
