@@ -76,7 +76,7 @@ def season_sums(
     Raises DataError when there are none, or they are of aircraft with different rotors.
     """
     if not flights:
-        raise DataError("no flight with sums; the season cannot be judged")
+        raise DataError("no flight with sums; nothing is known of the season")
     if len({f.rotor_count for f in flights}) > 1:
         raise DataError("flights with different numbers of rotors cannot be of one aircraft")
     limits: dict[str, Floats] = {}

@@ -15,7 +15,7 @@ from thrustmargin.models.identification.sets.effect_forms import forms_of
 from thrustmargin.models.identification.sets.onsets import _LossSums, _steps, onset_candidates
 from thrustmargin.models.identification.sets.search_space import (
     _answers_to_load,
-    _standing,
+    _flight_offsets,
     _within_flights,
     search_space,
 )
@@ -144,7 +144,7 @@ def test_how_flights_differ_as_a_whole_stands_once_and_as_good_flights_showed():
     space = search_space(known, flights, effects_for(F16, table(SOME)))
     assert not space.hats[:, [g == "constant" for g in space.groups]].any()
     rows = np.zeros_like(space.reduced.measured_rpm)
-    standing, shared = _standing(space.reduced, rows)
+    standing, shared = _flight_offsets(space.reduced, rows)
     each, all_ = standing[0].diagonal(), shared[0].diagonal()
     assert each**2 + all_**2 == pytest.approx(np.square(known.background_rpm))
     assert (each / all_) ** 2 == pytest.approx(3.0)  # the mean of three is known to a third

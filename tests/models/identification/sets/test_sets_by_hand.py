@@ -41,7 +41,7 @@ from thrustmargin.models.identification.sets.search_space import (
     _free_sizes,
     _scatter_sizes,
     _shapes,
-    _standing,
+    _flight_offsets,
     _wander,
 )
 from thrustmargin.models.identification.sets.set_search import Search
@@ -88,14 +88,14 @@ def test_how_flights_differ_as_a_whole(of_outputs):
     flight = np.repeat(np.arange(4), 2)
     residual = np.repeat([1.0, 2.0, 3.0, 6.0], 2)[:, None] * np.ones(4)
     reduced: Any = SimpleNamespace(model=model, of_outputs=of_outputs, flight=flight)
-    each, shared = _standing(reduced, residual)
+    each, shared = _flight_offsets(reduced, residual)
     # Of outputs as these flights show: 2.1602 about their mean, by Student's t of three.
     size = 2.1602469 * student.ppf(0.975, 3) / norm.ppf(0.975) if of_outputs else 0.0
     np.testing.assert_allclose(each, np.tile(size * np.eye(4), (8, 1, 1)), rtol=1e-6)
     assert not shared.any()
     known = replace(model, background_rpm=(4.0,) * 4, good_flights=GoodFlights(flights=3))
     reduced.model, reduced.of_outputs = known, False
-    each, shared = _standing(reduced, residual)
+    each, shared = _flight_offsets(reduced, residual)
     # Of three flights: a new one differs by 4/sqrt(1 + 1/3), their mean is known to 4/sqrt(4).
     np.testing.assert_allclose(each[0], 4.0 / np.sqrt(4.0 / 3.0) * np.eye(4))
     np.testing.assert_allclose(shared[0], 2.0 * np.eye(4))
