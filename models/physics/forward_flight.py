@@ -109,7 +109,8 @@ def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> For
     if x.airspeed.size < LEAST_ROWS or np.ptp(x.airspeed) < 1.0:
         return None
     per_mass = np.stack([x.airspeed, 0.5 * x.density * x.airspeed**2 / x.mass], axis=1)
-    rotor_drag, drag_area = _robust(per_mass, x.slowing, HUBER_SHARE * G0)
+    # The air pushes nothing along: neither part of drag is less than none.
+    rotor_drag, drag_area = _robust(per_mass, x.slowing, HUBER_SHARE * G0, least=0.0)
     induced = induced_ratio(x.airspeed / hover_induced_velocity(x.mass, x.density, airframe))
     columns = np.stack([np.ones_like(induced), 1.0 - induced], axis=1)
     level, gain = _robust(columns, x.lift, HUBER_SHARE)
@@ -165,10 +166,12 @@ def straight_rows(track: FlightTrack) -> Bools:
     return training_rows(track) & ~turning_rows(track)
 
 
-def _robust(columns: Floats, wanted: Floats, scale: float) -> Floats:
-    """Coefficients of a linear fit with Huber's loss at `scale`."""
+def _robust(columns: Floats, wanted: Floats, scale: float, least: float = -np.inf) -> Floats:
+    """Coefficients, none below `least`, of a linear fit with Huber's loss at `scale`."""
     from scipy.optimize import least_squares
 
-    start = np.linalg.lstsq(columns, wanted, rcond=None)[0]
-    fit = least_squares(lambda q: columns @ q - wanted, start, loss="huber", f_scale=scale)
+    start = np.maximum(np.linalg.lstsq(columns, wanted, rcond=None)[0], least)
+    fit = least_squares(
+        lambda q: columns @ q - wanted, start, bounds=(least, np.inf), loss="huber", f_scale=scale
+    )
     return fit.x

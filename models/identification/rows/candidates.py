@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Parameter, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS
+from thrustmargin.models.effects.demand.parasite_drag import PARASITE_DRAG
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ALL_FLIGHTS, ValueColumns
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 
 #: that an effect is there, or that a given rotor is bad; that another one is bad beside it: damage
@@ -119,6 +121,8 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
             continue
         if effect.of_one_rotor:
             effect = _bounded(effect, most)
+        if effect.key == PARASITE_DRAG.key:
+            effect = _of_no_less_than_none(reduced, effect)
         for rotor in range(rotors) if effect.of_one_rotor else (None,):
             term = Term(effect=effect, rotor=rotor)
             if not reduced.lacks(effect) and _would_show(reduced, effect):
@@ -166,6 +170,27 @@ def _bounded(effect: Effect, most: float) -> Effect:
         for p in effect.parameters
     )
     return replace(effect, parameters=kept)
+
+
+def _of_no_less_than_none(reduced: Reduced, effect: Effect) -> Effect:
+    """Drag that is missing, bounded by what the model has of it: less than none there is not.
+
+    As an area at the airspeed up to which the model knows: what rotors and body slow it down by
+    there, and drag areas among its effects. Of a network without forward flight that is not known.
+    """
+    model, x = reduced.model, reduced.channels
+    flight, known = model.forward_flight, model.known_airspeed
+    if flight is None and model.network is not None:
+        return effect
+    own = sum(
+        float(item.values["drag_area"]) for item in model.placed if item.effect.name == effect.name
+    )
+    if flight is not None:
+        mass, density = (float(np.nanmedian(of)) for of in (x.total_mass, x.density))
+        force = mass * float(steady_slowing(flight, known, mass, density))
+        own += force / (0.5 * density * known**2)
+    (area,) = effect.parameters
+    return replace(effect, parameters=(replace(area, lower=-max(own, 0.0)),))
 
 
 def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:

@@ -100,6 +100,16 @@ def test_airspeeds_must_differ_by_a_metre_a_second(spread, known):
     assert (fit_forward_flight([track], ROUND) is not None) == known
 
 
+def test_drag_that_would_push_along_is_none():
+    """A wind from behind that nobody reports: by plain least squares the rotors' drag is -0.1."""
+    north = np.column_stack([np.repeat([2.0, 4.0, 6.0, 8.0], 200), np.zeros(800)])
+    pushed = replace(GIVEN, rotor_drag=-0.1, drag_area=0.5)
+    found = fit_forward_flight([balanced(north, [0.0, 0.0], flight=pushed)], ROUND)
+    assert found is not None
+    assert found.rotor_drag == pytest.approx(0.0, abs=1e-6)
+    assert 0.0 < found.drag_area < 0.5  # what is left of it
+
+
 COLUMNS = ("airspeed", "mass", "slowing")
 AIR_1_2 = 101_325.0 * 1.2 / 1.225  # Pa; at sea level temperature, 1.2 kg/m³
 

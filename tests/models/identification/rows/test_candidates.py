@@ -22,11 +22,14 @@ from thrustmargin.models.identification.rows.candidates import (
     slopes,
 )
 from thrustmargin.models.identification.rows.reduced import reduce_flights
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.forward_flight import ForwardFlight
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 
 MODEL = curve_model()
+SHIPPED = shipped_model()
 LOSS, MASS, GAUGE = (BY_KEY[k] for k in ("rotor_degradation", "extra_mass", "tank_scale"))
 
 
@@ -73,6 +76,29 @@ def test_a_loss_is_bounded_by_what_could_be_flown(reduced):
     loss = {p.name: p for p in LOSS.parameters}["loss"]
     assert bounds.upper == pytest.approx(min(loss.upper, max(most, loss.scale)))
     assert bounds.lower == -0.15  # a propeller of the next size
+
+
+def test_drag_may_be_less_than_the_models_by_no_more_than_it_has(reduced):
+    """mu 0.2 at 5 m/s in 30 kg: 30 N, as an area at 0.5 x 1.2 x 25 Pa = 15 Pa 2 m²; CdA 0.3."""
+    drag = table(["parasite_drag"])
+    x = reduced.channels
+    even = replace(
+        x, total_mass=np.full_like(x.total_mass, 30.0), density=np.full_like(x.density, 1.2)
+    )
+    flight = ForwardFlight(rotor_drag=0.2, drag_area=0.3, lift_gain=0.0, known_airspeed=5.0)
+    domain = replace(SHIPPED.training_domain, airspeed=(0.0, 9.0))
+    network = replace(MODEL, network=SHIPPED.network, training_domain=domain)
+    known = replace(reduced, channels=even, model=replace(network, forward_flight=flight))
+    assert candidates_of(known, drag)[0].parameters[0].lower == pytest.approx(-2.3)
+    unknown = replace(known, model=network)
+    assert candidates_of(unknown, drag)[0].parameters[0].lower == -1.0
+    # A curve has no drag of its own; what was added to it may have been too much.
+    none = replace(known, model=replace(MODEL, forward_flight=None))
+    assert candidates_of(none, drag)[0].parameters[0].lower == 0.0
+    area = Identified(value=0.4, unit="m^2", ci95=(0.3, 0.5))
+    added = EffectRecord(name="parasite_drag", rotor=None, parameters={"drag_area": area})
+    more = replace(none, model=replace(none.model, effects=(added,)))
+    assert candidates_of(more, drag)[0].parameters[0].lower == pytest.approx(-0.4)
 
 
 def test_what_a_model_has_of_motion_is_not_looked_for_again(reduced):

@@ -38,10 +38,10 @@ from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.onsets import without_rotors
 from thrustmargin.models.identification.sets.search_space import (
     _busy,
+    _flight_offsets,
     _free_sizes,
     _scatter_sizes,
     _shapes,
-    _flight_offsets,
     _wander,
 )
 from thrustmargin.models.identification.sets.set_search import Search
