@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
-from thrustmargin.gcs_plugin.wording.numbers import UNKNOWN, known
+from thrustmargin.gcs_plugin.wording.numbers import UNKNOWN, known, percent
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -91,11 +91,15 @@ def bench_quantities(path: Path) -> Fitted:
 def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOptions) -> Fitted:
     """Thrust coefficient of the steady hover of flights at the mass of `craft` and their load.
 
-    Where the ceiling is a guess, it becomes what outputs and rotor speeds extrapolate to. Flights
-    without rotor speeds give that alone. Raises DataError or LogError when there is neither.
+    Where the ceiling is a guess, it becomes what a climb at full output shows, else what outputs
+    and rotor speeds extrapolate to. Flights without rotor speeds give that alone. Raises DataError
+    or LogError when there is neither.
     """
     from thrustmargin.gcs_plugin.logs import read_sorties
-    from thrustmargin.models.model.inferred.output_speed import full_output_speed
+    from thrustmargin.models.model.inferred.output_speed import (
+        full_output_speed,
+        reached_full_output,
+    )
     from thrustmargin.models.physics.airframe import Quantity
     from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
     from thrustmargin.models.physics.thrust_fits import fit_hover
@@ -127,9 +131,16 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
             "follows from motor outputs against the weight",
         )
     ceiling = craft.quantities["max_rotor_speed_rpm"]
-    if ceiling.guessed or not measured:
+    flights = [(log.track, log.parameters) for log in read]
+    words = f"battery in flight, {names}"
+    if ceiling.guessed and (reached := reached_full_output(flights, craft)) is not None:
+        top, volts = reached
+        made["max_rotor_speed_rpm"] = Quantity(
+            round(top.value, 0), "rpm", f"measured: climb at full output, {names}, {interval(top)}"
+        )
+        made["ceiling_voltage"] = Quantity(round(volts, 2), "V", words)
+    elif ceiling.guessed or not measured:
         try:
-            flights = [(log.track, log.parameters) for log in read]
             top, volts = full_output_speed(flights, craft)
         except DataError as error:
             if fit is None:
@@ -148,9 +159,24 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
                 f"{interval(top)}",
                 True,
             )
-            words = f"battery in flight, {names}"
             made["ceiling_voltage"] = Quantity(round(volts, 2), "V", words)
+            if fit is not None:
+                notes += (_use_words(craft, fit, top),)
     return Fitted(quantities=made, notes=notes)
+
+
+def _use_words(craft: Airframe, fit: HoverFit, top: Estimate) -> str:
+    """What an extrapolated ceiling leaves open, and the flight that settles it."""
+    from thrustmargin.models.physics.atmosphere import G0
+
+    mass = craft.empty_mass + craft.tank_capacity_kg
+    thrust = fit.coefficient.value * float(craft.rotor_effectiveness.sum())
+    uses = [percent(mass * G0 / (thrust * speed**2)) for speed in (top.high, top.low)]
+    return (
+        f"full thrust is extrapolated, so a hover at {mass:.3g} kg uses {uses[0]} to {uses[1]} of "
+        "it. A climb at full throttle for 3 s settles that: without liquid, full battery, calm "
+        "air, nobody near and space above. Give its log to --hover too"
+    )
 
 
 def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
@@ -184,7 +210,7 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
         more = "counter-clockwise" if split.value > 0 else "clockwise"
         sentences.append(
             f"the {more} rotors carry {interval_percent(split)} more of the weight than the "
-            "others: a standing yaw moment, as of motors that are not level (`identify`: yaw trim)"
+            "others: a constant yaw moment, as of motors that are not level (`identify`: yaw trim)"
         )
     if len(fit.flights) == 1:
         sentences.append(

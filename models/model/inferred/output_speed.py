@@ -45,6 +45,8 @@ ROTOR_ERROR, LIFT_ERROR = 0.03, 0.05
 STATED_ERROR = 0.03  # of ln N²: scale and bench, a stated weight over a fitted thrust curve
 WAIT = 3.0  # s of a flight after which an ESC that reports has been heard
 LAG = 0.2  # s by which a rotor and the report of its speed follow its output (Quiver 77 and 80)
+#: share of full thrust from which a row shows the ceiling, and s for which it must have lasted
+NEAR_FULL, HELD = 0.9, 1.0
 _WEIGHT, _POWER, _ROTORS = range(3)
 
 
@@ -313,3 +315,38 @@ def full_output_speed(
     middle = float(row @ solution)
     low, value, high = (float(np.exp(0.5 * (middle + d))) for d in (-reach, 0.0, reach))
     return Estimate(value=value, low=low, high=high), voltage
+
+
+def reached_full_output(
+    flights: Sequence[tuple[FlightTrack, Mapping[str, float]]], airframe: Airframe
+) -> tuple[Estimate, float] | None:
+    """Rotor speed, rpm, of full output where flights came near it, and the voltage there, V.
+
+    From climbs at full throttle with measured rotor speeds: the mean N² of all rotors over their
+    mean share of full thrust, from rows of NEAR_FULL and more that last for HELD and longer. None
+    where no flight has them.
+    """
+    squares, shares, volts, steepness = [], [], [], 0.0
+    for track, parameters in flights:
+        if track.rotor_count != airframe.rotor_count:
+            continue
+        curve = output_curve(parameters, track.source("throttle"))
+        with np.errstate(invalid="ignore"):
+            share = np.mean(curve.thrust_share(track.throttle), axis=1)
+            square = np.mean(track.rotor_speed_rpm**2, axis=1)
+            near = track.flying & (share >= NEAR_FULL) & np.isfinite(square)
+        # Rotors spin up for a while after the output: the first HELD of each climb is left out.
+        began = np.maximum.accumulate(np.where(near, -np.inf, track.time_s))
+        rows = near & (track.time_s - np.where(np.isfinite(began), began, np.inf) > HELD)
+        squares.append(square[rows])
+        shares.append(share[rows])
+        volts.append(np.where(track.voltage > 0.0, track.voltage, airframe.nominal_voltage)[rows])
+        steepness = max(steepness, curve.steepness_error)
+    if not sum(map(len, squares)):
+        return None
+    above = np.log(np.concatenate(shares))
+    middle = float(np.median(np.log(np.concatenate(squares)) - above))
+    form = steepness * float(np.median(np.abs(above)))
+    reach = 1.96 * np.sqrt(ROTOR_ERROR**2 + MEAN_ERRORS[_ROTORS] ** 2 + form**2)
+    low, value, high = (float(np.exp(0.5 * (middle + d))) for d in (-reach, 0.0, reach))
+    return Estimate(value=value, low=low, high=high), float(np.median(np.concatenate(volts)))

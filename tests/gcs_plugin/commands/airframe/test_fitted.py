@@ -66,6 +66,29 @@ def test_without_rotor_speeds_the_weight_sets_the_ceiling_and_says_so(made, tmp_
     assert low < 181.0 * (craft.ceiling_voltage / 58.8) ** 2 < high
 
 
+def test_a_climb_at_full_throttle_settles_the_ceiling(made, tmp_path):
+    """A recorded hover with 4 s at the end of it at full output and 3,000 rpm."""
+    track = read_log(SLOW[0], airframe=load_airframe("topxgun-f16-sitl")).track
+    extrapolated, printed = made("--hover", SLOW[0], *F16)
+    assert extrapolated.quantities["max_rotor_speed_rpm"].guessed
+    assert re.search(r"a hover at 37\.1 kg uses \d+ % to \d+ % of it\. A climb at full", printed)
+    flying = np.flatnonzero(track.flying)
+    end = track.time_s[flying[-1]]
+    up = track.flying & (track.time_s > end - 8.0) & (track.time_s < end - 4.0)
+    full = np.where(up[:, None], 0.95, track.throttle)  # MOT_SPIN_MAX of these flights
+    fast = np.where((up & (track.time_s > end - 7.5))[:, None], 3000.0, track.rotor_speed_rpm)
+    write_csv(replace(track, throttle=full, rotor_speed_rpm=fast), tmp_path / "climb.csv")
+    craft, printed = made("--hover", str(tmp_path / "climb.csv"), *F16)
+    found = craft.quantities["max_rotor_speed_rpm"]
+    assert not found.guessed
+    assert found.value == pytest.approx(3000.0, rel=0.01)
+    assert found.source.startswith("measured: climb at full output, climb.csv, ")
+    low, high = ends_of(found.source)
+    assert 2800.0 < low < 2950.0
+    assert 3050.0 < high < 3200.0
+    assert "full thrust is extrapolated" not in printed
+
+
 def test_a_bench_table_gives_curve_and_ceiling_without_a_power_set(made, tmp_path):
     speed = np.linspace(1000.0, 3000.0, 9)
     rows = [f"{30 + 8.75 * k},{n},{2e-5 * n**2},48" for k, n in enumerate(speed)]

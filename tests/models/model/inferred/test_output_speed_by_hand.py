@@ -13,6 +13,7 @@ from thrustmargin.models.model.inferred.output_speed import (
     OutputCalibration,
     filled_speeds,
     full_output_speed,
+    reached_full_output,
     speed_basis,
 )
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
@@ -288,3 +289,44 @@ def test_full_output_is_of_the_flights_of_this_aircraft_at_their_middle_voltage(
     for unknown in (0.0, np.nan):
         one = outputs(200, voltage=np.full(200, unknown))
         assert full_output_speed([(one, SQUARE)], F16)[1] == F16.nominal_voltage
+
+
+def climbing(share, start=3.0, stop=6.0, speed=2800.0):
+    """Ten seconds at 0.35 of full thrust and 2,000 rpm, with a climb at another share of it."""
+    time = np.linspace(0.0, 9.9, 100)
+    up = (time >= start) & (time < stop)
+    # What is below full for a row begins the climb anew; rotors take the first second of it.
+    rpm = np.where(up & (time >= start + 0.9), speed, 2000.0)
+    thrust = np.where(up, share, 0.35)
+    return outputs(
+        100,
+        thrust=thrust[:, None] * np.ones(4),
+        rotor_speed_rpm=rpm[:, None] * np.ones(4),
+        voltage=np.where(up, 44.0, 48.0),
+    )
+
+
+def test_a_climb_at_full_output_shows_the_ceiling_by_hand():
+    """2,800 rpm at 0.95 of full thrust: 2,800 / sqrt(0.95) = 2,872.7 rpm at 44 V."""
+    found = reached_full_output([(climbing(0.95), SQUARE)], F16)
+    assert found is not None
+    top, volts = found
+    assert top.value == pytest.approx(2872.7, abs=0.1)
+    assert volts == 44.0
+    # 3 % of N² of a rotor, 2 % of a mean, 15 % of ln 0.95 for the curve: 0.5 x 1.96 x 3.69 %.
+    reach = 0.98 * np.sqrt(0.03**2 + 0.02**2 + (0.15 * np.log(0.95)) ** 2)
+    assert np.log(top.high / top.value) == pytest.approx(reach)
+    assert np.log(top.value / top.low) == pytest.approx(reach)
+
+
+@pytest.mark.parametrize(
+    ("share", "seconds"),
+    [(0.85, 3.0), (0.95, 0.9)],
+    ids=["not near full output", "too short for the rotors to follow"],
+)
+def test_what_is_no_climb_at_full_output_shows_no_ceiling(share, seconds):
+    assert reached_full_output([(climbing(share, stop=3.0 + seconds), SQUARE)], F16) is None
+    six = FlightTrack.of(name="six", rotor_count=6, time_s=np.arange(100) / 10.0)
+    assert reached_full_output([(six, SQUARE)], F16) is None
+    silent = replace(climbing(0.95), rotor_speed_rpm=np.full((100, 4), np.nan))
+    assert reached_full_output([(silent, SQUARE)], F16) is None
