@@ -209,8 +209,9 @@ def channel_title(channel: str) -> str:
     return f"{channel_name(channel)}{f', {unit}' if unit else ''}"
 
 
-def chance(probability: float) -> str:
-    """`60 %` of 0.6; never 0 or 100 %."""
+def chance(probability: float, flights: int = 0) -> str:
+    """`60 %` of 0.6; never 0 or 100 %. With the number of flights that say so, where given."""
+    by = f" by {flights} flight{'s' if flights > 1 else ''}" if flights else ""
     if 0.01 <= probability <= 0.99:
-        return percent(probability)
-    return "over 99 %" if probability > 0.5 else "under 1 %"
+        return percent(probability) + by
+    return ("over 99 %" if probability > 0.5 else "under 1 %") + by

@@ -192,13 +192,15 @@ def _rmse(errors: Errors) -> str:
 def printed_tables(result: Result) -> list[Table]:
     """What the print-out shows below its sentences; all fit 80 columns."""
     found = result.found
+    flights = found.problem.flights
+    by = f"by {flights} flight{'s' if flights > 1 else ''}"
     made = []
     if found.found:
         rows = [("  " * (not sure) + name, *row, sure) for name, *row, sure in effect_rows(found)]
-        made.append(_table("", ("found", "value", "95 %", "sure"), rows))
+        made.append(_table("", ("found", "value", "95 %", f"sure {by}"), rows))
     if len(found.alternatives) > 1:
         sets = [(words, chance(p)) for words, p in set_rows(found)]
-        made.append(_table("", ("explanations", "probability"), sets))
+        made.append(_table("", ("explanations", f"probability {by}"), sets))
     if found.excluded:
         made.append(_table("", ("not seen", "excluded at 95 %"), excluded_rows(found)))
     title = f"Measured minus predicted rotor speed, rpm, on {where_from(found)}"

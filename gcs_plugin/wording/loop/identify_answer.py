@@ -58,8 +58,9 @@ def answer(
     suspects = suspected(found, following)
     rotors_first = sorted(found.found, key=lambda f: f.term.rotor is None)
     lines = [effect_sentence(f, found) for f in rotors_first]
-    lines += [one_of(o, names) for o in found.one_of]
-    lines += [mentioned(m, names) for m in found.mentioned]
+    flights = found.problem.flights
+    lines += [one_of(o, names, flights) for o in found.one_of]
+    lines += [mentioned(m, names, flights) for m in found.mentioned]
     lines += [held_damage(fault, names) for fault in faults_in_model(found.model)]
     open_mode = unexplained(found)
     if not lines and not open_mode:
@@ -89,16 +90,17 @@ def looked_first(rotors: Sequence[int]) -> str:
     return f"first, {actions.inspect_rotors(rotors).text}; only if sound, "
 
 
-def one_of(one: OneOf, names: Sequence[str]) -> str:
+def one_of(one: OneOf, names: Sequence[str], flights: int) -> str:
     """Effects of which only together nearly all weight holds one."""
     shares = [
         f"{effect_thing(term, names)} ({chance(share)})"
         for term, share in zip(one.terms, one.probabilities, strict=True)
     ]
-    return f"Either {' or '.join(shares)}: these flights do not tell which"
+    by = f"{flights} flights do" if flights > 1 else "one flight does"
+    return f"Either {' or '.join(shares)}: {by} not tell which"
 
 
-def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
+def mentioned(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
     """A rotor that is not named and that the flights do not clear."""
     sign, more = (1.0, "less") if one.loss >= 0.0 else (-1.0, "more")
     low, high = sorted(sign * end for end in one.ci95)
@@ -109,7 +111,7 @@ def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
         thrust = f"it may make up to {most} less or {least} more thrust"
     return (
         f"{rotor_words(one.rotor, names).capitalize()} cannot be ruled out "
-        f"({chance(one.probability)}): {thrust}, so {actions.INSPECT.text}"
+        f"({chance(one.probability, flights)}): {thrust}, so {actions.INSPECT.text}"
     )
 
 
@@ -152,11 +154,11 @@ def _nothing_or_what(found: Identification) -> str:
     if not found.alternatives or none >= CERTAIN:
         return "Nothing is found missing"
     if none >= 0.5:
-        return f"Nothing is found missing ({chance(none)})"
+        return f"Nothing is found missing ({chance(none, found.problem.flights)})"
     some = 1.0 - none if none else sum(one.probability for one in found.alternatives)
     return (
-        f"Something small may be missing ({chance(some)}), and these flights do not show what: "
-        "nothing to repair"
+        f"Something small may be missing ({chance(some, found.problem.flights)}), and these "
+        "flights do not show what: nothing to repair"
     )
 
 

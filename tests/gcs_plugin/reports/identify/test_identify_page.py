@@ -167,7 +167,7 @@ def test_what_is_undecided_has_shares_limits_and_a_next_flight(undecided):
     for words in (
         "a weak rotor 1 (front right) and hidden mass 60 %",
         "any other weak rotor above 2 %",
-        "Rotor 3 (front left) cannot be ruled out (8 %)",
+        "Rotor 3 (front left) cannot be ruled out (8 % by ",
         "To tell hidden mass from a wrong tank gauge, ",
     ):
         assert " ".join(text.split()).count(words) == 1, words

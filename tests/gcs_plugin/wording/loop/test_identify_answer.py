@@ -122,13 +122,13 @@ def test_nothing_is_missing_only_where_that_is_likely(sound):
 
     none = SetWeight(probability=0.96, terms=())
     assert first(none) == "Nothing is found missing"
-    assert first(replace(none, probability=0.8)) == "Nothing is found missing (80 %)"
+    assert first(replace(none, probability=0.8)) == "Nothing is found missing (80 % by 3 flights)"
     other = SetWeight(probability=0.3, terms=mass)
     assert first(other, rotor, replace(none, probability=0.06)) == (
-        "Something small may be missing (94 %), and these flights do not show what: "
+        "Something small may be missing (94 % by 3 flights), and these flights do not show what: "
         "nothing to repair"
     )
-    assert first(other, rotor).startswith("Something small may be missing (93 %)")
+    assert first(other, rotor).startswith("Something small may be missing (93 % by 3 flights)")
 
 
 def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
@@ -195,32 +195,36 @@ def test_no_chance_is_called_sure():
         "over 99 %",
         "over 99 %",
     ]
+    assert [chance(0.35, n) for n in (1, 4)] == ["35 % by 1 flight", "35 % by 4 flights"]
 
 
 def test_effects_of_which_one_is_there_are_said_with_their_shares(sound):
     one = OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35))
-    line = "Either hidden mass (60 %) or a wrong tank gauge (35 %): these flights do not tell which"
-    assert one_of(one, NAMES) == line
+    line = "Either hidden mass (60 %) or a wrong tank gauge (35 %): 3 flights do not tell which"
+    assert one_of(one, NAMES, 3) == line
+    assert one_of(one, NAMES, 1).endswith(": one flight does not tell which")
     assert said(replace(sound, one_of=(one,)))[0] == f"{line}."
 
 
 def test_a_rotor_that_is_not_cleared_is_always_said(worn, sound):
     rotor = Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05))
-    line = mentioned(rotor, NAMES)
+    line = mentioned(rotor, NAMES, 3)
     assert line == (
-        "Rotor 3 (front left) cannot be ruled out (8 %): it may make 3 % less thrust (1 to 5), so "
-        "with the battery off, inspect its propeller or fit a new one of the same kind"
+        "Rotor 3 (front left) cannot be ruled out (8 % by 3 flights): it may make 3 % less "
+        "thrust (1 to 5), so with the battery off, inspect its propeller or fit a new one of the same kind"
     )
     assert said(replace(sound, mentioned=(rotor,)))[0] == f"{line}."
     assert said(replace(worn, mentioned=(rotor,)))[1] == f"{line}."
     strong = Mentioned(rotor=2, probability=0.08, loss=-0.031, ci95=(-0.05, -0.012))
-    assert "it may make 3 % more thrust (1 to 5), so with" in mentioned(strong, NAMES)
+    assert "it may make 3 % more thrust (1 to 5), so with" in mentioned(strong, NAMES, 3)
 
 
 @pytest.mark.parametrize("loss", [0.009, -0.009])
 def test_a_rotor_of_which_the_sign_is_not_known_has_an_amount_for_either(loss):
     unsure = Mentioned(rotor=2, probability=0.97, loss=loss, ci95=(-0.041, 0.058))
-    assert "it may make up to 5.8 % less or 4.1 % more thrust, so with" in mentioned(unsure, NAMES)
+    assert "it may make up to 5.8 % less or 4.1 % more thrust, so with" in mentioned(
+        unsure, NAMES, 3
+    )
 
 
 class _Left:
@@ -360,8 +364,8 @@ def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
         separates=((MASS,), (GAUGE,)), manoeuvre=hover, repeats=2, nats=6.0, certainty=0.96
     )
     for sentence in (
-        one_of(OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35)), NAMES),
-        mentioned(Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05)), NAMES),
+        one_of(OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35)), NAMES, 3),
+        mentioned(Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05)), NAMES, 3),
         nothing(replace(sound, excluded=limits)),
         unexplained(_Left(sound, closest=["cg_offset"])),  # type: ignore[arg-type]
         next_flight_words(following, NAMES, "next.plan"),
