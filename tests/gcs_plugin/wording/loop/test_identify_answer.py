@@ -211,7 +211,8 @@ def test_a_rotor_that_is_not_cleared_is_always_said(worn, sound):
     line = mentioned(rotor, NAMES, 3)
     assert line == (
         "Rotor 3 (front left) cannot be ruled out (8 % by 3 flights): it may make 3 % less "
-        "thrust (1 to 5), so with the battery off, inspect its propeller or fit a new one of the same kind"
+        "thrust (1 to 5), so with the battery off, inspect its propeller or fit a new one of the "
+        "same kind"
     )
     assert said(replace(sound, mentioned=(rotor,)))[0] == f"{line}."
     assert said(replace(worn, mentioned=(rotor,)))[1] == f"{line}."
