@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
     from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
     from thrustmargin.gcs_plugin.live.watch.update import Update
+    from thrustmargin.gcs_plugin.wording.answer import Answer
 
 #: Frames that wait for the thread; some ten seconds of a busy link with ten vehicles.
 WAITING = 20_000
@@ -66,6 +67,7 @@ class NewestFigures:
     withheld: str = ""  # why no margin is claimed, and what helps
     airframe: str = ""  # on what ground it is one of the airframe
     unknown: tuple[str, ...] = ()  # what is not known, why, and what helps
+    answer: Answer | None = None  # of the flight so far, or the last
 
 
 class MarginWorker:
@@ -243,6 +245,7 @@ def reading(update: Update, stamp: float) -> NewestFigures:
         withheld=f"{claim.described}; {claim.remedy}" if claim.withheld else "",
         airframe="" if claim.withheld else claim.words,
         unknown=tuple(unknown_lines(unknown_figures(analysis, outlook))),
+        answer=update.answer,
     )
 
 
@@ -296,7 +299,8 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
         f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
         f"{share(now.margin_full)}",
     ]
-    lines += [f"  {words}" for words in (*now.unknown, now.airframe) if words]
+    answer = "" if now.answer is None else now.answer.line
+    lines += [f"  {words}" for words in (answer, *now.unknown, now.airframe) if words]
     if math.isfinite(now.margin_ahead):
         lines.append(f"  {margin_ahead(now.margin_ahead)}")
     return lines + [f"  ALARM {text}" for text in now.alarms]

@@ -18,6 +18,9 @@ Figures go out once a second:
     MARGIN_ROT  the worst rotor, from 1
     MARGIN_LIM  smallest margin that may last, %
     MARGIN_DO   what the gravest alarm asks for, a place in `alarm_words.ASKED`
+    FLIGHT_LVL  answer of the flight so far or the last: 0 damaged to 7 below the limit
+    NEXT_FILL   kg, the largest fill by that flight, at the safe end
+After each landing a text says what to do before the next flight.
 Unknown figures are not sent. With `battery` margin and tank go out as batteries 90 and 91 besides,
 of which only the share left is known, so that none has a voltage; a quiet text says what they are.
 """
@@ -42,6 +45,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.telemetry.tank_source import MARGIN_ID, TANK_ID
+from thrustmargin.gcs_plugin.wording.advice_words import LAND_FIRST
 from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, change_words
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
@@ -60,6 +64,7 @@ class _Vehicle:
     explained_s: float = -math.inf
     reminded: dict[tuple[str, int | None], float] = field(default_factory=dict)
     gravest: dict[tuple[str, int | None], int] = field(default_factory=dict)  # severity, as said
+    flying: bool = False  # when last looked at
 
 
 class Announcer(Subscriber):
@@ -98,6 +103,8 @@ class Announcer(Subscriber):
                 state.figures_s = now_s
                 self._sender.heartbeat(number)
                 row = watch.last
+                if row is not None:
+                    self._landed(state, row)
                 if row is not None and now_us - int(row.stamp_us[-1]) < QUIET * 1e6:
                     self._figures(number, row, watch.alarms.standing.values())
                     if self._battery:
@@ -122,6 +129,14 @@ class Announcer(Subscriber):
                     severity, text.encode()[:LONGEST]
                 )
                 self._sender.send(number, message, forwards=True)
+
+    def _landed(self, state: _Vehicle, update: Update) -> None:
+        """After a flight, what to do before the next one."""
+        flight = update.flight
+        if flight is not None and state.flying and not flight.goes_on and flight.answer.brief:
+            grave = flight.advice.level in LAND_FIRST
+            self._queue(state, WARNING if grave else INFO, flight.answer.brief)
+        state.flying = flight is not None and flight.goes_on
 
     def _queue(self, state: _Vehicle, severity: int, text: str) -> None:
         if (severity, text) in state.texts:
@@ -177,6 +192,8 @@ def figures(update: Update) -> dict[str, float]:
         "REDUND": float(analysis.redundancy_yaw_uncontrolled[-1]),
         "TANK_THR": float(update.virtual_kg[-1]),
     }
+    if (answer := update.answer) is not None:
+        found |= {"FLIGHT_LVL": answer.gravity, "NEXT_FILL": answer.fill_kg}
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 

@@ -88,6 +88,8 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
             if line
         ]
         if watch.last is not None:
+            if (answer := watch.last.answer) is not None:
+                remarks.append(Text(words.of_vehicle(number, answer.line)))
             remarks += [
                 Text(words.of_vehicle(number, line), style="dim") for line in watch.last.remarks
             ]

@@ -22,6 +22,7 @@ from typing import Any
 from thrustmargin.gcs_plugin.live.announce import figures, what_to_do
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.wording.alarm_words import ASKED
+from thrustmargin.gcs_plugin.wording.answer import Answer
 from thrustmargin.models.errors import LinkError
 
 FRESH = 3.0  # s for which figures are shown as live
@@ -31,6 +32,7 @@ FILES = "thrustmargin.gcs_plugin"
 @dataclass(frozen=True, slots=True)
 class _Said:
     figures: dict[str, float]
+    answer: Answer | None
     stamp_us: int  # ground's clock when the row's report came
 
 
@@ -50,7 +52,7 @@ class PilotBar(Subscriber):
         for number, watch in fleet.vehicles.items():
             if watch.last is not None:
                 found = figures(watch.last) | what_to_do(watch.alarms.standing.values())
-                said[number] = _Said(found, int(watch.last.stamp_us[-1]))
+                said[number] = _Said(found, watch.last.answer, int(watch.last.stamp_us[-1]))
         self._said = said
 
     @property
@@ -104,6 +106,7 @@ class PilotBar(Subscriber):
                     "last_margin": margin,
                     "rotor": int(found["MARGIN_ROT"]) if live and "MARGIN_ROT" in found else None,
                     "action": ASKED[int(found["MARGIN_DO"])] if live else "",
+                    "flight": None if said.answer is None else said.answer.json,
                 }
             )
         return {"schema": "thrustmargin.bar/1", "limit": 100.0 * self._limit, "vehicles": vehicles}

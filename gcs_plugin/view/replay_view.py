@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.view.figures.charts import (
 )
 from thrustmargin.gcs_plugin.view.figures.replay_clock import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
-from thrustmargin.gcs_plugin.view.figures.standing import Standing, WholeFlight, first_line
+from thrustmargin.gcs_plugin.view.figures.standing import Standing, first_line
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
@@ -39,6 +39,7 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
     row_at,
 )
 from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.answer import Answer
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
@@ -87,7 +88,7 @@ class ReplayView(ViewPage):
         token: str = "",
         speed: float = 1.0,
         paused: bool = False,
-        whole: WholeFlight | None = None,
+        whole: Answer | None = None,
         planned: bool = False,
     ) -> None:
         self._standing, self.whole = Standing(number=1), whole
@@ -222,7 +223,7 @@ class ReplayView(ViewPage):
         """What the page shows of a replay besides the aircraft."""
         clock, worst = self.clock, self._worst_row()
         return {
-            "verdict": "" if self.whole is None else self.whole.words,
+            "verdict": "" if self.whole is None else self.whole.headline,
             "replay": {
                 "time": round(clock.now(), 2),
                 "duration": clock.duration,

@@ -142,6 +142,8 @@ GROUND_WRECK = Action(
     When.NEXT_FLIGHT,
     "a flight to try it out",
 )
+#: The same in the letters of a STATUSTEXT.
+GROUND_BRIEFLY = "Do not fly before it is known why: look at all"
 GROUND_IT = Action(
     "vehicle",
     "do not fly it before its battery and propellers were looked at; then fill less",
@@ -188,7 +190,7 @@ def inspect_rotors(rotors: Sequence[int]) -> Action:
     """Of rotors, from 1, that may be bad: before anybody flies to find out."""
     return Action(
         "rotor",
-        f"inspect propeller and motor of {_rotors(rotors)}",
+        f"inspect propeller and motor of {rotors_words(rotors)}",
         When.BATTERY_OFF,
         "a flight that shows whether the rotor holds",
     )
@@ -198,13 +200,13 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
     """Of rotors, from 1, for which an alarm was raised in the flight."""
     return Action(
         "rotor",
-        f"do not fly it before propeller, motor and ESC of {_rotors(rotors)} were looked at, "
+        f"do not fly it before propeller, motor and ESC of {rotors_words(rotors)} were looked at, "
         "battery off",
         When.NEXT_FLIGHT,
         "a flight with less load",
     )
 
 
-def _rotors(rotors: Sequence[int]) -> str:
+def rotors_words(rotors: Sequence[int]) -> str:
     """`rotor 3`, `rotors 1 and 3`."""
     return f"rotor{'s' if len(rotors) > 1 else ''} {' and '.join(map(str, rotors))}"

@@ -37,6 +37,8 @@ SEVERAL: Mapping[FlightLevel, str] = {
     FlightLevel.UNDER: "BELOW THE {limit} LIMIT",
     FlightLevel.UNKNOWN: "WITHOUT VERDICT",
 }
+#: Levels in which a flight that goes on should end.
+LAND_FIRST = (FlightLevel.DAMAGED, FlightLevel.LOST, FlightLevel.BATTERY, FlightLevel.NO_THRUST)
 #: Behind the first line of a flight whose end is not in the log.
 _UNSEEN = " (LOG ENDS IN FLIGHT)"
 
@@ -108,6 +110,8 @@ def action(advice: Advice) -> str:
     """What to do next, the gravest part first, for this air and this battery; empty where nothing
     is known."""
     first = []
+    if advice.goes_on and advice.level in LAND_FIRST:
+        first.append(actions.LAND.text)
     if FlightLevel.LOST in advice.levels:
         first.append(actions.GROUND_WRECK.text)
     if FlightLevel.DAMAGED in advice.levels:

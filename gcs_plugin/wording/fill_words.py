@@ -80,6 +80,11 @@ def amount(kg: float, liquid_density: float = math.nan) -> str:
     return f"{number(_down(kg), 'kg')}{of}"
 
 
+def safe_kg(fill: NextFill) -> float:
+    """The kg that `fill_advice` says; NaN unknown, 0 where nothing may be filled."""
+    return _down(fill.kg) if math.isfinite(fill.kg) else math.nan
+
+
 def _range(fill: NextFill) -> str:
     middle = number(_down(fill.limit_kg), "kg")
     if not fill.high_kg - fill.low_kg >= 0.05:

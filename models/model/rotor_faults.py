@@ -16,7 +16,6 @@ another change is sought from there, one back to sound included.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -53,6 +52,8 @@ UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the gro
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 
 FEWEST_ROTORS = 4
+#: Times, s, and the faults that stand from there on.
+FaultHistory = list[tuple[float, tuple[RotorFault, ...]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +80,8 @@ class RotorFaults:
         self._begun_s = self._landed_s = math.nan
         #: What stood after the last block, by kind; a kind that could not be tested is left out.
         self.tested: dict[Kind, tuple[RotorFault, ...]] = {}
+        #: When what stands changed, and to what.
+        self.history: FaultHistory = []
 
     @property
     def standing(self) -> tuple[RotorFault, ...]:
@@ -92,6 +95,7 @@ class RotorFaults:
 
     def add(self, time_s: float, row: Floats) -> bool:
         """A row of `fault_signals`, in flight and in order; True when a block was whole."""
+        begins = math.isnan(self._begun_s) or not math.isnan(self._landed_s)
         if not math.isnan(self._landed_s):
             for test in self._tests:
                 if time_s - self._landed_s > CHANGED:
@@ -102,10 +106,17 @@ class RotorFaults:
         if whole:
             self._end(np.array(self._rows))
             self._rows = []
+        if whole or begins:
+            self._note(time_s)
         if not self._rows:
             self._begun_s = time_s
         self._rows.append(row)
         return whole
+
+    def _note(self, time_s: float) -> None:
+        standing = self.standing
+        if standing != (self.history[-1][1] if self.history else ()):
+            self.history.append((time_s, standing))
 
     def _end(self, rows: Floats) -> None:
         """A block of rows is whole."""
@@ -126,23 +137,17 @@ class RotorFaults:
 
 
 @lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
-def fault_history(analysis: FlightAnalysis) -> list[tuple[float, tuple[RotorFault, ...]]]:
+def fault_history(analysis: FlightAnalysis) -> FaultHistory:
     """(time s, faults that stand from there on) of a whole flight: what live alarms said of it."""
     if analysis.withheld:
         return []
     found, track = RotorFaults(analysis.model), analysis.track
-    history: list[tuple[float, tuple[RotorFault, ...]]] = []
     for row, signals in enumerate(fault_signals(analysis, slice(None))):
-        time_s = float(track.time_s[row])
-        if not track.flying[row]:
-            found.landed(time_s)
-            continue
-        known = not history and bool(found.standing)
-        if (found.add(time_s, signals) or known) and found.standing != (
-            history[-1][1] if history else ()
-        ):
-            history.append((time_s, found.standing))
-    return history
+        if track.flying[row]:
+            found.add(float(track.time_s[row]), signals)
+        else:
+            found.landed(float(track.time_s[row]))
+    return found.history
 
 
 def _median(values: Floats) -> Floats:
@@ -151,9 +156,7 @@ def _median(values: Floats) -> Floats:
     return (order[half] + order[(len(values) - 1) // 2]) / 2.0 + 0.0 * order[-1]
 
 
-def fault_episodes(
-    history: Sequence[tuple[float, tuple[RotorFault, ...]]],
-) -> tuple[FaultEpisode, ...]:
+def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
     """The faults of a flight, in the order in which they were found."""
     open_now: dict[tuple[str, tuple[int, ...]], FaultEpisode] = {}
     over: list[FaultEpisode] = []

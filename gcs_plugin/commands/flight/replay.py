@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,10 +112,10 @@ def replay_view(
     from thrustmargin.gcs_plugin.logs.findings import names_known, names_wrong, repeated
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
-    from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
-    from thrustmargin.gcs_plugin.wording.advice_words import action, headline
+    from thrustmargin.gcs_plugin.wording.advice_words import headline
+    from thrustmargin.gcs_plugin.wording.answer import answer_of
     from thrustmargin.gcs_plugin.wording.report_words import contact_facts, contact_headline
     from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse, for_verdict
@@ -153,6 +154,6 @@ def replay_view(
         waypoints=flight.waypoints,
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        whole=WholeFlight(words, answer.level, action(answer)),
+        whole=replace(answer_of(answer), headline=words),
         **options,
     )

@@ -34,7 +34,7 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBal
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
-from thrustmargin.models.model.rotor_faults import RotorFaults, fault_signals
+from thrustmargin.models.model.rotor_faults import FaultHistory, RotorFaults, fault_signals
 
 AGAIN = 60.0  # s within which an alarm that comes again is the same one
 UNSEEN = 3.0  # s for which nothing is known of an alarm before it cannot be confirmed
@@ -64,6 +64,11 @@ class Alarms:
         self._rest_voltage = float("nan")
         self._conditions: dict[Key, _Condition] = {}
         self._cleared: dict[Key, tuple[Alarm, float]] = {}  # and when
+
+    @property
+    def fault_history(self) -> FaultHistory:
+        """When the faults of rotors and motors changed, by the vehicle's clock, and to what."""
+        return [] if self._faults is None else self._faults.history
 
     def rows(
         self,

@@ -170,6 +170,7 @@ class PageState:
 
     def _vehicle(self, one: Standing) -> dict[str, Any]:
         """One aircraft, with its figures where any are known, and their age (None of a record)."""
+        answer = None if one.update is None else one.update.answer
         said = {
             "number": one.number,
             "age": None if self._recorded else round(max(one.age, 0.0), 2),
@@ -181,6 +182,7 @@ class PageState:
             "message": one.message,
             "fill": one.fill,
             "level": one.level,
+            "flight": None if answer is None else {**answer.json, "line": answer.line},
         }
         if one.row is None:
             return {**said, "figures": None}

@@ -1,0 +1,80 @@
+"""The answer of a flight as every surface shows it: one object, made from the one `Advice`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.advice_words import action, headline, suspects
+from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
+from thrustmargin.gcs_plugin.wording.numbers import clock, number
+from thrustmargin.models.model.advice import Advice, FlightLevel
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What is said of a flight: in words, and as data for who draws or sorts it."""
+
+    headline: str = ""
+    level: FlightLevel = FlightLevel.UNKNOWN
+    action: str = ""  # what to do next; empty where nothing is known
+    rotors: tuple[int, ...] = ()  # from 1, that were found bad, or of one of which it was
+    fill_kg: float = math.nan  # to plan the next fill by, rounded down
+    brief: str = ""  # what to do after landing, in the 50 letters of a STATUSTEXT
+    until_s: float = math.nan  # of the flight, where it goes on; NaN of a whole one
+
+    @property
+    def line(self) -> str:
+        """All of it in a line: `flight to 2:31: BELOW THE 50 % LIMIT: nothing; up to 9 kg`."""
+        which = "last flight" if math.isnan(self.until_s) else f"flight to {clock(self.until_s)}"
+        return ": ".join(filter(None, (which, self.headline, self.action)))
+
+    @property
+    def gravity(self) -> float:
+        """0 of the gravest level, and more the better it is; NaN of none."""
+        return math.nan if self.level is FlightLevel.UNKNOWN else float(self.level.gravity)
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """Its fields, null for what is not known."""
+        return {
+            "headline": self.headline,
+            "level": self.level,
+            "action": self.action,
+            "rotors": list(self.rotors),
+            "fill_kg": None if math.isnan(self.fill_kg) else self.fill_kg,
+            "until_s": None if math.isnan(self.until_s) else round(self.until_s, 1),
+        }
+
+
+def answer_of(advice: Advice, until_s: float = math.nan) -> Answer:
+    """The answer in words; `until_s` is the last row of a flight that goes on."""
+    return Answer(
+        headline=headline(advice),
+        level=advice.level,
+        action=action(advice),
+        rotors=suspects(advice),
+        fill_kg=safe_kg(advice.fill),
+        brief=brief(advice),
+        until_s=until_s if advice.goes_on else math.nan,
+    )
+
+
+def brief(advice: Advice) -> str:
+    """What to do before the next flight, in 50 letters; empty where nothing is known."""
+    if FlightLevel.LOST in advice.levels:
+        return actions.GROUND_BRIEFLY
+    if FlightLevel.DAMAGED in advice.levels:
+        rotors = suspects(advice)
+        place = advice.rotor_names[rotors[0] - 1] if len(rotors) == 1 and advice.rotor_names else ""
+        which = actions.rotors_words(rotors)
+        return f"Do not fly: look at {which} {place}".strip()
+    if FlightLevel.BATTERY in advice.levels:
+        return f"Battery {number(advice.battery.least_cell, 'V', 2)} a cell: test or retire it"
+    if advice.level is FlightLevel.UNKNOWN or not math.isfinite(advice.fill.kg):
+        return ""
+    if advice.fill.nothing_fits is not None or advice.fill.kg <= 0.0:
+        return "" if advice.level is FlightLevel.UNDER else "Too heavy: see thrustmargin fill"
+    return f"Next fill: at most {number(safe_kg(advice.fill), 'kg')}"
