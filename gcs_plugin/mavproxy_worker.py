@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
     from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
     from thrustmargin.gcs_plugin.live.watch.update import Update
-    from thrustmargin.gcs_plugin.wording.answer import Answer
+    from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 
 #: Frames that wait for the thread; some ten seconds of a busy link with ten vehicles.
 WAITING = 20_000
@@ -67,7 +67,7 @@ class NewestFigures:
     withheld: str = ""  # why no margin is claimed, and what helps
     airframe: str = ""  # on what ground it is one of the airframe
     unknown: tuple[str, ...] = ()  # what is not known, why, and what helps
-    answer: Answer | None = None  # of the flight so far, or the last
+    answer: FlightAnswer | None = None  # of the flight so far, or the last
 
 
 class MarginWorker:

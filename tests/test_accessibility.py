@@ -13,7 +13,7 @@ from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, fill_table, htm
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.render import write_report
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
-from thrustmargin.gcs_plugin.wording.answer import Answer
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.rotor_model import physics_model
 
@@ -73,7 +73,7 @@ def test_the_live_page(width: int):
 
 def test_the_replay():
     view = ReplayView(
-        shown(), port=0, paused=True, whole=Answer("BELOW THE 50 % LIMIT", FlightLevel.UNDER)
+        shown(), port=0, paused=True, whole=FlightAnswer("BELOW THE 50 % LIMIT", FlightLevel.UNDER)
     )
     view.start()
     try:

@@ -47,6 +47,7 @@ from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.telemetry.tank_source import MARGIN_ID, TANK_ID
 from thrustmargin.gcs_plugin.wording.advice_words import LAND_FIRST
 from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, change_words
+from thrustmargin.gcs_plugin.wording.language import say
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
 QUIET = 1.5  # s of a vehicle's silence from which nothing is said for it
@@ -126,7 +127,7 @@ class Announcer(Subscriber):
                 state.text_s = now_s
                 severity, text = state.texts.pop(0)
                 message = self._sender.dialect.MAVLink_statustext_message(
-                    severity, text.encode()[:LONGEST]
+                    severity, plain(text).encode()[:LONGEST]
                 )
                 self._sender.send(number, message, forwards=True)
 
@@ -176,7 +177,14 @@ class Announcer(Subscriber):
                 self._sender.send(vehicle, message, forwards=True)
         if now_s - state.explained_s >= EXPLAINED_EVERY:
             state.explained_s = now_s
-            self._queue(state, INFO, EXTRA_BATTERIES.format(MARGIN_ID, TANK_ID))
+            self._queue(state, INFO, say(EXTRA_BATTERIES).format(MARGIN_ID, TANK_ID))
+
+
+def plain(text: str) -> str:
+    """The text as ground stations show it: no letters but those of English."""
+    for letter, written in (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("Ü", "Ue"), ("ß", "ss")):
+        text = text.replace(letter, written)
+    return text
 
 
 def figures(update: Update) -> dict[str, float]:

@@ -22,7 +22,8 @@ from typing import Any
 from thrustmargin.gcs_plugin.live.announce import figures, what_to_do
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.wording.alarm_words import ASKED
-from thrustmargin.gcs_plugin.wording.answer import Answer
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import LinkError
 
 FRESH = 3.0  # s for which figures are shown as live
@@ -32,7 +33,7 @@ FILES = "thrustmargin.gcs_plugin"
 @dataclass(frozen=True, slots=True)
 class _Said:
     figures: dict[str, float]
-    answer: Answer | None
+    answer: FlightAnswer | None
     stamp_us: int  # ground's clock when the row's report came
 
 
@@ -105,7 +106,7 @@ class PilotBar(Subscriber):
                     "predicted": predicted if live else None,
                     "last_margin": margin,
                     "rotor": int(found["MARGIN_ROT"]) if live and "MARGIN_ROT" in found else None,
-                    "action": ASKED[int(found["MARGIN_DO"])] if live else "",
+                    "action": say(ASKED[int(found["MARGIN_DO"])]) if live else "",
                     "flight": None if said.answer is None else said.answer.json,
                 }
             )

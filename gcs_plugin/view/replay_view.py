@@ -39,8 +39,9 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
     row_at,
 )
 from thrustmargin.gcs_plugin.wording import view_words as words
-from thrustmargin.gcs_plugin.wording.answer import Answer
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
@@ -88,7 +89,7 @@ class ReplayView(ViewPage):
         token: str = "",
         speed: float = 1.0,
         paused: bool = False,
-        whole: Answer | None = None,
+        whole: FlightAnswer | None = None,
         planned: bool = False,
     ) -> None:
         self._standing, self.whole = Standing(number=1), whole
@@ -125,7 +126,7 @@ class ReplayView(ViewPage):
         self._message_times = np.array([t for t, _ in self._messages])
         self._faults: list[tuple[float, tuple[RotorFault, ...]]] = []
         self._fault_times = np.empty(0)
-        self._alarms_pending = words.ALARMS_SOUGHT
+        self._alarms_pending = say(words.ALARMS_SOUGHT)
         self._opened = threading.Event()
         if track.time_s.size <= SEARCHED_FIRST:
             self._search_faults()
@@ -185,7 +186,7 @@ class ReplayView(ViewPage):
             self._search_faults()
         except Exception:  # of any kind: the page must not say for ever that it is looking
             _log.exception(words.ALARMS_UNKNOWN)
-            self._alarms_pending = words.ALARMS_UNKNOWN
+            self._alarms_pending = say(words.ALARMS_UNKNOWN)
         self.wake.set()
 
     def _search_faults(self) -> None:

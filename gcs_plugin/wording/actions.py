@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.model.inferred.load_inference import THEN_CHECK
 
 
@@ -43,7 +44,7 @@ class Action:
     @property
     def text(self) -> str:
         """The words, after when they are safe where that is not any time."""
-        return LEADS.get(self.when, "") + self.words
+        return say(LEADS.get(self.when, "")) + say(self.words)
 
 
 LAND = Action("vehicle", "land", When.IN_FLIGHT, "a manoeuvre to find out more")
@@ -200,8 +201,10 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
     """Of rotors, from 1, for which an alarm was raised in the flight."""
     return Action(
         "rotor",
-        f"do not fly it before propeller, motor and ESC of {rotors_words(rotors)} were looked at, "
-        "battery off",
+        say(
+            "do not fly it before propeller, motor and ESC of {rotors} were looked at, battery off",
+            rotors=rotors_words(rotors),
+        ),
         When.NEXT_FLIGHT,
         "a flight with less load",
     )
@@ -209,4 +212,5 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
 
 def rotors_words(rotors: Sequence[int]) -> str:
     """`rotor 3`, `rotors 1 and 3`."""
-    return f"rotor{'s' if len(rotors) > 1 else ''} {' and '.join(map(str, rotors))}"
+    numbers = f" {say('and')} ".join(map(str, rotors))
+    return say("rotors {numbers}" if len(rotors) > 1 else "rotor {numbers}", numbers=numbers)

@@ -8,13 +8,15 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.advice_words import action, headline, suspects
+from thrustmargin.gcs_plugin.wording.fault_words import place_words
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock, number
 from thrustmargin.models.model.advice import Advice, FlightLevel
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class FlightAnswer:
     """What is said of a flight: in words, and as data for who draws or sorts it."""
 
     headline: str = ""
@@ -28,7 +30,9 @@ class Answer:
     @property
     def line(self) -> str:
         """All of it in a line: `flight to 2:31: BELOW THE 50 % LIMIT: nothing; up to 9 kg`."""
-        which = "last flight" if math.isnan(self.until_s) else f"flight to {clock(self.until_s)}"
+        which = say("last flight")
+        if not math.isnan(self.until_s):
+            which = say("flight to {clock}", clock=clock(self.until_s))
         return ": ".join(filter(None, (which, self.headline, self.action)))
 
     @property
@@ -49,9 +53,9 @@ class Answer:
         }
 
 
-def answer_of(advice: Advice, until_s: float = math.nan) -> Answer:
+def answer_of(advice: Advice, until_s: float = math.nan) -> FlightAnswer:
     """The answer in words; `until_s` is the last row of a flight that goes on."""
-    return Answer(
+    return FlightAnswer(
         headline=headline(advice),
         level=advice.level,
         action=action(advice),
@@ -65,16 +69,18 @@ def answer_of(advice: Advice, until_s: float = math.nan) -> Answer:
 def brief(advice: Advice) -> str:
     """What to do before the next flight, in 50 letters; empty where nothing is known."""
     if FlightLevel.LOST in advice.levels:
-        return actions.GROUND_BRIEFLY
+        return say(actions.GROUND_BRIEFLY)
     if FlightLevel.DAMAGED in advice.levels:
         rotors = suspects(advice)
-        place = advice.rotor_names[rotors[0] - 1] if len(rotors) == 1 and advice.rotor_names else ""
         which = actions.rotors_words(rotors)
-        return f"Do not fly: look at {which} {place}".strip()
+        if len(rotors) == 1 and advice.rotor_names:
+            which += f" {place_words(advice.rotor_names[rotors[0] - 1])}"
+        return say("Do not fly: look at {rotors}", rotors=which)
     if FlightLevel.BATTERY in advice.levels:
-        return f"Battery {number(advice.battery.least_cell, 'V', 2)} a cell: test or retire it"
+        volts = number(advice.battery.least_cell, "V", 2)
+        return say("Battery {volts} a cell: test or retire it", volts=volts)
     if advice.level is FlightLevel.UNKNOWN or not math.isfinite(advice.fill.kg):
         return ""
     if advice.fill.nothing_fits is not None or advice.fill.kg <= 0.0:
-        return "" if advice.level is FlightLevel.UNDER else "Too heavy: see thrustmargin fill"
-    return f"Next fill: at most {number(safe_kg(advice.fill), 'kg')}"
+        return "" if advice.level is FlightLevel.UNDER else say("Too heavy: see thrustmargin fill")
+    return say("Next fill: at most {kg}", kg=number(safe_kg(advice.fill), "kg"))

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 
@@ -19,10 +20,12 @@ class WhyUnknown:
 
     def text(self, asked: Collection[str] = ()) -> str:
         """For people; `asked` are the options that are on, which need no advice."""
+        words = say(self.words)
         if not self.option:
-            return self.words
-        helps = "asked for in vain so far" if self.option in asked else f"{self.option} asks for it"
-        return f"{self.words}; {helps}"
+            return words
+        if self.option in asked:
+            return say("{words}; asked for in vain so far", words=words)
+        return say("{words}; {option} asks for it", words=words, option=self.option)
 
 
 #: Options by which a vehicle is asked.

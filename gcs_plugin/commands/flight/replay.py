@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, R
 from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ def replay_view(
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
     for fact in () if contact is None else contact_facts(contact):
-        console.print(escape(f"  {fact.label}: {fact.text}"))
+        console.print(escape(f"  {say(fact.label)}: {fact.text}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
         line = f"{sortie_words(other.sortie, other.track)}: {headline(answers[k])}"
         console.print(f"  {line}; {'shown' if k == shown else f'--sortie {k + 1} shows it'}")

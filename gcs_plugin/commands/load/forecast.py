@@ -214,7 +214,7 @@ def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | Non
 
 
 def _show(made: PlanForecast, console: Terminal) -> None:
-    from thrustmargin.gcs_plugin.wording import forecast_words as words
+    from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
 
     for line in words.plan_faults(made):
         console.print(line)

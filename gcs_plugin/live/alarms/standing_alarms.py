@@ -31,6 +31,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
     TELEMETRY,
 )
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
@@ -301,6 +302,6 @@ class Alarms:
 def _worded(alarm: Alarm, found: AlarmChecks, at: tuple[int, int]) -> Alarm:
     """An alarm with the words and the severity of a row."""
     rotors = () if found.rotors is None else found.rotors(*at)
-    past = "" if found.past is None else found.past(at[1])[:50]
-    text = found.text(*at)[:50]
+    past = "" if found.past is None else say(found.past(at[1]))[:50]
+    text = say(found.text(*at))[:50]
     return replace(alarm, severity=found.severity(*at), text=text, rotors=rotors, past=past)

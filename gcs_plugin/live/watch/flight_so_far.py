@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, REST
-from thrustmargin.gcs_plugin.wording.answer import Answer, answer_of
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.flight import FlightTrack, Floats, joined
@@ -63,7 +63,7 @@ class FlightSoFar:
         return made.advice
 
     @cached_property
-    def answer(self) -> Answer:
+    def answer(self) -> FlightAnswer:
         """The same in words."""
         return answer_of(self.advice, float(self.track.time_s[-1]))
 

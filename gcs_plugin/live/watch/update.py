@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
 from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
-from thrustmargin.gcs_plugin.wording.answer import Answer
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -52,7 +52,7 @@ class Update:
         return f"Update(vehicle {self.vehicle}, margin by rotor {margins} %, {alarms})"
 
     @property
-    def answer(self) -> Answer | None:
+    def answer(self) -> FlightAnswer | None:
         """Of the flight so far, or the last one; None before the first take-off."""
         return None if self.flight is None else self.flight.answer
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.wording.forecast_words import gate_limit, gate_sag
+from thrustmargin.gcs_plugin.wording.plans.forecast_words import gate_limit, gate_sag
 from thrustmargin.mission.ahead.battery import CELL, RESISTANCE, FlightBattery, rotor_power
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.models.errors import DataError

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm
 from thrustmargin.gcs_plugin.live.link_vehicles import OLD
 from thrustmargin.gcs_plugin.wording import palette as colours
-from thrustmargin.gcs_plugin.wording.answer import Answer
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.watch.update import Update
@@ -70,7 +70,7 @@ class Standing:
         return self.alarms, self.problem, self.gone
 
 
-def first_line(one: Standing, whole: Answer | None = None) -> tuple[str, str, Level]:
+def first_line(one: Standing, whole: FlightAnswer | None = None) -> tuple[str, str, Level]:
     """Headline, its reason and its level: of the gravest alarm, else of the flight.
 
     That is a `whole` one, or what flies now up to its last rows. Without either the headline is
@@ -104,7 +104,7 @@ def first_line(one: Standing, whole: Answer | None = None) -> tuple[str, str, Le
     return "", one.pending, "green" if calm else "grey"
 
 
-def of_verdict(answer: Answer) -> Level:
+def of_verdict(answer: FlightAnswer) -> Level:
     """The level of a flight's answer."""
     return VERDICT_LEVEL.get(answer.level, "grey")
 

@@ -10,7 +10,7 @@ from tests.browser import open_page
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view import replay_view
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
-from thrustmargin.gcs_plugin.wording.answer import Answer
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.view_words import ALARMS_SOUGHT, ALARMS_UNKNOWN
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fault_test import RotorFault
@@ -37,7 +37,7 @@ def search(monkeypatch) -> threading.Event:
 @pytest.fixture
 def view(search):
     view = ReplayView(
-        flight(), port=0, paused=True, whole=Answer("Enough thrust", FlightLevel.UNDER)
+        flight(), port=0, paused=True, whole=FlightAnswer("Enough thrust", FlightLevel.UNDER)
     )
     view.start()
     view.seek(25.0)
@@ -68,7 +68,7 @@ def test_it_is_open_before_the_search_ends_and_calls_nothing_good_till_then(view
 
 def test_a_bad_verdict_does_not_wait_for_the_search(search):
     view = ReplayView(
-        flight(), port=0, paused=True, whole=Answer("Too heavy", FlightLevel.CRITICAL)
+        flight(), port=0, paused=True, whole=FlightAnswer("Too heavy", FlightLevel.CRITICAL)
     )
     view.start()
     try:

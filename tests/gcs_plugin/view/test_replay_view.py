@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import grid_cell
 from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow, enu
-from thrustmargin.gcs_plugin.wording.answer import Answer
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.palette import NO_DATA, seen_for
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError
@@ -131,7 +131,7 @@ def test_a_colour_and_its_legend_reach_the_page_together(view):
 
 def test_opened_after_its_end_it_rests_on_the_worst_moment_with_the_verdict(analysis):
     view = ReplayView(
-        analysis, port=0, speed=1e6, whole=Answer("ABOVE THE LIMIT", FlightLevel.OVER)
+        analysis, port=0, speed=1e6, whole=FlightAnswer("ABOVE THE LIMIT", FlightLevel.OVER)
     )
     view.start()
     try:

@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.view.figures.screen import ACT, CHARTS, STATE, Page
 from thrustmargin.gcs_plugin.view.figures.standing import Standing, first_line
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server, stop_server
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
-from thrustmargin.gcs_plugin.wording.answer import Answer
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -101,7 +101,7 @@ def test_every_grave_alarm_is_named_in_the_first_line():
 )
 def test_a_verdict_is_the_first_line_until_an_alarm_is(verdict: str, level: str):
     quiet = replace(ONE, alarms=())
-    whole = Answer("The verdict", FlightLevel(verdict), "do this")
+    whole = FlightAnswer("The verdict", FlightLevel(verdict), "do this")
     assert first_line(quiet, whole) == ("The verdict", "Do this", level)
     assert first_line(replace(ONE, alarms=(LOW,)), whole) == (LOW.text, "", "red")
     sought = first_line(replace(quiet, pending="being sought"), whole)
