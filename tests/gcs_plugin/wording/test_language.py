@@ -118,11 +118,13 @@ def alarms() -> list[str]:
         *(alarm_words.esc_words(4, "rear right", flags) for flags in (*alarm_words.FAILURES, 128)),
         alarm_words.thrust_against_gauge(-3.4),
         alarm_words.speeds_missing([1, 2, 3]),
-        *(alarm_words.change_words("", name, 3, "speeds") for name in GRAVEST_FIRST),
+        *(alarm_words.change_words("", name, None, "speeds") for name in GRAVEST_FIRST),
+        *(alarm_words.change_words("", name, 3, "speeds") for name in OF_ROTORS),
     ]
 
 
 LOSS = LossOfControl(kind=LossKind.SPUN, time_s=61.0, value=7.0)
+OF_ROTORS = ("rotor", "motor", "esc", "saturation")
 CONTROL = (LossKind.NOT_AS_ASKED, LossKind.TURNED_OVER, LossKind.SPUN, LossKind.FELL)
 
 

@@ -39,7 +39,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FlightAnswer:
+class Answer:
     """What `identify` says of the rotors of one session; rotors are numbered from 1."""
 
     run: Run
@@ -76,19 +76,19 @@ def run(*words: str | Path) -> Run:
     )
 
 
-def identify(logs: Sequence[Path], *options: str | Path, into: Path) -> FlightAnswer:
+def identify(logs: Sequence[Path], *options: str | Path, into: Path) -> Answer:
     """`identify LOG... OPTIONS --json FILE`, with the file in the folder `into`."""
     target = into / f"{logs[0].stem}-{len(logs)}.json"
     target.unlink(missing_ok=True)
     done = run("identify", *logs, *options, "--json", target)
     if not target.exists():
-        return FlightAnswer(run=done)
+        return Answer(run=done)
     result = json.loads(target.read_text(encoding="utf-8"))
     named = _rotors(result.get("effects", ()))
     groups = [one["effects"] for one in result.get("one_of", ())]
     single = (*result.get("mentioned", ()), *result.get("possible", ()))
     listed = {*_rotors([*single, *(e for group in groups for e in group)])} - {*named}
-    return FlightAnswer(
+    return Answer(
         run=done,
         named=named,
         listed=tuple(sorted(listed)),
