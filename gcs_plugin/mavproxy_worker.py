@@ -79,13 +79,13 @@ class MarginWorker:
 
     def __init__(self, options: MarginOptions, kept: Mapping[bytes, float] | None = None) -> None:
         self.options = options
-        #: Frames in which vehicles said what they say once, and time.monotonic() of each.
+        #: Frames in which vehicles report what they report once, and time.monotonic() of each.
         self.kept: dict[bytes, float] = dict(kept or {})
         self.max_utilisation = options.max_utilisation
         self.failure = ""
         self.dropped = 0
         self.readings: dict[int, NewestFigures] = {}  # replaced as a whole, never changed
-        self.said: deque[tuple[bool, str]] = deque(maxlen=200)  # (urgent, words) to announce
+        self.messages: deque[tuple[bool, str]] = deque(maxlen=200)  # (urgent, words) to announce
         self.thread = threading.Thread(target=self._run, name="thrustmargin", daemon=True)
         self._waiting: deque[tuple[bytes, float]] = deque(self.kept.items())
         self.heard_us: dict[int, int] = {}
@@ -134,7 +134,7 @@ class MarginWorker:
             self.failure = f"stopped by an error of its own: {type(error).__name__}: {error}"
         if self.failure:
             self.failure = own_syntax(self.failure)
-            self.said.append((True, f"margin: {self.failure}"))
+            self.messages.append((True, f"margin: {self.failure}"))
 
     def _work(self) -> None:
         from pathlib import Path
@@ -187,7 +187,7 @@ class MarginWorker:
 
     def _announce(self, vehicle: int, event: AlarmEvent) -> None:
         several = f" (vehicle {vehicle})" if len(self.readings) > 1 else ""
-        self.said.append((event.raised, f"{event.line}{several}"))
+        self.messages.append((event.raised, f"{event.line}{several}"))
 
     def _show(self, fleet: Fleet, updates: list[Update]) -> None:
         fresh = {update.vehicle: update for update in updates}
@@ -196,7 +196,7 @@ class MarginWorker:
             before = self.readings.get(number, NewestFigures(vehicle=number))
             update = fresh.get(number)
             now = before if update is None else reading(update, _heard_s(update))
-            alarms = sorted(watch.alarms.standing.values(), key=lambda alarm: alarm.order)
+            alarms = sorted(watch.alarms.listed.values(), key=lambda alarm: alarm.order)
             words = tuple(alarm.line for alarm in alarms)
             shown[number] = replace(now, alarms=words, problem=watch.problem)
         self.readings = shown

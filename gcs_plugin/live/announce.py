@@ -6,7 +6,7 @@ something now: an alarm when it is raised or graver, with its severity; a critic
 margin near the limit, an airframe that is not known), a warning that still stands, and that one is
 over. At most one text a second and vehicle goes out, the gravest first; of more than 8 waiting the
 least grave are dropped. Nothing
-is said in the name of a vehicle that is itself silent: ground stations (QGroundControl's
+is sent in the name of a vehicle that is itself silent: ground stations (QGroundControl's
 VehicleLinkManager) take any message of its system for a sign of life, and would not report that the
 link is lost. The texts wait for its return.
 Figures go out once a second:
@@ -50,7 +50,7 @@ from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, 
 from thrustmargin.gcs_plugin.wording.language import say
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
-QUIET = 1.5  # s of a vehicle's silence from which nothing is said for it
+QUIET = 1.5  # s of a vehicle's silence from which nothing is sent for it
 INFO = 6  # MAV_SEVERITY that no ground station speaks
 EXPLAINED_EVERY = 300.0  # s between two texts that say what these are
 WAITING = 8
@@ -64,7 +64,7 @@ class _Vehicle:
     figures_s: float = -math.inf
     explained_s: float = -math.inf
     reminded: dict[tuple[str, int | None], float] = field(default_factory=dict)
-    gravest: dict[tuple[str, int | None], int] = field(default_factory=dict)  # severity, as said
+    gravest: dict[tuple[str, int | None], int] = field(default_factory=dict)  # severity, as sent
     flying: bool = False  # when last looked at
 
 
@@ -88,11 +88,11 @@ class Announcer(Subscriber):
             self._queue(state, alarm.severity if grave else INFO, alarm.text)
         else:
             state.reminded.pop(alarm.key, None)
-            said = change_words(event.kind, alarm.name, alarm.rotor, alarm.missing)
+            text = change_words(event.kind, alarm.name, alarm.rotor, alarm.missing)
             over = alarm.state is AlarmState.CLEARED
             if over:
                 state.gravest.pop(alarm.key, None)
-            self._queue(state, NOTICE if grave and not over else INFO, said)
+            self._queue(state, NOTICE if grave and not over else INFO, text)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6
@@ -107,22 +107,22 @@ class Announcer(Subscriber):
                 if row is not None:
                     self._landed(state, row)
                 if row is not None and now_us - int(row.stamp_us[-1]) < QUIET * 1e6:
-                    self._figures(number, row, watch.alarms.standing.values())
+                    self._figures(number, row, watch.alarms.listed.values())
                     if self._battery:
                         self._as_batteries(number, row, state, now_s)
-            for key, alarm in watch.alarms.standing.items():
-                said = state.reminded.setdefault(key, now_s)
+            for key, alarm in watch.alarms.listed.items():
+                reminded_s = state.reminded.setdefault(key, now_s)
                 if alarm.severity < state.gravest.setdefault(key, alarm.severity):
                     # A margin near its limit that is surely below it now.
                     state.gravest[key], state.reminded[key] = alarm.severity, now_s
                     self._queue(state, alarm.severity, alarm.text)
                     continue
-                if alarm.severity <= WARNING and now_s - said >= REMIND_EVERY:
+                if alarm.severity <= WARNING and now_s - reminded_s >= REMIND_EVERY:
                     state.reminded[key] = now_s
                     unsure = change_words("", alarm.name, alarm.rotor, alarm.missing)
                     loud = alarm.severity <= CRITICAL and not alarm.missing
-                    said_again = unsure if alarm.missing else alarm.text
-                    self._queue(state, alarm.severity if loud else INFO, said_again)
+                    text = unsure if alarm.missing else alarm.text
+                    self._queue(state, alarm.severity if loud else INFO, text)
             if state.texts and now_s - state.text_s >= TEXT_EVERY:
                 state.text_s = now_s
                 severity, text = state.texts.pop(0)
@@ -148,8 +148,8 @@ class Announcer(Subscriber):
             del state.texts[WAITING:]
             self.dropped += 1
 
-    def _figures(self, vehicle: int, update: Update, standing: Iterable[Alarm]) -> None:
-        sent = figures(update) | what_to_do(standing) | {"MARGIN_LIM": 100.0 * self._limit}
+    def _figures(self, vehicle: int, update: Update, listed: Iterable[Alarm]) -> None:
+        sent = figures(update) | what_to_do(listed) | {"MARGIN_LIM": 100.0 * self._limit}
         for name, value in sent.items():
             message = self._sender.dialect.MAVLink_named_value_float_message(
                 int(update.clock_s[-1] * 1e3) % 2**32, name.encode(), value
@@ -205,8 +205,8 @@ def figures(update: Update) -> dict[str, float]:
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
-def what_to_do(standing: Iterable[Alarm]) -> dict[str, float]:
+def what_to_do(listed: Iterable[Alarm]) -> dict[str, float]:
     """MARGIN_DO by the gravest alarm that stands and asks for something; 0 for none."""
-    grave = [a for a in standing if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
+    grave = [a for a in listed if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
     first = min(grave, key=lambda alarm: alarm.order, default=None)
     return {"MARGIN_DO": 0.0 if first is None else float(asked(first.name))}

@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.view.figures.charts import (
 )
 from thrustmargin.gcs_plugin.view.figures.replay_clock import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
-from thrustmargin.gcs_plugin.view.figures.standing import Standing, first_line
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary, first_line
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
@@ -92,9 +92,9 @@ class ReplayView(ViewPage):
         whole: FlightAnswer | None = None,
         planned: bool = False,
     ) -> None:
-        self._standing, self.whole = Standing(number=1), whole
+        self._summary, self.whole = VehicleSummary(number=1), whole
         self._screen = PageState(
-            lambda: [self._standing],
+            lambda: [self._summary],
             self._acts(),
             more=self._replay_state,
             charts=self._drawn_charts,
@@ -198,8 +198,8 @@ class ReplayView(ViewPage):
         del hurry
         time_s = self.clock.now()
         row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
-        self._standing = self._standing_at(time_s, row)
-        self._scene.show(VEHICLE, row, faulty=self._standing.faulty)
+        self._summary = self._summary_at(time_s, row)
+        self._scene.show(VEHICLE, row, faulty=self._summary.faulty)
         self._scene.show_wind(row.track.wind_ned[row.row])
 
     def _acts(self) -> dict[str, Callable[[str], None]]:
@@ -256,12 +256,12 @@ class ReplayView(ViewPage):
             return ""
         return self._messages[last][1]
 
-    def _standing_at(self, time_s: float, row: ShownRow) -> Standing:
-        """The margin at `time_s`, and the alarms of rotors and motors as they were said live."""
+    def _summary_at(self, time_s: float, row: ShownRow) -> VehicleSummary:
+        """The margin at `time_s`, and the alarms of rotors and motors as they were live."""
         last = int(np.searchsorted(self._fault_times, self._start_s + time_s, side="right")) - 1
         faults = self._faults[last][1] if last >= 0 else ()
         names = {"propeller": "rotor", "motor": "motor"}
-        one = Standing(
+        one = VehicleSummary(
             number=1,
             row=row,
             seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),

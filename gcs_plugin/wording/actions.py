@@ -25,7 +25,7 @@ class When(Enum):
     DESK = "at any time: in settings, files and orders"
 
 
-#: What is said before an action, so that it is not done at another time.
+#: What comes before an action, so that it is not done at another time.
 LEADS: Mapping[When, str] = {
     When.BATTERY_OFF: "with the battery off, ",
     When.DISARMED: "disarmed on the ground, ",
@@ -64,7 +64,7 @@ SAME_KIND = Action(
 THEN_MOTOR = Action(
     "motor",
     "then look at its motor and ESC, which outputs cannot distinguish from it",
-    When.DESK,  # goes on after INSPECT, which has said when
+    When.DESK,  # goes on after INSPECT, which states when
 )
 UNSTEADY = Action("rotor", "look for what bends, slips or gets warm", When.DESK)  # after INSPECT
 LOOK_AT_MOTOR = Action("motor", "look at its motor, ESC and wiring", When.BATTERY_OFF)

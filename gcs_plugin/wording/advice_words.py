@@ -128,7 +128,8 @@ def action(advice: Advice) -> str:
     """What to do next, the gravest part first, for this air and this battery; empty where nothing
     is known."""
     first = []
-    if advice.goes_on and advice.level in LAND_FIRST:
+    land = advice.goes_on and advice.level in LAND_FIRST
+    if land:
         first.append(actions.LAND.text)
     if FlightLevel.LOST in advice.levels:
         first.append(actions.GROUND_WRECK.text)
@@ -136,7 +137,8 @@ def action(advice: Advice) -> str:
         first.append(actions.not_before_looked_at(suspects(advice)).text)
     if FlightLevel.BATTERY in advice.levels:
         first.append(actions.TEST_BATTERY.text)
-    if advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
+    # While it should land, nobody fills.
+    if land or advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
         return "; ".join(first)
     within = FlightLevel.UNDER in advice.levels
     load = fill_advice(advice.fill, advice.limit, was_within=within)

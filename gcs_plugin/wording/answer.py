@@ -17,7 +17,7 @@ from thrustmargin.models.model.advice import Advice, FlightLevel
 
 @dataclass(frozen=True, slots=True)
 class FlightAnswer:
-    """What is said of a flight: in words, and as data for who draws or sorts it."""
+    """The answer of a flight: in words, and as data for who draws or sorts it."""
 
     headline: str = ""
     level: FlightLevel = FlightLevel.UNKNOWN
@@ -29,11 +29,12 @@ class FlightAnswer:
 
     @property
     def line(self) -> str:
-        """All of it in a line: `flight to 2:31: BELOW THE 50 % LIMIT: nothing; up to 9 kg`."""
+        """All of it in a line: `Flight to 2:31: BELOW THE 50 % LIMIT: nothing; up to 9 kg`."""
         which = say("last flight")
         if not math.isnan(self.until_s):
             which = say("flight to {clock}", clock=clock(self.until_s))
-        return ": ".join(filter(None, (which, self.headline, self.action)))
+        words = ": ".join(filter(None, (which, self.headline, self.action)))
+        return words[:1].upper() + words[1:]
 
     @property
     def gravity(self) -> float:

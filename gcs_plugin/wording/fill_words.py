@@ -49,6 +49,8 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
     more, empty = (say(words, limit=percent(limit)) for words in _BECAUSE[fill.reason])
     if fill.nothing_fits is not None:
         why = say(_NOTHING_FITS[fill.nothing_fits])
+        if fill.limit_kg < 0.0 <= fill.high_kg and fill.nothing_fits == "tank":
+            return say("Cannot tell whether it is too heavy as it is: weigh it; {why}", why=why)
         if fill.limit_kg < 0.0 and fill.nothing_fits == "tank" and empty:
             return say("Too heavy as it is: {empty}; {why}", empty=empty, why=why)
         return say("Nothing to fill: {why}", why=why)

@@ -43,7 +43,7 @@ from thrustmargin.models.physics.motor_output import output_curve
 
 #: Share by which a step is known at best: half of RATIO
 STEP_ERROR = 0.03
-#: Without good flights to say more: standing trims and a block's noise, of a rotor's thrust
+#: Without good flights to say more: constant trims and a block's noise, of a rotor's thrust
 TRIM, NOISE = 0.1, 0.01
 KNOWN = 0.1  # of a manoeuvre's effect that a model with that effect leaves
 LEAK = 0.1  # of what an axis needs, that shows in another mode
@@ -66,7 +66,7 @@ class FaultEpisode:
 
 
 class RotorFaults:
-    """Both tests of one vehicle, row by row; `standing` is what was found and not cleared."""
+    """Both tests of one vehicle, row by row; `current` is what was found and not cleared."""
 
     def __init__(self, model: RotorModel) -> None:
         # With fewer rotors than modes no rotor can be distinguished from a turn.
@@ -84,9 +84,9 @@ class RotorFaults:
         self.history: FaultHistory = []
 
     @property
-    def standing(self) -> tuple[RotorFault, ...]:
+    def current(self) -> tuple[RotorFault, ...]:
         """Faults by kind and rotor."""
-        return tuple(fault for test in self._tests for fault in test.standing)
+        return tuple(fault for test in self._tests for fault in test.current)
 
     def landed(self, time_s: float) -> None:
         """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
@@ -114,9 +114,9 @@ class RotorFaults:
         return whole
 
     def _note(self, time_s: float) -> None:
-        standing = self.standing
-        if standing != (self.history[-1][1] if self.history else ()):
-            self.history.append((time_s, standing))
+        current = self.current
+        if current != (self.history[-1][1] if self.history else ()):
+            self.history.append((time_s, current))
 
     def _end(self, rows: Floats) -> None:
         """A block of rows is whole."""
@@ -129,16 +129,16 @@ class RotorFaults:
         if np.isfinite(excess).all() and excess.mean() > UNLOADED:
             turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
             self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
-            self.tested["propeller"] = self._tests[0].standing
+            self.tested["propeller"] = self._tests[0].current
         if np.isfinite(motors).all():
             moves = np.stack([mean, slope], axis=1)[2 * rotors : 3 * rotors]
             self._tests[1].add(self._begun_s, motors - _median(motors), moves - _median(moves))
-            self.tested["motor"] = self._tests[1].standing
+            self.tested["motor"] = self._tests[1].current
 
 
 @lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
 def fault_history(analysis: FlightAnalysis) -> FaultHistory:
-    """(time s, faults that stand from there on) of a whole flight: what live alarms said of it."""
+    """(time s, faults that stand from there on) of a whole flight: as live alarms named them."""
     if analysis.withheld:
         return []
     found, track = RotorFaults(analysis.model), analysis.track
@@ -161,14 +161,14 @@ def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
     open_now: dict[tuple[str, tuple[int, ...]], FaultEpisode] = {}
     over: list[FaultEpisode] = []
     for time_s, faults in history:
-        standing = {(fault.kind, fault.rotors or (fault.rotor,)): fault for fault in faults}
-        for key in open_now.keys() - standing.keys():
+        current = {(fault.kind, fault.rotors or (fault.rotor,)): fault for fault in faults}
+        for key in open_now.keys() - current.keys():
             ended = replace(open_now.pop(key), end_s=time_s)
             found = {(f.kind, r) for f in faults for r in (f.rotor, *f.rotors)}
             # One whose rotor has become known is not listed twice.
             if not any((key[0], rotor) in found for rotor in ended.fault.rotors):
                 over.append(ended)
-        for key, fault in standing.items():
+        for key, fault in current.items():
             begin_s = open_now[key].begin_s if key in open_now else time_s
             open_now[key] = FaultEpisode(begin_s=begin_s, end_s=None, fault=fault)
     return tuple(sorted([*over, *open_now.values()], key=lambda episode: episode.begin_s))

@@ -97,7 +97,7 @@ def test_all_that_flies_live_says_at_the_end_what_the_report_says(
         found = {m.name: m.samples for m in MonitorCollector(monitor).collect()}
         assert found["thrustmargin_next_fill_kg"][0].value == fill_kg
         assert found["thrustmargin_flight_level"][0].value == sent["FLIGHT_LVL"]
-        standing = monitor.fleet.vehicles[1].alarms.standing
+        standing = monitor.fleet.vehicles[1].alarms.listed
         assert [alarm.rotor for alarm in standing.values() if alarm.name == "rotor"] == rotors
     view.stop()
     assert update.answer is not None

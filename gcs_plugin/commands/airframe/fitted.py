@@ -184,7 +184,7 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
         more = "counter-clockwise" if split.value > 0 else "clockwise"
         sentences.append(
             f"the {more} rotors carry {interval_percent(split)} more of the weight than the "
-            "others: a standing yaw moment, as of motors that are not level (`identify`: yaw trim)"
+            "others: a constant yaw moment, as of motors that are not level (`identify`: yaw trim)"
         )
     if len(fit.flights) == 1:
         sentences.append(

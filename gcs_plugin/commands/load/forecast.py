@@ -255,7 +255,7 @@ def _parameters(plan: Path, file: Path | None) -> dict[str, float]:
     try:
         return dict(read_log(plan).parameters)
     except LogError:
-        return {}  # a log without a flight still holds its mission; the defaults are said
+        return {}  # a log without a flight still holds its mission; the defaults are listed
 
 
 def _battery(

@@ -78,12 +78,12 @@ class MonitorCollector(Collector):
         yield from _ages(watches, now_us)
         yield from _figures(watches, now_us, fleet.old_s)
         labels = ("vehicle", "alarm", "part", "level", "state")
-        standing = [
+        samples = [
             ((number, alarm.name, part_of(alarm), LEVELS[alarm.severity], str(alarm.state)), 1.0)
             for number, watch in watches.items()
-            for alarm in list(watch.alarms.standing.values())
+            for alarm in list(watch.alarms.listed.values())
         ]
-        yield _gauge("alarm", "1 for each alarm that stands", standing, labels)
+        yield _gauge("alarm", "1 for each alarm that stands", samples, labels)
         yield from _of_status(self._monitor.status())
 
 

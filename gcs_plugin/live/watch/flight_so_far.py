@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
+from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, REST
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of

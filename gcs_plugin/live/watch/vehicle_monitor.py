@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
-from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
+from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
@@ -43,7 +43,7 @@ CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
 SHARED_HOLD = 10.0
 ROWLESS = 5.0  # s after which a vehicle without any row says so
-#: s after which a field is said to be no longer reported, seldom where a link loses half.
+#: s after which a field is shown as no longer reported, seldom where a link loses half.
 LASTING = 5.0
 GONE = 60.0  # s of silence after which a vehicle has left
 
@@ -264,7 +264,7 @@ class VehicleMonitor:
             delivered_kg=arrays["delivered_kg"],
             margin_ahead=arrays["margin_ahead"],
             outlook=self._ahead.now,
-            alarms=tuple(self.alarms.standing.values()),
+            alarms=tuple(self.alarms.listed.values()),
             events=tuple(events),
             flight=self._sortie.now,
             notes=new.notes if new is not None else kept.notes if kept is not None else (),
@@ -347,7 +347,7 @@ class VehicleMonitor:
     def stale(self, now_us: int) -> str:
         """Which fields are no longer reported and since when, in words; empty when none is.
 
-        Nothing is said of the single fields while the vehicle as a whole is silent. While frames
+        Nothing is shown of the single fields while the vehicle as a whole is silent. While frames
         wait to be taken, they may hold what is missed: checked as of the last that was taken.
         """
         if self.shared or self.silent(now_us) > self.alarms.settings.silence:

@@ -29,7 +29,7 @@ VERDICT_LEVEL: Mapping[str, Level] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
+class VehicleSummary:
     """One aircraft as it was last heard; the page shows the alarms of all."""
 
     number: int
@@ -43,7 +43,7 @@ class Standing:
     pending: str = ""  # why its alarms are not yet known
     gone: bool = False  # left for good: nothing of it is shown
     stale: str = ""  # fields that are no longer reported, in words
-    message: str = ""  # what it last said
+    message: str = ""  # its last message
     seconds_to_empty: float = math.nan  # inf: the tank does not fall
     fill: str = ""  # what to fill, while it stands on the ground
     mission: Mapping[int, Waypoint] | None = None
@@ -70,7 +70,7 @@ class Standing:
         return self.alarms, self.problem, self.gone
 
 
-def first_line(one: Standing, whole: FlightAnswer | None = None) -> tuple[str, str, Level]:
+def first_line(one: VehicleSummary, whole: FlightAnswer | None = None) -> tuple[str, str, Level]:
     """Headline, its reason and its level: of the gravest alarm, else of the flight.
 
     That is a `whole` one, or what flies now up to its last rows. Without either the headline is
