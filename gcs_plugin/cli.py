@@ -20,6 +20,8 @@ from typing import Any
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
 from thrustmargin.gcs_plugin.commands.shared.typed import as_read, plain_optionals
 from thrustmargin.gcs_plugin.mavlink.text import clean_lines
+from thrustmargin.gcs_plugin.wording.language import VARIABLE as LANGUAGE
+from thrustmargin.gcs_plugin.wording.view_words import LANGUAGES
 from thrustmargin.models.errors import ThrustMarginError
 
 #: Subcommand -> the first words of the docstring of its function, here so that the help loads none.
@@ -75,6 +77,7 @@ commands:
 options:
   -h, --help  this help; after a command, that command's
   --version   the version that is installed
+  --language  with any command: en or de, for alarms, advice and the page
   --quiet     with any command: print nothing but results that go to standard output, and errors
 
 Where a log is asked for, `demo` is the bundled flight, and a folder is all logs in it.
@@ -135,6 +138,7 @@ def not_a_command(name: str) -> str:
 
 def run(argv: Sequence[str]) -> int:
     """Run one subcommand; returns the exit code. Raises SystemExit(2) for a wrong command line."""
+    argv = _in_language(argv)
     options = list(argv[: argv.index("--")] if "--" in argv else argv)
     if "--quiet" in options:
         os.environ[QUIET] = "1"
@@ -157,6 +161,20 @@ def run(argv: Sequence[str]) -> int:
         _complain("stopped; files that were finished are whole")
         return 130
     return outcome if isinstance(outcome, int) else 0
+
+
+def _in_language(argv: Sequence[str]) -> list[str]:
+    """The command line without its --language, which is then spoken; exits on one there is not."""
+    words = list(argv)
+    if "--language" in words[: words.index("--")] if "--" in words else "--language" in words:
+        at = words.index("--language")
+        code = "".join(words[at + 1 : at + 2])
+        if code not in LANGUAGES:
+            _complain(f"--language {code}: there are {' and '.join(LANGUAGES)}")
+            raise SystemExit(2)
+        os.environ[LANGUAGE] = code
+        del words[at : at + 2]
+    return words
 
 
 def _answer(argv: Sequence[str]) -> Any:

@@ -55,7 +55,7 @@ class ViewProcess:
             self._socket.sendto(data, ("127.0.0.1", self._port))
 
     def last_words(self) -> str:
-        """What it said when it ended by itself; empty while it runs."""
+        """What it printed when it ended by itself; empty while it runs."""
         if self.running or self._process.stderr is None:
             return ""
         lines = [line for line in self._process.stderr.read().splitlines() if line.strip()]
@@ -123,8 +123,8 @@ class MarginModule(mp_module.MPModule):
         if now < self._next:
             return
         self._next = now + PERIOD
-        while self._worker.said:
-            urgent, words = self._worker.said.popleft()
+        while self._worker.messages:
+            urgent, words = self._worker.messages.popleft()
             if urgent:
                 self.say(words)
             else:
@@ -186,7 +186,7 @@ class MarginModule(mp_module.MPModule):
         print(f"margin max-utilisation {value:g}")
 
     def _set(self, name: str, text: str) -> None:
-        """Watch on with an option changed; what vehicles said of themselves is kept."""
+        """Watch on with an option changed; what vehicles reported of themselves is kept."""
         before = self._worker
         try:
             options = with_option(before.options, OPTIONS[name], text)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
     from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
     from thrustmargin.gcs_plugin.live.watch.update import Update
+    from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 
 #: Frames that wait for the thread; some ten seconds of a busy link with ten vehicles.
 WAITING = 20_000
@@ -66,6 +67,7 @@ class NewestFigures:
     withheld: str = ""  # why no margin is claimed, and what helps
     airframe: str = ""  # on what ground it is one of the airframe
     unknown: tuple[str, ...] = ()  # what is not known, why, and what helps
+    answer: FlightAnswer | None = None  # of the flight so far, or the last
 
 
 class MarginWorker:
@@ -77,13 +79,13 @@ class MarginWorker:
 
     def __init__(self, options: MarginOptions, kept: Mapping[bytes, float] | None = None) -> None:
         self.options = options
-        #: Frames in which vehicles said what they say once, and time.monotonic() of each.
+        #: Frames in which vehicles report what they report once, and time.monotonic() of each.
         self.kept: dict[bytes, float] = dict(kept or {})
         self.max_utilisation = options.max_utilisation
         self.failure = ""
         self.dropped = 0
         self.readings: dict[int, NewestFigures] = {}  # replaced as a whole, never changed
-        self.said: deque[tuple[bool, str]] = deque(maxlen=200)  # (urgent, words) to announce
+        self.messages: deque[tuple[bool, str]] = deque(maxlen=200)  # (urgent, words) to announce
         self.thread = threading.Thread(target=self._run, name="thrustmargin", daemon=True)
         self._waiting: deque[tuple[bytes, float]] = deque(self.kept.items())
         self.heard_us: dict[int, int] = {}
@@ -132,7 +134,7 @@ class MarginWorker:
             self.failure = f"stopped by an error of its own: {type(error).__name__}: {error}"
         if self.failure:
             self.failure = own_syntax(self.failure)
-            self.said.append((True, f"margin: {self.failure}"))
+            self.messages.append((True, f"margin: {self.failure}"))
 
     def _work(self) -> None:
         from pathlib import Path
@@ -185,7 +187,7 @@ class MarginWorker:
 
     def _announce(self, vehicle: int, event: AlarmEvent) -> None:
         several = f" (vehicle {vehicle})" if len(self.readings) > 1 else ""
-        self.said.append((event.raised, f"{event.line}{several}"))
+        self.messages.append((event.raised, f"{event.line}{several}"))
 
     def _show(self, fleet: Fleet, updates: list[Update]) -> None:
         fresh = {update.vehicle: update for update in updates}
@@ -194,7 +196,7 @@ class MarginWorker:
             before = self.readings.get(number, NewestFigures(vehicle=number))
             update = fresh.get(number)
             now = before if update is None else reading(update, _heard_s(update))
-            alarms = sorted(watch.alarms.standing.values(), key=lambda alarm: alarm.order)
+            alarms = sorted(watch.alarms.listed.values(), key=lambda alarm: alarm.order)
             words = tuple(alarm.line for alarm in alarms)
             shown[number] = replace(now, alarms=words, problem=watch.problem)
         self.readings = shown
@@ -243,6 +245,7 @@ def reading(update: Update, stamp: float) -> NewestFigures:
         withheld=f"{claim.described}; {claim.remedy}" if claim.withheld else "",
         airframe="" if claim.withheld else claim.words,
         unknown=tuple(unknown_lines(unknown_figures(analysis, outlook))),
+        answer=update.answer,
     )
 
 
@@ -296,7 +299,8 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
         f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
         f"{share(now.margin_full)}",
     ]
-    lines += [f"  {words}" for words in (*now.unknown, now.airframe) if words]
+    answer = "" if now.answer is None else now.answer.line
+    lines += [f"  {words}" for words in (answer, *now.unknown, now.airframe) if words]
     if math.isfinite(now.margin_ahead):
         lines.append(f"  {margin_ahead(now.margin_ahead)}")
     return lines + [f"  ALARM {text}" for text in now.alarms]

@@ -67,7 +67,7 @@ class Estimate:
 
     @property
     def bounded(self) -> bool:
-        """Whether the interval is known: without one nothing can be said to differ."""
+        """Whether the interval is known: without one nothing is known to differ."""
         return math.isfinite(self.low) and math.isfinite(self.high)
 
 

@@ -37,12 +37,12 @@ class StatedBattery:
     @property
     def words(self) -> str:
         """As "14 cells, 51.8 V, 16000 mAh by BATTERY_INFO cells_in_series of id 0"."""
-        said = (
+        facts = (
             (self.cells, f"{self.cells} cells"),
             (self.nominal_voltage, f"{self.nominal_voltage:.4g} V"),
             (self.capacity_mah, f"{self.capacity_mah:.0f} mAh"),
         )
-        return f"{', '.join(words for number, words in said if number)} by {self.source.words}"
+        return f"{', '.join(words for number, words in facts if number)} by {self.source.words}"
 
 
 def can_be_cells(cells: int, volts: float) -> bool:

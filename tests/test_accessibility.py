@@ -12,8 +12,9 @@ from tests.gcs_plugin.view.view_flight import flight as shown
 from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, fill_table, html_text
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.render import write_report
-from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.rotor_model import physics_model
 
 pytestmark = pytest.mark.browser
@@ -72,7 +73,7 @@ def test_the_live_page(width: int):
 
 def test_the_replay():
     view = ReplayView(
-        shown(), port=0, paused=True, whole=WholeFlight("BELOW THE 50 % LIMIT", "under")
+        shown(), port=0, paused=True, whole=FlightAnswer("BELOW THE 50 % LIMIT", FlightLevel.UNDER)
     )
     view.start()
     try:

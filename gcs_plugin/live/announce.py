@@ -6,7 +6,7 @@ something now: an alarm when it is raised or graver, with its severity; a critic
 margin near the limit, an airframe that is not known), a warning that still stands, and that one is
 over. At most one text a second and vehicle goes out, the gravest first; of more than 8 waiting the
 least grave are dropped. Nothing
-is said in the name of a vehicle that is itself silent: ground stations (QGroundControl's
+is sent in the name of a vehicle that is itself silent: ground stations (QGroundControl's
 VehicleLinkManager) take any message of its system for a sign of life, and would not report that the
 link is lost. The texts wait for its return.
 Figures go out once a second:
@@ -18,6 +18,9 @@ Figures go out once a second:
     MARGIN_ROT  the worst rotor, from 1
     MARGIN_LIM  smallest margin that may last, %
     MARGIN_DO   what the gravest alarm asks for, a place in `alarm_words.ASKED`
+    FLIGHT_LVL  answer of the flight so far or the last: 0 damaged to 7 below the limit
+    NEXT_FILL   kg, the largest fill by that flight, at the safe end
+After each landing a text says what to do before the next flight.
 Unknown figures are not sent. With `battery` margin and tank go out as batteries 90 and 91 besides,
 of which only the share left is known, so that none has a voltage; a quiet text says what they are.
 """
@@ -42,10 +45,12 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.telemetry.tank_source import MARGIN_ID, TANK_ID
+from thrustmargin.gcs_plugin.wording.advice_words import LAND_FIRST
 from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, change_words
+from thrustmargin.gcs_plugin.wording.language import say
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
-QUIET = 1.5  # s of a vehicle's silence from which nothing is said for it
+QUIET = 1.5  # s of a vehicle's silence from which nothing is sent for it
 INFO = 6  # MAV_SEVERITY that no ground station speaks
 EXPLAINED_EVERY = 300.0  # s between two texts that say what these are
 WAITING = 8
@@ -59,7 +64,8 @@ class _Vehicle:
     figures_s: float = -math.inf
     explained_s: float = -math.inf
     reminded: dict[tuple[str, int | None], float] = field(default_factory=dict)
-    gravest: dict[tuple[str, int | None], int] = field(default_factory=dict)  # severity, as said
+    gravest: dict[tuple[str, int | None], int] = field(default_factory=dict)  # severity, as sent
+    flying: bool = False  # when last looked at
 
 
 class Announcer(Subscriber):
@@ -82,11 +88,11 @@ class Announcer(Subscriber):
             self._queue(state, alarm.severity if grave else INFO, alarm.text)
         else:
             state.reminded.pop(alarm.key, None)
-            said = change_words(event.kind, alarm.name, alarm.rotor, alarm.missing)
+            text = change_words(event.kind, alarm.name, alarm.rotor, alarm.missing)
             over = alarm.state is AlarmState.CLEARED
             if over:
                 state.gravest.pop(alarm.key, None)
-            self._queue(state, NOTICE if grave and not over else INFO, said)
+            self._queue(state, NOTICE if grave and not over else INFO, text)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6
@@ -98,30 +104,40 @@ class Announcer(Subscriber):
                 state.figures_s = now_s
                 self._sender.heartbeat(number)
                 row = watch.last
+                if row is not None:
+                    self._landed(state, row)
                 if row is not None and now_us - int(row.stamp_us[-1]) < QUIET * 1e6:
-                    self._figures(number, row, watch.alarms.standing.values())
+                    self._figures(number, row, watch.alarms.listed.values())
                     if self._battery:
                         self._as_batteries(number, row, state, now_s)
-            for key, alarm in watch.alarms.standing.items():
-                said = state.reminded.setdefault(key, now_s)
+            for key, alarm in watch.alarms.listed.items():
+                reminded_s = state.reminded.setdefault(key, now_s)
                 if alarm.severity < state.gravest.setdefault(key, alarm.severity):
                     # A margin near its limit that is surely below it now.
                     state.gravest[key], state.reminded[key] = alarm.severity, now_s
                     self._queue(state, alarm.severity, alarm.text)
                     continue
-                if alarm.severity <= WARNING and now_s - said >= REMIND_EVERY:
+                if alarm.severity <= WARNING and now_s - reminded_s >= REMIND_EVERY:
                     state.reminded[key] = now_s
                     unsure = change_words("", alarm.name, alarm.rotor, alarm.missing)
                     loud = alarm.severity <= CRITICAL and not alarm.missing
-                    said_again = unsure if alarm.missing else alarm.text
-                    self._queue(state, alarm.severity if loud else INFO, said_again)
+                    text = unsure if alarm.missing else alarm.text
+                    self._queue(state, alarm.severity if loud else INFO, text)
             if state.texts and now_s - state.text_s >= TEXT_EVERY:
                 state.text_s = now_s
                 severity, text = state.texts.pop(0)
                 message = self._sender.dialect.MAVLink_statustext_message(
-                    severity, text.encode()[:LONGEST]
+                    severity, plain(text).encode()[:LONGEST]
                 )
                 self._sender.send(number, message, forwards=True)
+
+    def _landed(self, state: _Vehicle, update: Update) -> None:
+        """After a flight, what to do before the next one."""
+        flight = update.flight
+        if flight is not None and state.flying and not flight.goes_on and flight.answer.brief:
+            grave = flight.advice.level in LAND_FIRST
+            self._queue(state, WARNING if grave else INFO, flight.answer.brief)
+        state.flying = flight is not None and flight.goes_on
 
     def _queue(self, state: _Vehicle, severity: int, text: str) -> None:
         if (severity, text) in state.texts:
@@ -132,8 +148,8 @@ class Announcer(Subscriber):
             del state.texts[WAITING:]
             self.dropped += 1
 
-    def _figures(self, vehicle: int, update: Update, standing: Iterable[Alarm]) -> None:
-        sent = figures(update) | what_to_do(standing) | {"MARGIN_LIM": 100.0 * self._limit}
+    def _figures(self, vehicle: int, update: Update, listed: Iterable[Alarm]) -> None:
+        sent = figures(update) | what_to_do(listed) | {"MARGIN_LIM": 100.0 * self._limit}
         for name, value in sent.items():
             message = self._sender.dialect.MAVLink_named_value_float_message(
                 int(update.clock_s[-1] * 1e3) % 2**32, name.encode(), value
@@ -161,7 +177,14 @@ class Announcer(Subscriber):
                 self._sender.send(vehicle, message, forwards=True)
         if now_s - state.explained_s >= EXPLAINED_EVERY:
             state.explained_s = now_s
-            self._queue(state, INFO, EXTRA_BATTERIES.format(MARGIN_ID, TANK_ID))
+            self._queue(state, INFO, say(EXTRA_BATTERIES).format(MARGIN_ID, TANK_ID))
+
+
+def plain(text: str) -> str:
+    """The text as ground stations show it: no letters but those of English."""
+    for letter, written in (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("Ü", "Ue"), ("ß", "ss")):
+        text = text.replace(letter, written)
+    return text
 
 
 def figures(update: Update) -> dict[str, float]:
@@ -177,11 +200,13 @@ def figures(update: Update) -> dict[str, float]:
         "REDUND": float(analysis.redundancy_yaw_uncontrolled[-1]),
         "TANK_THR": float(update.virtual_kg[-1]),
     }
+    if (answer := update.answer) is not None:
+        found |= {"FLIGHT_LVL": answer.gravity, "NEXT_FILL": answer.fill_kg}
     return {name: value for name, value in found.items() if math.isfinite(value)}
 
 
-def what_to_do(standing: Iterable[Alarm]) -> dict[str, float]:
+def what_to_do(listed: Iterable[Alarm]) -> dict[str, float]:
     """MARGIN_DO by the gravest alarm that stands and asks for something; 0 for none."""
-    grave = [a for a in standing if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
+    grave = [a for a in listed if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
     first = min(grave, key=lambda alarm: alarm.order, default=None)
     return {"MARGIN_DO": 0.0 if first is None else float(asked(first.name))}

@@ -80,7 +80,7 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
             continue
         cells = vehicle_cells(watch, now_us, 1.0 - fleet.max_utilisation, fleet.old_s)
         table.add_row(*(cells[n] for n in shown))
-        alarms += [(number, alarm) for alarm in list(watch.alarms.standing.values())]
+        alarms += [(number, alarm) for alarm in list(watch.alarms.listed.values())]
         stale = watch.stale(now_us)
         remarks += [
             Text(words.of_vehicle(number, line), style="bold yellow")
@@ -88,6 +88,8 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
             if line
         ]
         if watch.last is not None:
+            if (answer := watch.last.answer) is not None:
+                remarks.append(Text(words.of_vehicle(number, answer.line)))
             remarks += [
                 Text(words.of_vehicle(number, line), style="dim") for line in watch.last.remarks
             ]
@@ -269,7 +271,7 @@ class EventPrinter(Subscriber):
         self._heard: set[int] = set()
         self._problems: dict[int, str] = {}
         self._claims: dict[int, AirframeClaim] = {}
-        self._in_vain: dict[int, str] = {}  # said of what was asked for
+        self._in_vain: dict[int, str] = {}  # what was asked for in vain, in words
         self._trouble = ""
         self._behind = False
 

@@ -94,7 +94,7 @@ class Fleet:
         return [update for watch in self.waiting() for update in watch.updates()]
 
     def finish(self) -> list[Update]:
-        """What is still to be said of the last rows when no more will come."""
+        """The updates of the last rows when no more will come."""
         return [u for w in self.vehicles.values() for u in w.updates(final=True)]
 
     def tick(self, now_us: int) -> list[tuple[int, AlarmEvent]]:

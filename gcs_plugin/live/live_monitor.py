@@ -46,7 +46,7 @@ SHORTEST, LONGEST, EACH, RAREST = 0.02, 1.0, 0.11, 2.2
 DUTY = 0.1
 QUEUE = 200_000  # frames that may wait for the compute thread
 LATE = 0.25  # s of a round after which frames that have come meanwhile are taken into it
-BEHIND = 2.0  # s by which the newest figures may be late before that is said
+BEHIND = 2.0  # s by which the newest figures may be late before that is shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

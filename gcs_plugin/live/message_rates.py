@@ -28,8 +28,8 @@ SILENT = 1.5  # s from which a vehicle is not asked: see thrustmargin.gcs_plugin
 #: s over which a rate is measured, and at least so many messages of it; share of it that is enough
 WINDOW, FEWEST, ENOUGH = 3.0, 3.0, 0.5
 LOOK = 0.5  # s between two counts
-#: s until the same is asked for again, twice as long each time; times from which that is said
-AGAIN, RAREST, SAID = 3.0, 60.0, 3
+#: s until the same is asked for again, twice as long each time; times from which that is reported
+AGAIN, RAREST, REPORTED = 3.0, 60.0, 3
 
 #: name -> (id, Hz)
 COMMON = {
@@ -143,7 +143,7 @@ class RateRequester(Subscriber):
             if wish.times and heard is not None and heard >= ENOUGH * rate:
                 wish.times = 1  # it is followed; the next request is due at once
                 continue
-            if wish.times >= SAID:
+            if wish.times >= REPORTED:
                 in_vain[name] = (0.0 if heard is None else heard, rate)
             if wish.due(now_s) and (wish.times == 0 or heard is not None):
                 wish.times, wish.last_s = wish.times + 1, now_s

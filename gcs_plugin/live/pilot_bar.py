@@ -22,6 +22,8 @@ from typing import Any
 from thrustmargin.gcs_plugin.live.announce import figures, what_to_do
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.wording.alarm_words import ASKED
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import LinkError
 
 FRESH = 3.0  # s for which figures are shown as live
@@ -29,8 +31,9 @@ FILES = "thrustmargin.gcs_plugin"
 
 
 @dataclass(frozen=True, slots=True)
-class _Said:
+class _Told:
     figures: dict[str, float]
+    answer: FlightAnswer | None
     stamp_us: int  # ground's clock when the row's report came
 
 
@@ -42,16 +45,16 @@ class PilotBar(Subscriber):
 
     def __init__(self, clock: Callable[[], int], *, limit: float, port: int, host: str) -> None:
         self._clock, self._limit, self._address = clock, limit, (host, port)
-        self._said: dict[int, _Said] = {}
+        self._told: dict[int, _Told] = {}
         self._server: ThreadingHTTPServer | None = None
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:  # noqa: ARG002
-        said = {}
+        told = {}
         for number, watch in fleet.vehicles.items():
             if watch.last is not None:
-                found = figures(watch.last) | what_to_do(watch.alarms.standing.values())
-                said[number] = _Said(found, int(watch.last.stamp_us[-1]))
-        self._said = said
+                found = figures(watch.last) | what_to_do(watch.alarms.listed.values())
+                told[number] = _Told(found, watch.last.answer, int(watch.last.stamp_us[-1]))
+        self._told = told
 
     @property
     def port(self) -> int:
@@ -91,9 +94,9 @@ class PilotBar(Subscriber):
     def content(self) -> dict[str, Any]:
         """The figures of each vehicle; margins are null once they are older than FRESH."""
         now_us, vehicles = self._clock(), []
-        for number, said in sorted(self._said.items()):
-            age_s = max(0.0, (now_us - said.stamp_us) * 1e-6)
-            live, found = age_s <= FRESH, said.figures
+        for number, told in sorted(self._told.items()):
+            age_s = max(0.0, (now_us - told.stamp_us) * 1e-6)
+            live, found = age_s <= FRESH, told.figures
             margin, predicted = found.get("MARGIN"), found.get("MARGIN_PRE")
             vehicles.append(
                 {
@@ -103,7 +106,8 @@ class PilotBar(Subscriber):
                     "predicted": predicted if live else None,
                     "last_margin": margin,
                     "rotor": int(found["MARGIN_ROT"]) if live and "MARGIN_ROT" in found else None,
-                    "action": ASKED[int(found["MARGIN_DO"])] if live else "",
+                    "action": say(ASKED[int(found["MARGIN_DO"])]) if live else "",
+                    "flight": None if told.answer is None else told.answer.json,
                 }
             )
         return {"schema": "thrustmargin.bar/1", "limit": 100.0 * self._limit, "vehicles": vehicles}

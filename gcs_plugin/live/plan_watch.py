@@ -52,8 +52,8 @@ class _Flight:
     altitude: float = math.nan  # m above the sea of its origin
     flown_s: float = -math.inf  # clock of its last row in flight
     ended: bool = False
-    said: int = 0  # stretches that were spoken of
-    so_far: str = ""  # what was said of the assumptions last
+    spoken: int = 0  # stretches that were spoken of
+    so_far: str = ""  # the last words on the assumptions
 
 
 class PlanWatch(Subscriber):
@@ -147,18 +147,18 @@ class PlanWatch(Subscriber):
         )
         over_s = 0.0 if ended else OVER_S
         made = to_fly.beside(given, way, over_s=over_s)
-        new = made.stretches[flight.said :]
+        new = made.stretches[flight.spoken :]
         if not new:
             return
-        flight.said = len(made.stretches)
+        flight.spoken = len(made.stretches)
         for stretch in new:
             self._say(of_vehicle(number, stretch_words(stretch)))
         off = which_was_off(lambda changed: to_fly.beside(changed, way, over_s=over_s), given, day)
         left = made.left_at if ended else None
-        said = beside_words([off_sentence(o) for o in off], left_at=left, compared=flight.said)
-        if said != flight.so_far:
-            flight.so_far = said
-            self._say(of_vehicle(number, said))
+        text = beside_words([off_sentence(o) for o in off], left_at=left, compared=flight.spoken)
+        if text != flight.so_far:
+            flight.so_far = text
+            self._say(of_vehicle(number, text))
 
 
 def _rows(update: Update, home: tuple[float, float, float]) -> Floats:

@@ -71,5 +71,5 @@ def _serial_of_texts(log: FlightLog) -> str:
 
 def firmware(log: FlightLog) -> str | None:
     """The autopilot's program as it says; None where it does not."""
-    said = (found[1] for _, text in log.messages if (found := _PROGRAM.match(text.strip())))
-    return log.firmware or next(said, None)
+    programs = (found[1] for _, text in log.messages if (found := _PROGRAM.match(text.strip())))
+    return log.firmware or next(programs, None)

@@ -74,8 +74,8 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
     path, lost, done = store.path(LOCK), threading.Event(), threading.Event()
 
     def note() -> bytes:
-        said = {"owner": own, "who": _me(), "renewed_unix_s": time.time()}
-        return json.dumps(said).encode()
+        content = {"owner": own, "who": _me(), "renewed_unix_s": time.time()}
+        return json.dumps(content).encode()
 
     def take() -> None:
         store.files.pipe_file(path, note(), mode="create")

@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.view.figures.before_take_off import FillAdvice
 from thrustmargin.gcs_plugin.view.figures.charts import LIVE_WINDOW_S, chart_images
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state
-from thrustmargin.gcs_plugin.view.figures.standing import Standing
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.live.live_heard import Heard
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
@@ -128,36 +128,36 @@ class LiveView(ViewPage, Subscriber):
     def _draw(self, *, hurry: bool) -> None:
         del hurry
         now = time.monotonic()
-        fleet = self._heard.standing
+        fleet = self._heard.summaries
         spacing = AIRCRAFT_EVERY * max(1.0, len(fleet) / 2)
-        for standing in fleet:
-            one = self._aircraft.get(standing.number)
-            if standing.gone:
+        for summary in fleet:
+            one = self._aircraft.get(summary.number)
+            if summary.gone:
                 if one is not None:
                     self._leave(one)
                 continue
             if one is None or not one.there:
-                one = self._add(standing.number)
-            shown = standing.update, standing.shown, standing.old
+                one = self._add(summary.number)
+            shown = summary.update, summary.shown, summary.old
             if shown != one.shown and now - one.drawn_s >= spacing:
                 one.drawn_s, one.shown = now, shown
-                self._show(one, standing, fleet)
+                self._show(one, summary, fleet)
             elif shown != one.shown:
                 self.wake.set()  # too soon: once more
         if now - self._trails_s >= TRAIL_EVERY:
             self._trails_s = now
-            for standing in fleet:
-                if standing.number in self._aircraft:
-                    self._draw_trail(self._aircraft[standing.number], standing)
-                if standing.number == self._focus and standing.row is not None:
-                    wind_ned = standing.row.track.wind_ned[-1]
-                    self._scene.show_wind(np.full(3, np.nan) if standing.old else wind_ned)
+            for summary in fleet:
+                if summary.number in self._aircraft:
+                    self._draw_trail(self._aircraft[summary.number], summary)
+                if summary.number == self._focus and summary.row is not None:
+                    wind_ned = summary.row.track.wind_ned[-1]
+                    self._scene.show_wind(np.full(3, np.nan) if summary.old else wind_ned)
 
-    def _fleet(self) -> list[Standing]:
+    def _fleet(self) -> list[VehicleSummary]:
         """All that was heard, with what to fill while it stands on the ground."""
-        return [replace(one, fill=self._advice(one)) for one in self._heard.standing]
+        return [replace(one, fill=self._advice(one)) for one in self._heard.summaries]
 
-    def _advice(self, one: Standing) -> str:
+    def _advice(self, one: VehicleSummary) -> str:
         advice = self._fill.setdefault(one.number, FillAdvice(self._limit))
         return "" if one.update is None else advice.text(one.update.analysis)
 
@@ -172,7 +172,7 @@ class LiveView(ViewPage, Subscriber):
 
     def _drawn_charts(self, number: int, back_s: float) -> dict[str, Any]:
         """The last minutes of one aircraft, ending `back_s` before its newest row."""
-        one = next((s for s in self._heard.standing if s.number == number and not s.gone), None)
+        one = next((s for s in self._heard.summaries if s.number == number and not s.gone), None)
         history = self._heard.history.get(number)
         speeds = None if history is None else history.speeds
         if one is None or one.row is None or speeds is None or one.row.analysis.withheld:
@@ -219,8 +219,8 @@ class LiveView(ViewPage, Subscriber):
         one.label.visible = False
         self._scene.hide(str(one.number))
 
-    def _show(self, one: Aircraft, standing: Standing, fleet: list[Standing]) -> None:
-        update = standing.update
+    def _show(self, one: Aircraft, summary: VehicleSummary, fleet: list[VehicleSummary]) -> None:
+        update = summary.update
         if update is None:
             return
         row = ShownRow(update.analysis, -1, self._offset_ned(one, update))
@@ -228,8 +228,8 @@ class LiveView(ViewPage, Subscriber):
         if airframe.rotor_count != one.rotor_count:
             one.rotor_count = airframe.rotor_count
             self._scene.add_vehicle(str(one.number), airframe)
-        focus, faulty = one.number == self._focus, standing.faulty
-        self._scene.show(str(one.number), row, focus=focus, faulty=faulty, old=standing.old)
+        focus, faulty = one.number == self._focus, summary.faulty
+        self._scene.show(str(one.number), row, focus=focus, faulty=faulty, old=summary.old)
         position = row.position_enu
         placed = bool(np.all(np.isfinite(position)))
         one.label.visible = placed and len(fleet) > 1
@@ -254,8 +254,8 @@ class LiveView(ViewPage, Subscriber):
             )
         return one.offset_ned
 
-    def _draw_trail(self, one: Aircraft, standing: Standing) -> None:
-        update, rows = standing.update, self._heard.rows[one.number]
+    def _draw_trail(self, one: Aircraft, summary: VehicleSummary) -> None:
+        update, rows = summary.update, self._heard.rows[one.number]
         if update is None:
             return
         offset_ned = self._offset_ned(one, update)
@@ -275,8 +275,8 @@ class LiveView(ViewPage, Subscriber):
         if fresh:
             self._colour_trail(one)
         origin = update.analysis.track.origin
-        if standing.mission is not one.plan and origin is not None:
-            one.plan = standing.mission
+        if summary.mission is not one.plan and origin is not None:
+            one.plan = summary.mission
             ground = ground_height(update.analysis.track)
             places = plan_enu([*(one.plan or {}).values()], origin, ground)
             offset = enu(offset_ned)

@@ -6,10 +6,10 @@ import math
 from typing import Any
 
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
-from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.scene.overlays import planned_overlays
-from thrustmargin.gcs_plugin.wording.forecast_words import fill_words, verdict
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.plans.forecast_words import fill_words, verdict
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.mission.plan_items import PlanItem
 
@@ -21,7 +21,7 @@ def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
         advised.analysis,
         waypoints=[_waypoint(item) for item in made.plan.items],
         overlays=planned_overlays(advised.analysis, advised.advice.limit),
-        whole=WholeFlight(verdict(made), made.level.value, fill_words(made)),
+        whole=FlightAnswer(verdict(made), made.level, fill_words(made)),
         planned=True,
         **options,
     )

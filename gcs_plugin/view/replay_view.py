@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.view.figures.charts import (
 )
 from thrustmargin.gcs_plugin.view.figures.replay_clock import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
-from thrustmargin.gcs_plugin.view.figures.standing import Standing, WholeFlight, first_line
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary, first_line
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
@@ -39,7 +39,9 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
     row_at,
 )
 from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
@@ -87,12 +89,12 @@ class ReplayView(ViewPage):
         token: str = "",
         speed: float = 1.0,
         paused: bool = False,
-        whole: WholeFlight | None = None,
+        whole: FlightAnswer | None = None,
         planned: bool = False,
     ) -> None:
-        self._standing, self.whole = Standing(number=1), whole
+        self._summary, self.whole = VehicleSummary(number=1), whole
         self._screen = PageState(
-            lambda: [self._standing],
+            lambda: [self._summary],
             self._acts(),
             more=self._replay_state,
             charts=self._drawn_charts,
@@ -124,7 +126,7 @@ class ReplayView(ViewPage):
         self._message_times = np.array([t for t, _ in self._messages])
         self._faults: list[tuple[float, tuple[RotorFault, ...]]] = []
         self._fault_times = np.empty(0)
-        self._alarms_pending = words.ALARMS_SOUGHT
+        self._alarms_pending = say(words.ALARMS_SOUGHT)
         self._opened = threading.Event()
         if track.time_s.size <= SEARCHED_FIRST:
             self._search_faults()
@@ -184,7 +186,7 @@ class ReplayView(ViewPage):
             self._search_faults()
         except Exception:  # of any kind: the page must not say for ever that it is looking
             _log.exception(words.ALARMS_UNKNOWN)
-            self._alarms_pending = words.ALARMS_UNKNOWN
+            self._alarms_pending = say(words.ALARMS_UNKNOWN)
         self.wake.set()
 
     def _search_faults(self) -> None:
@@ -196,8 +198,8 @@ class ReplayView(ViewPage):
         del hurry
         time_s = self.clock.now()
         row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
-        self._standing = self._standing_at(time_s, row)
-        self._scene.show(VEHICLE, row, faulty=self._standing.faulty)
+        self._summary = self._summary_at(time_s, row)
+        self._scene.show(VEHICLE, row, faulty=self._summary.faulty)
         self._scene.show_wind(row.track.wind_ned[row.row])
 
     def _acts(self) -> dict[str, Callable[[str], None]]:
@@ -222,7 +224,7 @@ class ReplayView(ViewPage):
         """What the page shows of a replay besides the aircraft."""
         clock, worst = self.clock, self._worst_row()
         return {
-            "verdict": "" if self.whole is None else self.whole.words,
+            "verdict": "" if self.whole is None else self.whole.headline,
             "replay": {
                 "time": round(clock.now(), 2),
                 "duration": clock.duration,
@@ -254,12 +256,12 @@ class ReplayView(ViewPage):
             return ""
         return self._messages[last][1]
 
-    def _standing_at(self, time_s: float, row: ShownRow) -> Standing:
-        """The margin at `time_s`, and the alarms of rotors and motors as they were said live."""
+    def _summary_at(self, time_s: float, row: ShownRow) -> VehicleSummary:
+        """The margin at `time_s`, and the alarms of rotors and motors as they were live."""
         last = int(np.searchsorted(self._fault_times, self._start_s + time_s, side="right")) - 1
         faults = self._faults[last][1] if last >= 0 else ()
         names = {"propeller": "rotor", "motor": "motor"}
-        one = Standing(
+        one = VehicleSummary(
             number=1,
             row=row,
             seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.model.inferred.load_inference import THEN_CHECK
 
 
@@ -24,7 +25,7 @@ class When(Enum):
     DESK = "at any time: in settings, files and orders"
 
 
-#: What is said before an action, so that it is not done at another time.
+#: What comes before an action, so that it is not done at another time.
 LEADS: Mapping[When, str] = {
     When.BATTERY_OFF: "with the battery off, ",
     When.DISARMED: "disarmed on the ground, ",
@@ -43,7 +44,7 @@ class Action:
     @property
     def text(self) -> str:
         """The words, after when they are safe where that is not any time."""
-        return LEADS.get(self.when, "") + self.words
+        return say(LEADS.get(self.when, "")) + say(self.words)
 
 
 LAND = Action("vehicle", "land", When.IN_FLIGHT, "a manoeuvre to find out more")
@@ -63,7 +64,7 @@ SAME_KIND = Action(
 THEN_MOTOR = Action(
     "motor",
     "then look at its motor and ESC, which outputs cannot distinguish from it",
-    When.DESK,  # goes on after INSPECT, which has said when
+    When.DESK,  # goes on after INSPECT, which states when
 )
 UNSTEADY = Action("rotor", "look for what bends, slips or gets warm", When.DESK)  # after INSPECT
 LOOK_AT_MOTOR = Action("motor", "look at its motor, ESC and wiring", When.BATTERY_OFF)
@@ -142,6 +143,8 @@ GROUND_WRECK = Action(
     When.NEXT_FLIGHT,
     "a flight to try it out",
 )
+#: The same in the letters of a STATUSTEXT.
+GROUND_BRIEFLY = "Do not fly before it is known why: look at all"
 GROUND_IT = Action(
     "vehicle",
     "do not fly it before its battery and propellers were looked at; then fill less",
@@ -188,7 +191,7 @@ def inspect_rotors(rotors: Sequence[int]) -> Action:
     """Of rotors, from 1, that may be bad: before anybody flies to find out."""
     return Action(
         "rotor",
-        f"inspect propeller and motor of {_rotors(rotors)}",
+        f"inspect propeller and motor of {rotors_words(rotors)}",
         When.BATTERY_OFF,
         "a flight that shows whether the rotor holds",
     )
@@ -198,13 +201,16 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
     """Of rotors, from 1, for which an alarm was raised in the flight."""
     return Action(
         "rotor",
-        f"do not fly it before propeller, motor and ESC of {_rotors(rotors)} were looked at, "
-        "battery off",
+        say(
+            "do not fly it before propeller, motor and ESC of {rotors} were looked at, battery off",
+            rotors=rotors_words(rotors),
+        ),
         When.NEXT_FLIGHT,
         "a flight with less load",
     )
 
 
-def _rotors(rotors: Sequence[int]) -> str:
+def rotors_words(rotors: Sequence[int]) -> str:
     """`rotor 3`, `rotors 1 and 3`."""
-    return f"rotor{'s' if len(rotors) > 1 else ''} {' and '.join(map(str, rotors))}"
+    numbers = f" {say('and')} ".join(map(str, rotors))
+    return say("rotors {numbers}" if len(rotors) > 1 else "rotor {numbers}", numbers=numbers)

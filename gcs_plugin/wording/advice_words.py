@@ -12,8 +12,10 @@ from thrustmargin.gcs_plugin.wording.fault_words import (
     WHICH_ROTOR,
     episode_words,
     fault_amount,
+    place_words,
 )
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import (
     clock,
     duration,
@@ -37,6 +39,8 @@ SEVERAL: Mapping[FlightLevel, str] = {
     FlightLevel.UNDER: "BELOW THE {limit} LIMIT",
     FlightLevel.UNKNOWN: "WITHOUT VERDICT",
 }
+#: Levels in which a flight that goes on should end.
+LAND_FIRST = (FlightLevel.DAMAGED, FlightLevel.LOST, FlightLevel.BATTERY, FlightLevel.NO_THRUST)
 #: Behind the first line of a flight whose end is not in the log.
 _UNSEEN = " (LOG ENDS IN FLIGHT)"
 
@@ -45,33 +49,43 @@ def headline(advice: Advice) -> str:
     """The answer in capitals, to be read first."""
     first = [level for level in (FlightLevel.DAMAGED, FlightLevel.LOST) if level in advice.levels]
     words = "; ".join(_first_line(advice, level) for level in first or advice.levels[:1])
-    return f"{words}{_UNSEEN}" if advice.ends_in_flight and FlightLevel.LOST not in first else words
+    return (
+        f"{words}{say(_UNSEEN)}"
+        if advice.ends_in_flight and FlightLevel.LOST not in first
+        else words
+    )
 
 
 def _first_line(advice: Advice, level: FlightLevel) -> str:
     use, limit = advice.use, percent(advice.limit)
     if level is FlightLevel.DAMAGED:
-        return " AND ".join(dict.fromkeys(_fault_line(advice, e.fault) for e in advice.faults))
+        return f" {say('AND')} ".join(
+            dict.fromkeys(_fault_line(advice, e.fault) for e in advice.faults)
+        )
     if level is FlightLevel.LOST:
-        return f"LOST CONTROL AT {clock(advice.losses[0].time_s)}"
+        return say("LOST CONTROL AT {clock}", clock=clock(advice.losses[0].time_s))
     if level is FlightLevel.BATTERY:
         least = number(advice.battery.least_cell, "V", 2)
-        return f"BATTERY COLLAPSED: {least} A CELL AT {clock(advice.battery.at_s)}"
+        words = "BATTERY COLLAPSED: {volts} A CELL AT {clock}"
+        return say(words, volts=least, clock=clock(advice.battery.at_s))
     if level is FlightLevel.NO_THRUST:
-        return f"NO THRUST LEFT FOR {duration(use.spent_s).upper()}"
+        return say("NO THRUST LEFT FOR {long}", long=duration(use.spent_s).upper())
     if level is FlightLevel.CRITICAL:
-        first = "TOO HEAVY" if advice.fill.nothing_fits else "FILL LESS"
+        first = say("TOO HEAVY" if advice.fill.nothing_fits else "FILL LESS")
         if advice.lost.not_survivable_s >= advice.airborne_s - 1.0:
-            return f"{first}: ALL FLIGHT A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
+            words = "{first}: ALL FLIGHT A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
+            return say(words, first=first)
         too_long = duration(advice.lost.not_survivable_s).upper()
-        return f"{first}: FOR {too_long} A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
+        words = "{first}: FOR {long} A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
+        return say(words, first=first, long=too_long)
     if level is FlightLevel.OVER:
         if use.lasting_above_s >= use.known_s - 1.0:
-            return f"ABOVE THE {limit} LIMIT ALL FLIGHT"
-        return f"ABOVE THE {limit} LIMIT FOR {duration(use.lasting_above_s).upper()}"
+            return say("ABOVE THE {limit} LIMIT ALL FLIGHT", limit=limit)
+        long = duration(use.lasting_above_s).upper()
+        return say("ABOVE THE {limit} LIMIT FOR {long}", limit=limit, long=long)
     if level is FlightLevel.UNKNOWN:
-        return "NO VERDICT"
-    return SEVERAL[level].format(limit=limit)
+        return say("NO VERDICT")
+    return say(SEVERAL[level], limit=limit)
 
 
 def _fault_line(advice: Advice, fault: RotorFault) -> str:
@@ -80,19 +94,25 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
         "motor": ("MOTOR", "SLOW FOR ITS OUTPUT"),
     }[fault.kind]
     if fault.rotors or not advice.rotor_names:
-        which = " OR ".join(str(rotor + 1) for rotor in fault.rotors) or "?"
-        unknown = f"A {part}: {does}"
-        return f"{part} {which}: {does}" if advice.rotor_names else unknown
-    name = advice.rotor_names[fault.rotor].upper()
-    return f"{part} {fault.rotor + 1}, {name}: {fault_amount(fault).upper()} {does}"
+        which = f" {say('OR')} ".join(str(rotor + 1) for rotor in fault.rotors) or "?"
+        if not advice.rotor_names:
+            return f"{say(f'A {part}')}: {say(does)}"
+        return f"{part} {which}: {say(does)}"
+    name = place_words(advice.rotor_names[fault.rotor]).upper()
+    return f"{part} {fault.rotor + 1}, {name}: {fault_amount(fault).upper()} {say(does)}"
 
 
 def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:
     """The gravest level of several flights, and how many have it, in capitals."""
     level = min(levels, key=lambda one: one.gravity)
     count = levels.count(level)
-    counted = f"ALL {count}" if count == len(levels) else f"{count} OF {len(levels)}"
-    return level, f"{counted} FLIGHTS {SEVERAL[level].format(limit=percent(limit))}"
+    words = (
+        "ALL {count} FLIGHTS {level}"
+        if count == len(levels)
+        else "{count} OF {all} FLIGHTS {level}"
+    )
+    has = say(SEVERAL[level], limit=percent(limit))
+    return level, say(words, count=count, all=len(levels), level=has)
 
 
 def suspects(advice: Advice) -> tuple[int, ...]:
@@ -108,46 +128,53 @@ def action(advice: Advice) -> str:
     """What to do next, the gravest part first, for this air and this battery; empty where nothing
     is known."""
     first = []
+    land = advice.goes_on and advice.level in LAND_FIRST
+    if land:
+        first.append(actions.LAND.text)
     if FlightLevel.LOST in advice.levels:
         first.append(actions.GROUND_WRECK.text)
     if FlightLevel.DAMAGED in advice.levels:
         first.append(actions.not_before_looked_at(suspects(advice)).text)
     if FlightLevel.BATTERY in advice.levels:
         first.append(actions.TEST_BATTERY.text)
-    if advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
+    # While it should land, nobody fills.
+    if land or advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
         return "; ".join(first)
     within = FlightLevel.UNDER in advice.levels
     load = fill_advice(advice.fill, advice.limit, was_within=within)
     load = load[:1].lower() + load[1:]
     if advice.fill.beyond_gauge_kg > 0.0:
         more = number(advice.fill.beyond_gauge_kg, "kg", 0)
-        first.append(f"{actions.CHECK_LOAD.text}: thrust shows {more} more than was reported")
+        words = "{action}: thrust shows {more} more than was reported"
+        first.append(say(words, action=actions.CHECK_LOAD.text, more=more))
     hard = FlightLevel.NO_THRUST in advice.levels or FlightLevel.OVER in advice.levels
     if hard and (advice.fill.nothing_fits is not None or FlightLevel.NO_THRUST in advice.levels):
         load = f"{load}; {actions.FLY_GENTLY.text}"
     if not first:
-        return f"nothing; {load}" if within else load
-    then = "until then" if advice.fill.beyond_gauge_kg > 0.0 else "for the load:"
-    return "; ".join([*first, f"{then} {load}"])
+        return f"{say('nothing')}; {load}" if within else load
+    later = advice.fill.beyond_gauge_kg > 0.0
+    then = say("until then {load}" if later else "for the load: {load}", load=load)
+    return "; ".join([*first, then])
 
 
 def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     """What stands beside the first line: how hard the rotors worked, one rotor lost, how sure."""
     use = advice.use
-    said = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
-    said += [("model", sound_again(fault)) for fault in advice.repaired]
+    found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
+    found += [("model", sound_again(fault)) for fault in advice.repaired]
     if math.isfinite(use.lasting_most):
-        said.append(("steady flight", _lasting(advice)))
+        found.append(("steady flight", _lasting(advice)))
         if use.passing:
-            said.append(("turns and gusts", _passing(advice)))
+            found.append(("turns and gusts", _passing(advice)))
     if math.isfinite(advice.battery.least_cell):
         least = number(advice.battery.least_cell, "V", 2)
         if FlightLevel.BATTERY in advice.levels:
-            said.append(("battery", f"{least} a cell at {clock(advice.battery.at_s)}"))
-    said.append((ONE_LOST, one_rotor_out(advice)))
+            words = "{volts} a cell at {clock}"
+            found.append(("battery", say(words, volts=least, clock=clock(advice.battery.at_s))))
+    found.append((ONE_LOST, one_rotor_out(advice)))
     if sure := how_sure(advice.fill):
-        said.append(("fill, how sure", sure))
-    return tuple(said)
+        found.append(("fill, how sure", sure))
+    return tuple(found)
 
 
 def _lasting(advice: Advice) -> str:
@@ -155,46 +182,60 @@ def _lasting(advice: Advice) -> str:
     worst = percent(use.lasting_most)
     if use.lasting_high - use.lasting_low > 1e-9:
         worst = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
-    most = f"up to {worst} of a rotor's maximum thrust"
-    if use.lasting_above_s <= 0.0:
-        near = "; the limit lies within the error" if use.maybe_above.any() else ""
-        return f"{most}, never above {limit}{near}"
-    near = "" if use.surely_above.any() else "; the limit lies within the error"
-    long = f"{duration(use.lasting_above_s)} of {duration(use.known_s)}"
-    return f"{most}, above {limit} for {long}{near}"
+    never = use.lasting_above_s <= 0.0
+    unsure = use.maybe_above.any() if never else not use.surely_above.any()
+    near = say("; the limit lies within the error") if unsure else ""
+    words = "up to {worst} of a rotor's maximum thrust, above {limit} for {long} of {all}"
+    if never:
+        words = "up to {worst} of a rotor's maximum thrust, never above {limit}"
+    long, whole = duration(use.lasting_above_s), duration(use.known_s)
+    return say(words, worst=worst, limit=limit, long=long, all=whole) + near
 
 
 def _passing(advice: Advice) -> str:
     use = advice.use
-    times = "once" if use.passing == 1 else f"{use.passing} times"
-    longest = duration(max(use.passing_longest_s, 1.0))
-    return f"up to {percent(use.peak)}, above {percent(advice.limit)} {times} for {longest} at most"
+    times = say("once") if use.passing == 1 else say("{count} times", count=use.passing)
+    return say(
+        "up to {peak}, above {limit} {times} for {long} at most",
+        peak=percent(use.peak),
+        limit=percent(advice.limit),
+        times=times,
+        long=duration(max(use.passing_longest_s, 1.0)),
+    )
 
 
 def one_rotor_out(advice: Advice) -> str:
     """What the loss of a rotor would have meant."""
     lost = advice.lost
     if not math.isfinite(lost.least):
-        return "not known, because the tank level is unknown"
+        return say("not known, because the tank level is unknown")
     held = number(lost.least, "×", 2)
     if lost.least_low < 1.0 <= lost.least_high:
         held += f", {number(lost.least_low, '', 2)} to {number(lost.least_high, '', 2)}"
-        return f"cannot tell: the weight is within the error of what could be held ({held})"
+        words = "cannot tell: the weight is within the error of what could be held ({held})"
+        return say(words, held=held)
     if lost.not_survivable_s > 0.0:
-        long = f"{duration(lost.not_survivable_s)} of {duration(advice.airborne_s)}"
-        return f"would have brought it down for {long} (at worst {held} the weight can be held)"
-    return f"the weight can be held all flight, {SPINS} ({held} or more)"
+        long, whole = duration(lost.not_survivable_s), duration(advice.airborne_s)
+        words = (
+            "would have brought it down for {long} of {all} "
+            "(at worst {held} the weight can be held)"
+        )
+        return say(words, long=long, all=whole, held=held)
+    words = "the weight can be held all flight, {spins} ({held} or more)"
+    return say(words, spins=say(SPINS), held=held)
 
 
 def sound_again(fault: RotorFault) -> str:
     """That the model holds a damage which is gone."""
-    return (
-        f"rotor {fault.rotor + 1} is sound again, and the model still holds its loss of "
-        f"{fault_amount(fault)}: use the model from before it, or train anew"
+    return say(
+        "rotor {rotor} is sound again, and the model still holds its loss of {amount}: use the "
+        "model from before it, or train anew",
+        rotor=fault.rotor + 1,
+        amount=fault_amount(fault),
     )
 
 
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
     """The fault in the words of its alarm, and when; not of which rotor where that is not known."""
-    unsure = "" if advice.rotor_names else f": {WHICH_ROTOR}"
+    unsure = "" if advice.rotor_names else f": {say(WHICH_ROTOR)}"
     return f"{episode_words(episode, advice.rotor_names)}{unsure}"

@@ -9,7 +9,8 @@ import math
 from collections.abc import Iterable
 
 from thrustmargin.gcs_plugin.wording.actions import LAND
-from thrustmargin.gcs_plugin.wording.fault_words import MOST_LETTERS
+from thrustmargin.gcs_plugin.wording.fault_words import MOST_LETTERS, place_words
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import duration, number
 from thrustmargin.models.checks.loss_of_control import LossKind
 
@@ -39,7 +40,7 @@ MISSING = {
 }
 GENTLY = "fly gently"
 #: What the alarms ask for in flight, which MARGIN_DO sends as a place in this list.
-ASKED = ("", "see messages", GENTLY, "slow down", LAND.text, "CONTROL LOST")
+ASKED = ("", "see messages", GENTLY, "slow down", LAND.words, "CONTROL LOST")
 _ASKS = {
     **dict.fromkeys(("margin", "predicted margin", "margin ahead"), 2),
     "saturation": 3,
@@ -72,27 +73,27 @@ GAUGE_WRONG = "Tank falls slower than pump: check the gauge"
 
 def control_words(kind: LossKind, value: float) -> str:
     """That control is lost, and by what that shows, in the unit of its kind."""
-    return (
-        "CONTROL LOST: "
-        + {
-            LossKind.NOT_AS_ASKED: f"{number(math.degrees(value), '°', 0)} off what was asked",
-            LossKind.TURNED_OVER: f"tilted {number(math.degrees(value), '°', 0)}",
-            LossKind.SPUN: f"turning at {number(math.degrees(value), '°/s', 0)}",
-            LossKind.FELL: f"falling at {number(value, 'm/s', 0)}",
-        }[kind]
-    )
+    unit, words = {
+        LossKind.NOT_AS_ASKED: ("°", "CONTROL LOST: {amount} off what was asked"),
+        LossKind.TURNED_OVER: ("°", "CONTROL LOST: tilted {amount}"),
+        LossKind.SPUN: ("°/s", "CONTROL LOST: turning at {amount}"),
+        LossKind.FELL: ("m/s", "CONTROL LOST: falling at {amount}"),
+    }[kind]
+    shown = value if kind is LossKind.FELL else math.degrees(value)
+    return say(words, amount=number(shown, unit, 0))
 
 
 def margin_words(what: str, least: float, limit: float, *, error: float, rotor: int | None) -> str:
     """`Thrust margin 44% below 50%, rotor 1: fly gently`; shares, rounded down, so that what is
     below the limit also reads so. `error` is half the 90 % interval, 0 of what was measured."""
-    place = "below" if least + error < limit else "near"
     within = f" (+-{math.ceil(100 * error)})" if error > 0.0 else ""
-    of = "" if rotor is None else f", rotor {rotor}"
-    says = f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}"
+    of = "" if rotor is None else say(", rotor {rotor}", rotor=rotor)
+    low = f"{math.floor(100 * least + 1e-6)}%{within}"
+    words = "{what} {low} below {limit}" if least + error < limit else "{what} {low} near {limit}"
     if least + error < 0.0:
-        says = f"{what} none: beyond ceiling"
-    return fitting(f"{says}{of}: {GENTLY}", f"{says}: {GENTLY}", f"{says}{of}", says)
+        words = "{what} none: beyond ceiling"
+    says, do = say(words, what=say(what), low=low, limit=f"{limit:.0%}"), say(GENTLY)
+    return fitting(f"{says}{of}: {do}", f"{says}: {do}", f"{says}{of}", says)
 
 
 def fitting(*texts: str) -> str:
@@ -102,43 +103,52 @@ def fitting(*texts: str) -> str:
 
 def margin_past(what: str, limit: float) -> str:
     """Of a margin that was below the limit, and is above or unknown now: an old number is none."""
-    return f"{what} was below {limit:.0%}"
+    return say("{what} was below {limit}", what=say(what), limit=f"{limit:.0%}")
 
 
 def at_limit(rotor: int, place: str) -> str:
-    says = "no thrust left, slow down"
-    return fitting(f"Rotor {rotor} {place}: {says}", f"Rotor {rotor}: {says}")
+    says = say("no thrust left, slow down")
+    return fitting(f"Rotor {rotor} {place_words(place)}: {says}", f"Rotor {rotor}: {says}")
 
 
 def was_at_limit(rotor: int) -> str:
-    return f"Rotor {rotor} was at its limit"
+    return say("Rotor {rotor} was at its limit", rotor=rotor)
 
 
 def battery_words(cell: float, sag: float, lost: float) -> str:
     """V a cell, V that it sags below its rest, and the share of thrust that goes with it."""
-    return f"Battery {cell:.2f} V/cell (-{sag:.2f}), {lost:.0%} less thrust: land"
+    return say(
+        "Battery {cell} V/cell (-{sag}), {lost} less thrust: land",
+        cell=f"{cell:.2f}",
+        sag=f"{sag:.2f}",
+        lost=f"{lost:.0%}",
+    )
 
 
 def battery_past(cell: float) -> str:
     """Of a battery whose voltage is higher now, or not known."""
-    return f"Battery was below {cell:.1f} V/cell"
+    return say("Battery was below {cell} V/cell", cell=f"{cell:.1f}")
 
 
 def esc_words(rotor: int, place: str, flags: int) -> str:
     """What an ESC reports of itself, by its ESC_FAILURE_FLAGS."""
-    known = ", ".join(words for bit, words in FAILURES.items() if flags & bit)
-    says = f"{known or f'failure {flags}'}: {LAND.text}"
-    return fitting(f"ESC {rotor} {place}: {says}", f"ESC {rotor}: {says}")
+    found = [say(words) for bit, words in FAILURES.items() if flags & bit]
+    known = ", ".join(found) or say("failure {flags}", flags=flags)
+    says = f"{known}: {LAND.text}"
+    return fitting(f"ESC {rotor} {place_words(place)}: {says}", f"ESC {rotor}: {says}")
 
 
 def thrust_against_gauge(apart_kg: float) -> str:
-    return f"Thrust says {apart_kg:+.1f} kg against gauge: check load"
+    words = "Thrust says {apart} kg against gauge: check load"
+    return say(words, apart=f"{apart_kg:+.1f}")
 
 
 def speeds_missing(rotors: Iterable[int]) -> str:
     """Rotors, from 1, whose speed no longer comes."""
     numbers = [str(rotor) for rotor in rotors]
-    return f"No speed of rotor{'s' if len(numbers) > 1 else ''} {', '.join(numbers)}: ESC?"
+    several = len(numbers) > 1
+    words = "No speed of rotors {numbers}: ESC?" if several else "No speed of rotor {numbers}: ESC?"
+    return say(words, numbers=", ".join(numbers))
 
 
 def asked(name: str) -> int:
@@ -148,18 +158,23 @@ def asked(name: str) -> int:
 
 def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
     """An alarm with how often it came within so many s, or why it cannot be confirmed."""
-    text += f" ({times} times in {duration(seconds)})" if times > 1 else ""
-    return f"cannot be confirmed, {MISSING[missing]}: {text}" if missing else text
+    if times > 1:
+        long = duration(seconds)
+        text = say("{alarm} ({times} times in {long})", alarm=text, times=times, long=long)
+    if not missing:
+        return text
+    return say("cannot be confirmed, {why}: {alarm}", why=say(MISSING[missing]), alarm=text)
 
 
 def event_line(kind: str, line: str) -> str:
     """What happened to an alarm, by the kind of its event; one that is raised is its own line."""
-    return {"cleared": "over: ", "confirmed": "confirmed again: "}.get(kind, "") + line
+    words = {"cleared": "over: {line}", "confirmed": "confirmed again: {line}"}
+    return say(words[kind], line=line) if kind in words else line
 
 
 def change_words(kind: str, name: str, rotor: int | None, missing: str) -> str:
     """That an alarm is over, cannot be confirmed or is confirmed again, for the ground stations."""
-    of = f"{name}{f' (rotor {rotor})' if rotor else ''}"
+    of = say("{alarm} (rotor {rotor})", alarm=say(name), rotor=rotor) if rotor else say(name)
     if missing:
-        return f"Unconfirmed: {of}, {MISSING[missing]}"
-    return f"{'Over' if kind == 'cleared' else 'Confirmed again'}: {of}"
+        return say("Unconfirmed: {alarm}, {why}", alarm=of, why=say(MISSING[missing]))
+    return say("Over: {alarm}" if kind == "cleared" else "Confirmed again: {alarm}", alarm=of)

@@ -9,24 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from thrustmargin.gcs_plugin.wording.actions import LAND
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.models.model.fault_test import MOST, Kind, RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
 #: With the place of the rotor, and without.
 _AT: Mapping[Kind, str] = {
-    "propeller": f"Rotor {{rotor}} {{place}} {{size}} less thrust: {LAND.text}",
-    "motor": f"Motor {{rotor}} {{place}} {{size}} slow, or ESC: {LAND.text}",
+    "propeller": "Rotor {rotor} {place} {size} less thrust: land",
+    "motor": "Motor {rotor} {place} {size} slow, or ESC: land",
 }
 _SENTENCES: Mapping[Kind, str] = {
-    "propeller": f"Rotor {{rotor}} makes {{size}} less thrust: prop? {LAND.text}",
-    "motor": f"Motor {{rotor}} or ESC {{size}} slow for output: {LAND.text}",
+    "propeller": "Rotor {rotor} makes {size} less thrust: prop? land",
+    "motor": "Motor {rotor} or ESC {size} slow for output: land",
 }
 #: While it is not yet known which one it is.
 _ONE_OF: Mapping[Kind, str] = {
-    "propeller": f"A rotor loses thrust, {{rotors}}: {LAND.text}",
-    "motor": f"A motor or ESC is slow, {{rotors}}: {LAND.text}",
+    "propeller": "A rotor loses thrust, {rotors}: land",
+    "motor": "A motor or ESC is slow, {rotors}: land",
 }
 MOST_LETTERS = 50  # of a STATUSTEXT
 
@@ -37,30 +37,38 @@ def fault_words(fault: RotorFault, names: Sequence[str] = ()) -> str:
     `names` are the places of the rotors; left out where there is no room for them.
     """
     if fault.rotors:
-        numbers = " or ".join(str(rotor + 1) for rotor in fault.rotors)
-        return _ONE_OF[fault.kind].format(rotors=numbers)
+        numbers = f" {say('or')} ".join(str(rotor + 1) for rotor in fault.rotors)
+        return say(_ONE_OF[fault.kind], rotors=numbers)
     size = f">{100 * fault.lower:.0f}%"
     if fault.upper < MOST:
         size = f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
     known = {"rotor": fault.rotor + 1, "size": size}
     if names:
-        words = _AT[fault.kind].format(place=names[fault.rotor], **known)
+        words = say(_AT[fault.kind], place=place_words(names[fault.rotor]), **known)
         if len(words) <= MOST_LETTERS:
             return words
-    return _SENTENCES[fault.kind].format(**known)
+    return say(_SENTENCES[fault.kind], **known)
+
+
+def place_words(name: str) -> str:
+    """`front left` in the language spoken, word by word."""
+    return " ".join(say(word) for word in name.split())
 
 
 def fault_amount(fault: RotorFault) -> str:
     """`12 %`, or `OVER 40 %` while it is not bounded."""
     if fault.upper >= MOST:
-        return f"over {100 * fault.lower:.0f} %"
+        return say("over {share} %", share=f"{100 * fault.lower:.0f}")
     return f"{100 * fault.size:.0f} %"
 
 
 def episode_words(episode: FaultEpisode, names: Sequence[str] = ()) -> str:
     """The same with when in the flight it was found, and when it was over."""
-    end = "" if episode.end_s is None else f", until {clock(episode.end_s)}"
-    return f"{fault_words(episode.fault, names)} (found at {clock(episode.begin_s)}{end})"
+    words, begin = fault_words(episode.fault, names), clock(episode.begin_s)
+    if episode.end_s is None:
+        return say("{fault} (found at {begin})", fault=words, begin=begin)
+    end = clock(episode.end_s)
+    return say("{fault} (found at {begin}, until {end})", fault=words, begin=begin, end=end)
 
 
 #: Where the order of the motors in the log is not that of the airframe.

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from thrustmargin.gcs_plugin.wording.fault_words import TOO_HEAVY
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.model.fill_limits import Reason
 from thrustmargin.models.model.next_fill import NextFill
@@ -43,31 +44,35 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
     limits nothing must change: `Up to 9.1 kg (9.1 L): with more ...`.
     """
     if not math.isfinite(fill.kg):
-        return UNPREDICTED if fill.reason else UNKNOWN_FILL
+        return say(UNPREDICTED if fill.reason else UNKNOWN_FILL)
     assert fill.reason is not None
-    more, empty = (words.format(limit=percent(limit)) for words in _BECAUSE[fill.reason])
+    more, empty = (say(words, limit=percent(limit)) for words in _BECAUSE[fill.reason])
     if fill.nothing_fits is not None:
-        why = _NOTHING_FITS[fill.nothing_fits]
-        if fill.limit_kg < 0.0 and fill.nothing_fits == "tank":
-            return f"Too heavy as it is: {empty}; {why}" if empty else f"Nothing to fill: {why}"
-        return f"Nothing to fill: {why}"
+        why = say(_NOTHING_FITS[fill.nothing_fits])
+        if fill.limit_kg < 0.0 <= fill.high_kg and fill.nothing_fits == "tank":
+            return say("Cannot tell whether it is too heavy as it is: weigh it; {why}", why=why)
+        if fill.limit_kg < 0.0 and fill.nothing_fits == "tank" and empty:
+            return say("Too heavy as it is: {empty}; {why}", empty=empty, why=why)
+        return say("Nothing to fill: {why}", why=why)
     if fill.kg <= 0.0:
         if fill.limit_kg > 0.0 and fill.reason != "as flown":
-            return f"Do not fill: the limit is at {_range(fill)}, too unsure to fill anything"
-        return f"Do not fill: even empty {empty}"
-    first = "Up to" if was_within else "Fill at most"
-    return f"{first} {amount(fill.kg, fill.liquid_density)}: {more}"
+            words = "Do not fill: the limit is at {limit}, too unsure to fill anything"
+            return say(words, limit=_range(fill))
+        return say("Do not fill: even empty {empty}", empty=empty)
+    first = "Up to {amount}: {more}" if was_within else "Fill at most {amount}: {more}"
+    return say(first, amount=amount(fill.kg, fill.liquid_density), more=more)
 
 
 def how_sure(fill: NextFill) -> str:
     """`limit at 9.8 kg (9.1 to 10.5); 12.1 kg with a fresh battery`; empty where nothing adds."""
     if not math.isfinite(fill.kg) or fill.kg <= 0.0 or fill.nothing_fits is not None:
         return ""
-    parts = [f"limit at {_range(fill)}"] if fill.high_kg - fill.low_kg >= 0.05 else []
+    parts = (
+        [say("limit at {limit}", limit=_range(fill))] if fill.high_kg - fill.low_kg >= 0.05 else []
+    )
     if fill.fresh_kg > fill.kg + 0.05:
-        parts.append(
-            f"{amount(fill.fresh_kg, fill.liquid_density)} with the battery as at the start"
-        )
+        fresh = amount(fill.fresh_kg, fill.liquid_density)
+        parts.append(say("{amount} with the battery as at the start", amount=fresh))
     return "; ".join(parts)
 
 
@@ -78,6 +83,11 @@ def amount(kg: float, liquid_density: float = math.nan) -> str:
     litres = kg / liquid_density if liquid_density > 0.0 else math.nan
     of = f" ({number(_down(litres), 'L')})" if math.isfinite(litres) else ""
     return f"{number(_down(kg), 'kg')}{of}"
+
+
+def safe_kg(fill: NextFill) -> float:
+    """The kg that `fill_advice` says; NaN unknown, 0 where nothing may be filled."""
+    return _down(fill.kg) if math.isfinite(fill.kg) else math.nan
 
 
 def _range(fill: NextFill) -> str:

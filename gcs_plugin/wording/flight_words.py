@@ -71,10 +71,10 @@ def event_words(kind: str, subject: str, text: str, time_s: float, count: int) -
     """What the vehicle reported, when first and how often: `crash (crash check: ERR 12 1) at
     1:23`."""
     about = subject if not subject.isdigit() else f"motor or part {subject}"
-    said = ": ".join(filter(None, (about if about != kind else "", text)))
+    details = ": ".join(filter(None, (about if about != kind else "", text)))
     often = f", {count} times" if count > 1 else ""
     when = clock(time_s) if time_s >= 0.0 else "the start"
-    return f"{kind}{f' ({said})' if said else ''} at {when}{often}"
+    return f"{kind}{f' ({details})' if details else ''} at {when}{often}"
 
 
 #: The report's fact where the rotors may be others than they are called.

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 
@@ -19,10 +20,12 @@ class WhyUnknown:
 
     def text(self, asked: Collection[str] = ()) -> str:
         """For people; `asked` are the options that are on, which need no advice."""
+        words = say(self.words)
         if not self.option:
-            return self.words
-        helps = "asked for in vain so far" if self.option in asked else f"{self.option} asks for it"
-        return f"{self.words}; {helps}"
+            return words
+        if self.option in asked:
+            return say("{words}; asked for in vain so far", words=words)
+        return say("{words}; {option} asks for it", words=words, option=self.option)
 
 
 #: Options by which a vehicle is asked.
@@ -72,7 +75,7 @@ NO_SAMPLES = (
 HEARD, WATCHED_AGAIN, RECORDING_AGAIN = "heard", "watched again", "recording again"
 NOT_BEHIND = "no longer behind"
 ON_GROUND, NO_VERDICT, OLD = "on ground", "NO VERDICT", "OLD"
-#: Columns of the terminal's table, and what is said below it.
+#: Columns of the terminal's table, and the line below it.
 BY_THRUST, EMPTY_IN, IF_FULL = "by thrust", "empty in", "if full"
 BEYOND = "<0%"  # of a margin, in a column's width
 LEGEND = (
@@ -108,10 +111,10 @@ def not_heard_on(urls: Iterable[str]) -> str:
 
 def two_vehicles(system: int, *, helps: bool = False) -> str:
     """That one id is used twice, and (`helps`) what that means and what to do."""
-    said = f"two vehicles send as system {system}"
+    line = f"two vehicles send as system {system}"
     if helps:
-        said += ": nothing is computed; give each its own id (SYSID_THISMAV or MAV_SYSID)"
-    return said
+        line += ": nothing is computed; give each its own id (SYSID_THISMAV or MAV_SYSID)"
+    return line
 
 
 def copies_words(count: int) -> str:
@@ -173,15 +176,15 @@ def by_source(source: Provenance) -> str:
 
 
 def order_assumed(words: str, asked: Collection[str]) -> str:
-    """How the motors are ordered until the vehicle has said it."""
+    """How the motors are ordered until the vehicle has reported it."""
     return WhyUnknown(words, RATES).text(asked)
 
 
 def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
     """How many messages came, and what was lost, by the counters of `LOST`."""
     parts = [f"{lost[name]} {words}" for name, words in LOST.items() if lost.get(name)]
-    said = f"{frames} messages" + (f" ({', '.join(parts)})" if parts else "")
-    return f"{said}; refused: {refused_why}" if refused_why else said
+    line = f"{frames} messages" + (f" ({', '.join(parts)})" if parts else "")
+    return f"{line}; refused: {refused_why}" if refused_why else line
 
 
 def recording_words(folder: str, frames: int, rows: int, lost: int) -> str:
@@ -191,10 +194,10 @@ def recording_words(folder: str, frames: int, rows: int, lost: int) -> str:
 
 def not_recording(trouble: str, lost: int | None = None) -> str:
     """That nothing is recorded and why; `lost` messages so far, and what to do."""
-    said = f"{NOT_RECORDING}: {trouble}"
+    line = f"{NOT_RECORDING}: {trouble}"
     if lost is None:
-        return said
-    return f"{said} ({lost} messages lost); make room, it goes on by itself"
+        return line
+    return f"{line} ({lost} messages lost); make room, it goes on by itself"
 
 
 def tried_words(tried: Mapping[str, str]) -> str:

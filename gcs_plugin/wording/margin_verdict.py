@@ -137,7 +137,7 @@ def verdict_facts(
 
 
 def _to_do(advice: Advice) -> tuple[Fact, ...]:
-    return (Fact("what to do", said),) if (said := action(advice)) else ()
+    return (Fact("what to do", do),) if (do := action(advice)) else ()
 
 
 def _beyond(worst: Moment) -> tuple[Fact, ...]:

@@ -16,7 +16,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 
 USUAL = 1.4  # s, either way
 REACH = 10.0  # s, either way, that are tried
-TREND = 5.0  # s of the running mean that is taken out: the tank and climbs drift
+TREND = 5.0  # s of the running mean that is removed: the tank and climbs drift
 SMOOTH_ROWS = 3  # rows over which a body feels what its rotors do, and its noise evens out
 
 

@@ -30,7 +30,7 @@ from thrustmargin.models.physics.allocation import mixer
 DECISIVE = 10.0
 #: Correlation of roll and of pitch from which they do answer to the rotors, wherever those are.
 ANSWERS = 0.5
-#: Rows needed before anything is said.
+#: Rows needed before a verdict is given.
 FEWEST_ROWS = 100
 #: All assignments are tried up to this many rotors; beyond it only exchanges of up to two pairs.
 ALL_UP_TO = 8
@@ -38,7 +38,7 @@ ALL_UP_TO = 8
 LATE_S = np.arange(1, 13) / 10
 #: s; a row this far from its neighbours is not differentiated.
 _LONGEST_STEP = 0.5
-#: Rows of the running mean that is taken out: five seconds at 10 Hz.
+#: Rows of the running mean that is removed: five seconds at 10 Hz.
 _TREND_ROWS = 51
 
 

@@ -2,7 +2,7 @@
 
 M signals y, means over a block of time, each with a noise that is learnt as it goes:
     y_t = c_t + n_t + b u_t      n_t = f n_(t-1) + e_t,  e_t ~ N(0, s²)
-c is a standing trim, u what is known to move the signal (a turn's rate and acceleration), b its
+c is a constant trim, u what is known to move the signal (a turn's rate and acceleration), b its
 coefficient. b wanders about its prior with the time constant MEMORY, so that what is not seen again
 is forgotten; c is a mean of that memory; s² and f follow the innovations of a Kalman filter.
 
@@ -46,7 +46,7 @@ OUTLIER = 3.0  # standard errors beyond which an innovation teaches no more
 class Prior:
     """What is known of M signals with P inputs before a flight, in the signal's unit."""
 
-    trim: Floats  # (M,) standard deviation of the standing trim
+    trim: Floats  # (M,) standard deviation of the constant trim
     noise: Floats  # (M,) of one block, for as much as one block is worth
     inputs: Floats  # (M, P) standard deviation of each input's coefficient; 0: it has no effect
     flights: int = 0  # good ones that `trim` is known from

@@ -29,6 +29,7 @@ from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.next_fill import NextFill, next_fill
 from thrustmargin.models.model.rotor_faults import (
     FaultEpisode,
+    FaultHistory,
     fault_episodes,
     fault_history,
     faults_in_model,
@@ -96,6 +97,7 @@ class Advice:
     rotor_count: int
     rotor_names: tuple[str, ...]  # empty where it is not known which rotor is which
     ends_in_flight: bool  # the log ends before the flight did
+    goes_on: bool  # it flies now: all is of the flight so far
     withheld: bool  # no margin is claimed
 
     @property
@@ -116,10 +118,18 @@ class Advised:
     fill_one_rotor_out_kg: Floats
 
 
-def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = True) -> Advised:
+def advise(
+    analysis: FlightAnalysis,
+    *,
+    limit: float = 0.5,
+    names_known: bool = True,
+    history: FaultHistory | None = None,
+    goes_on: bool = False,
+) -> Advised:
     """The answer of a whole flight; `limit` is the share of a rotor's thrust that may last.
 
-    Not `names_known`: the rotors of the log are in another order than the airframe's.
+    Not `names_known`: the rotors of the log are in another order than the airframe's. `history` are
+    the faults that were found while it flew; without it they are sought. `goes_on`: it flies now.
 
         >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
         >>> made = advise(analyse(log.track, load_model())).advice
@@ -128,7 +138,7 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
     """
     whole = for_verdict(analysis)
     losses = loss_of_control(whole.track)
-    analysis = replace(whole, track=before_loss(whole.track, losses))
+    analysis = replace(whole, track=before_loss(whole.track, losses)) if losses else whole
     track, seconds = analysis.track, analysis.track.row_seconds
     use = thrust_use(analysis, limit)
     fill, by_use, by_lost = next_fill(analysis, use, limit)
@@ -140,7 +150,8 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
         least_high=_least(free * reach),
         not_survivable_s=float(seconds[track.flying][free < 1.0].sum()),
     )
-    episodes, known = fault_episodes(fault_history(analysis)), faults_in_model(analysis.model)
+    found = fault_history(analysis) if history is None else history
+    episodes, known = fault_episodes(found), faults_in_model(analysis.model)
     repaired = tuple(e.fault for e in episodes if e.end_s is not None and e.fault in known)
     faults = tuple(e for e in episodes if e.fault not in repaired)
     battery = _battery(analysis)
@@ -171,7 +182,8 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
             losses=tuple(losses),
             rotor_count=track.rotor_count,
             rotor_names=analysis.model.airframe.rotor_names if names_known else (),
-            ends_in_flight=bool(whole.track.flying.size and whole.track.flying[-1]),
+            ends_in_flight=bool(not goes_on and whole.track.flying.size and whole.track.flying[-1]),
+            goes_on=goes_on,
             withheld=bool(analysis.withheld),
         ),
         whole=whole,

@@ -59,7 +59,7 @@ class FaultTest:
         self.restart()
 
     @property
-    def standing(self) -> tuple[RotorFault, ...]:
+    def current(self) -> tuple[RotorFault, ...]:
         """Faults by rotor, then one whose rotor is not yet known."""
         suspect = () if self._suspect is None else (self._suspect,)
         return (*(self.faults[rotor] for rotor in sorted(self.faults)), *suspect)

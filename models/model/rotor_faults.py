@@ -16,7 +16,6 @@ another change is sought from there, one back to sound included.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -44,7 +43,7 @@ from thrustmargin.models.physics.motor_output import output_curve
 
 #: Share by which a step is known at best: half of RATIO
 STEP_ERROR = 0.03
-#: Without good flights to say more: standing trims and a block's noise, of a rotor's thrust
+#: Without good flights to say more: constant trims and a block's noise, of a rotor's thrust
 TRIM, NOISE = 0.1, 0.01
 KNOWN = 0.1  # of a manoeuvre's effect that a model with that effect leaves
 LEAK = 0.1  # of what an axis needs, that shows in another mode
@@ -53,6 +52,8 @@ UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the gro
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 
 FEWEST_ROTORS = 4
+#: Times, s, and the faults that stand from there on.
+FaultHistory = list[tuple[float, tuple[RotorFault, ...]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +66,7 @@ class FaultEpisode:
 
 
 class RotorFaults:
-    """Both tests of one vehicle, row by row; `standing` is what was found and not cleared."""
+    """Both tests of one vehicle, row by row; `current` is what was found and not cleared."""
 
     def __init__(self, model: RotorModel) -> None:
         # With fewer rotors than modes no rotor can be distinguished from a turn.
@@ -79,11 +80,13 @@ class RotorFaults:
         self._begun_s = self._landed_s = math.nan
         #: What stood after the last block, by kind; a kind that could not be tested is left out.
         self.tested: dict[Kind, tuple[RotorFault, ...]] = {}
+        #: When what stands changed, and to what.
+        self.history: FaultHistory = []
 
     @property
-    def standing(self) -> tuple[RotorFault, ...]:
+    def current(self) -> tuple[RotorFault, ...]:
         """Faults by kind and rotor."""
-        return tuple(fault for test in self._tests for fault in test.standing)
+        return tuple(fault for test in self._tests for fault in test.current)
 
     def landed(self, time_s: float) -> None:
         """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
@@ -92,6 +95,7 @@ class RotorFaults:
 
     def add(self, time_s: float, row: Floats) -> bool:
         """A row of `fault_signals`, in flight and in order; True when a block was whole."""
+        begins = math.isnan(self._begun_s) or not math.isnan(self._landed_s)
         if not math.isnan(self._landed_s):
             for test in self._tests:
                 if time_s - self._landed_s > CHANGED:
@@ -102,10 +106,17 @@ class RotorFaults:
         if whole:
             self._end(np.array(self._rows))
             self._rows = []
+        if whole or begins:
+            self._note(time_s)
         if not self._rows:
             self._begun_s = time_s
         self._rows.append(row)
         return whole
+
+    def _note(self, time_s: float) -> None:
+        current = self.current
+        if current != (self.history[-1][1] if self.history else ()):
+            self.history.append((time_s, current))
 
     def _end(self, rows: Floats) -> None:
         """A block of rows is whole."""
@@ -118,31 +129,25 @@ class RotorFaults:
         if np.isfinite(excess).all() and excess.mean() > UNLOADED:
             turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
             self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
-            self.tested["propeller"] = self._tests[0].standing
+            self.tested["propeller"] = self._tests[0].current
         if np.isfinite(motors).all():
             moves = np.stack([mean, slope], axis=1)[2 * rotors : 3 * rotors]
             self._tests[1].add(self._begun_s, motors - _median(motors), moves - _median(moves))
-            self.tested["motor"] = self._tests[1].standing
+            self.tested["motor"] = self._tests[1].current
 
 
 @lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
-def fault_history(analysis: FlightAnalysis) -> list[tuple[float, tuple[RotorFault, ...]]]:
-    """(time s, faults that stand from there on) of a whole flight: what live alarms said of it."""
+def fault_history(analysis: FlightAnalysis) -> FaultHistory:
+    """(time s, faults that stand from there on) of a whole flight: as live alarms named them."""
     if analysis.withheld:
         return []
     found, track = RotorFaults(analysis.model), analysis.track
-    history: list[tuple[float, tuple[RotorFault, ...]]] = []
     for row, signals in enumerate(fault_signals(analysis, slice(None))):
-        time_s = float(track.time_s[row])
-        if not track.flying[row]:
-            found.landed(time_s)
-            continue
-        known = not history and bool(found.standing)
-        if (found.add(time_s, signals) or known) and found.standing != (
-            history[-1][1] if history else ()
-        ):
-            history.append((time_s, found.standing))
-    return history
+        if track.flying[row]:
+            found.add(float(track.time_s[row]), signals)
+        else:
+            found.landed(float(track.time_s[row]))
+    return found.history
 
 
 def _median(values: Floats) -> Floats:
@@ -151,21 +156,19 @@ def _median(values: Floats) -> Floats:
     return (order[half] + order[(len(values) - 1) // 2]) / 2.0 + 0.0 * order[-1]
 
 
-def fault_episodes(
-    history: Sequence[tuple[float, tuple[RotorFault, ...]]],
-) -> tuple[FaultEpisode, ...]:
+def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
     """The faults of a flight, in the order in which they were found."""
     open_now: dict[tuple[str, tuple[int, ...]], FaultEpisode] = {}
     over: list[FaultEpisode] = []
     for time_s, faults in history:
-        standing = {(fault.kind, fault.rotors or (fault.rotor,)): fault for fault in faults}
-        for key in open_now.keys() - standing.keys():
+        current = {(fault.kind, fault.rotors or (fault.rotor,)): fault for fault in faults}
+        for key in open_now.keys() - current.keys():
             ended = replace(open_now.pop(key), end_s=time_s)
             found = {(f.kind, r) for f in faults for r in (f.rotor, *f.rotors)}
             # One whose rotor has become known is not listed twice.
             if not any((key[0], rotor) in found for rotor in ended.fault.rotors):
                 over.append(ended)
-        for key, fault in standing.items():
+        for key, fault in current.items():
             begin_s = open_now[key].begin_s if key in open_now else time_s
             open_now[key] = FaultEpisode(begin_s=begin_s, end_s=None, fault=fault)
     return tuple(sorted([*over, *open_now.values()], key=lambda episode: episode.begin_s))

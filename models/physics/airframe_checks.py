@@ -1,4 +1,4 @@
-"""What an airframe file must hold, and all that is wrong with one, said at once.
+"""What an airframe file must hold, and all that is wrong with one, listed at once.
 
 A table is what a TOML file becomes: `quantities` of `{ value, unit, source, guessed }` and a list
 of `rotors`. Nothing here reads a file.

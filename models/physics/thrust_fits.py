@@ -9,7 +9,7 @@ for rows of one hover follow each other. Wind is not known: in it a rotor makes 
 The trim of rotor i is the thrust that it is asked for over its share of a level, balanced aircraft:
     (e_i N_i² / sum e N²) / (e_i s_i / sum e s),   s the smallest s with B diag(e) s = (1, 0, 0, 0)
 and B the mixer. What it does not distinguish: a load off centre, a motor not level and a weak
-propeller. Summed with the arms it is where the weight seems to be, and a standing yaw moment.
+propeller. Summed with the arms it is where the weight seems to be, and a constant yaw moment.
 
 Of a bench table:
     T = a N²         a by least squares over the points that agree (Eq. 4 of the paper)

@@ -37,10 +37,10 @@ class VehicleParameters:
 
     def found_words(self, reported: ReportedAirframe) -> str:
         """What was found of the aircraft, for people."""
-        cells, said = reported.quantities.get("nominal_voltage"), self.words or "nothing"
+        cells, program = reported.quantities.get("nominal_voltage"), self.words or "nothing"
         return "; ".join(
             (
-                f"{said}, autopilot {self.autopilot}" if self.autopilot else said,
+                f"{program}, autopilot {self.autopilot}" if self.autopilot else program,
                 f"layout {reported.layout or 'not known'}",
                 f"battery {cells.source}" if cells else "battery cells not known",
                 "a tank gauge" if self.gauge else "no tank gauge",

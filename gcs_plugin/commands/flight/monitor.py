@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, require
 
-LOOK_FOR = 5.0  # s until it is said where nothing was heard
+LOOK_FOR = 5.0  # s until the places where nothing was heard are listed
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.console import EventPrinter
@@ -138,15 +138,17 @@ def monitor(
         guard = SigningFilter(key, clock=None) if recorded else SigningFilter(key)
         accept, why = guard.accept, lambda: guard.counts.reasons
         sign = Signer(key, after=lambda: guard.latest).sign
-    said = Chosen(model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading)
+    options = Chosen(
+        model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading
+    )
     settings = MonitorSettings(
         urls=(url,),
         forwards=tuple(forward),
         record=record,
-        beside={OPTIONS: (json.dumps(said.as_table(), indent=2) + "\n").encode()},
+        beside={OPTIONS: (json.dumps(options.as_table(), indent=2) + "\n").encode()},
         watch=WatchSettings(
             alarms=AlarmSettings(max_utilisation=max_utilisation),
-            airframe_given=said.given,
+            airframe_given=options.given,
             asked=frozenset(
                 option for option, on in ((RATES, request_rates), (FETCH, fetch_mission)) if on
             ),
@@ -248,15 +250,15 @@ def _found_link(seconds: float) -> str:
 
     console, finder = Terminal(soft_wrap=True), LinkFinder()
     until = time.monotonic() + seconds
-    said: dict[str, str] = {}
+    tried: dict[str, str] = {}
     while (left := until - time.monotonic()) > 0.0:
         url = finder.find(min(LOOK_FOR, left))
         if url is not None:
             console.print(f"vehicle heard on {url}")
             return url
-        if finder.tried != said and left > LOOK_FOR:
-            said = dict(finder.tried)
-            console.print(tried_words(said))
+        if finder.tried != tried and left > LOOK_FOR:
+            tried = dict(finder.tried)
+            console.print(tried_words(tried))
             console.print("still looking; Ctrl-C ends it")
     raise LinkError(tried_words(finder.tried))
 

@@ -191,16 +191,16 @@ def record(
     )
     out.mkdir(parents=True, exist_ok=True)
     written = write_record(made, done, out)
-    data, said = made.as_json(), Terminal(soft_wrap=True)
+    data, screen = made.as_json(), Terminal(soft_wrap=True)
     for words in liquid_words(data["liquid"]["estimates"], data["liquid"]["differences"]):
-        said.print(f"liquid {words}")
+        screen.print(f"liquid {words}")
     for words in missing_words(data["rules"]):
-        said.print(f"missing: {words}")
+        screen.print(f"missing: {words}")
     for log in unread:
         console.print(f"not read: {log.name}: {log.reason}")
     if done is not None and done.ground is not None and not makes_shapefiles():
-        said.print(NO_SHAPEFILE)
-    said.print(f"wrote {', '.join(path.name for path in written)} in {out}")
+        screen.print(NO_SHAPEFILE)
+    screen.print(f"wrote {', '.join(path.name for path in written)} in {out}")
     return 1 if unread else 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, R
 from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -111,10 +113,10 @@ def replay_view(
     from thrustmargin.gcs_plugin.logs.findings import names_known, names_wrong, repeated
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
-    from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
-    from thrustmargin.gcs_plugin.wording.advice_words import action, headline
+    from thrustmargin.gcs_plugin.wording.advice_words import headline
+    from thrustmargin.gcs_plugin.wording.answer import answer_of
     from thrustmargin.gcs_plugin.wording.report_words import contact_facts, contact_headline
     from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse, for_verdict
@@ -144,7 +146,7 @@ def replay_view(
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
     for fact in () if contact is None else contact_facts(contact):
-        console.print(escape(f"  {fact.label}: {fact.text}"))
+        console.print(escape(f"  {say(fact.label)}: {fact.text}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
         line = f"{sortie_words(other.sortie, other.track)}: {headline(answers[k])}"
         console.print(f"  {line}; {'shown' if k == shown else f'--sortie {k + 1} shows it'}")
@@ -153,6 +155,6 @@ def replay_view(
         waypoints=flight.waypoints,
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        whole=WholeFlight(words, answer.level, action(answer)),
+        whole=replace(answer_of(answer), headline=words),
         **options,
     )

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
 from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
 if TYPE_CHECKING:
@@ -162,4 +163,4 @@ def print_verdicts(console: Console, made: Report) -> None:
         verdict = flight.verdict
         console.print(f"{flight.name}: {verdict.headline}", style="bold", soft_wrap=True)
         for fact in verdict.facts:
-            console.print(f"  {fact.label}: {fact.text}", soft_wrap=True)
+            console.print(f"  {say(fact.label)}: {fact.text}", soft_wrap=True)

@@ -214,7 +214,7 @@ def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | Non
 
 
 def _show(made: PlanForecast, console: Terminal) -> None:
-    from thrustmargin.gcs_plugin.wording import forecast_words as words
+    from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
 
     for line in words.plan_faults(made):
         console.print(line)
@@ -255,7 +255,7 @@ def _parameters(plan: Path, file: Path | None) -> dict[str, float]:
     try:
         return dict(read_log(plan).parameters)
     except LogError:
-        return {}  # a log without a flight still holds its mission; the defaults are said
+        return {}  # a log without a flight still holds its mission; the defaults are listed
 
 
 def _battery(

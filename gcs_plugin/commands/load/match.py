@@ -41,7 +41,7 @@ def match(
 
     Args:
         airframe: Name of an airframe that ships with thrustmargin, or path of your .toml file;
-            without it that of --model, else the paper's own aircraft, which is then said.
+            without it that of --model, else the paper's own aircraft, which is then named.
         model: Rotor speed model whose predictions are drawn as points; else the shipped one.
         out: Figure to write, .svg or .pdf; without an ending both are written.
     """

@@ -38,7 +38,7 @@ def anonymous(
         altitude=np.full(track.time_s.size, np.nan),
         notes=tuple(without_name(note, log.path.name) for note in track.notes),
     )
-    if domain is not None:  # that the model has seen this flight must still be said
+    if domain is not None:  # that the model has seen this flight must still be known
         domain = replace(domain, flights=(name,) if trained_on(analysis) else ())
     claim = analysis.claim
     reasons = tuple(without_name(reason, log.path.name) for reason in claim.withheld)

@@ -112,7 +112,7 @@ def ingest(
         max_utilisation=max_utilisation,
         key=own_key() if anonymise else None,
     )
-    season_model(settings.model, settings.airframe)  # a wrong one is said before anything is read
+    season_model(settings.model, settings.airframe)  # refuses a wrong one before any log
     target = SeasonStore.open(where)
     found, refused = find_logs(logs)
     with ExitStack() as stack:
@@ -163,8 +163,8 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
 
     held = store.names()
     if held is None and not store.keys("flights") and not store.files.exists(store.path(NAMES)):
-        said = json_module.dumps({"names": names})
-        store.put(NAMES, lambda draft: draft.write_text(said, "utf-8"))
+        names_text = json_module.dumps({"names": names})
+        store.put(NAMES, lambda draft: draft.write_text(names_text, "utf-8"))
     elif held != names:
         kind = "as they are" if held is None else "under the pseudonyms of a key"
         other = "of another key" if held and names else "the other way"

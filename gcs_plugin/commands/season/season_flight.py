@@ -277,7 +277,7 @@ def battery_resistance(
     """Ohm, and its standard error, by which the voltage (T,) falls with the current (T,).
 
     Least squares of 5 s means from the rest before take-off on, with the drain (charge drawn, to
-    the second power) taken out. In flight alone current falls as the tank empties and the battery
+    the second power) removed. In flight alone current falls as the tank empties and the battery
     drains: from such means it would come out several times too large. NaN where the log has no
     current, no rest before it flies, or too little flight.
     """

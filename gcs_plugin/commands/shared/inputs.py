@@ -82,7 +82,7 @@ def _model_of(file: Path, airframe: str | None) -> RotorModel:
 
 def listed(unused: Sequence[UnusedLog]) -> str:
     """The logs that cannot be used, with the reasons, as one sentence: reasons that differ in
-    numbers and in the log's own name only are said once, with NAMED of their logs."""
+    numbers and in the log's own name only are listed once, with NAMED of their logs."""
     alike: dict[str, list[UnusedLog]] = {}
     for log in unused:
         reason = log.reason.replace(log.name, "").replace(Path(log.name).stem, "")
@@ -92,12 +92,12 @@ def listed(unused: Sequence[UnusedLog]) -> str:
 
 def _of_one_reason(logs: Sequence[UnusedLog]) -> str:
     first, *others = logs
-    said = f"{first.name}: {first.reason}"
+    message = f"{first.name}: {first.reason}"
     if not others:
-        return said
+        return message
     names = ", ".join(log.name for log in others[:NAMED])
     more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
-    return f"{said} (likewise {names}{more})"
+    return f"{message} (likewise {names}{more})"
 
 
 def read_logs(
@@ -131,7 +131,7 @@ def read_logs(
 
 
 def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
-    """What is to be said of the log of a sortie that holds others, or stretches that are none."""
+    """Remarks on the log of a sortie that holds others, or stretches that are none."""
     several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
     return (*several, *log.unflown.words)
 
@@ -149,7 +149,7 @@ def claimed(
 ) -> Iterator[FlightLog]:
     """The logs of flights of the airframe; the others are added to `unused` with the reason.
 
-    What comes after a loss of control is no flight to learn from: left out, and said.
+    What comes after a loss of control is no flight to learn from: left out, with a remark.
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.flight_words import lost_rows

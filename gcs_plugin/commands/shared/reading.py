@@ -46,7 +46,7 @@ class ReadingOptions:
         return self.load is not None or self.tank_start_kg is not None
 
 
-#: Nothing is said of the flight: all is as it is heard.
+#: Nothing is stated of the flight: all is as it is heard.
 AS_HEARD = ReadingOptions()
 #: As a parameter of a command: its options appear among the command's own.
 Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]

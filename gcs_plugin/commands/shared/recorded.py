@@ -71,7 +71,7 @@ class Chosen:
 
 
 def with_recorded(logs: Sequence[Path], user: Chosen, console: Console) -> Chosen:
-    """The options for these logs; what is taken from a recording is said on the console.
+    """The options for these logs; what is taken from a recording is printed on the console.
 
     Raises DataError when a recording's options cannot be read, or those of the logs differ.
     """
@@ -98,12 +98,12 @@ def with_recorded(logs: Sequence[Path], user: Chosen, console: Console) -> Chose
 def _common(recorded: Sequence[Chosen], logs: Sequence[Path], part: Callable[[Chosen], Any]) -> Any:
     for one, log in zip(recorded, logs, strict=True):
         if part(one) != part(recorded[0]):
-            said = [
+            differing = [
                 f"{o.words or 'nothing'} ({p})" for o, p in ((recorded[0], logs[0]), (one, log))
             ]
             raise DataError(
-                f"recorded with other options: {' and '.join(said)}; name the options, or give "
-                "one of these recordings at a time"
+                f"recorded with other options: {' and '.join(differing)}; name the options, or "
+                "give one of these recordings at a time"
             )
     return part(recorded[0]) if recorded else part(Chosen())
 

@@ -37,6 +37,11 @@ FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "margin_full_tank_ratio": ("Predicted margin with a full tank", ("vehicle",)),
     "voltage_volts": ("Battery voltage", ("vehicle",)),
     "flying": ("1 off the ground", ("vehicle",)),
+    "flight_level": (
+        "Answer of flight or last flight: 0 damaged to 7 below limit",
+        ("vehicle",),
+    ),
+    "next_fill_kg": ("Largest fill by that flight, at the safe end", ("vehicle",)),
     "verdict_withheld": ("1: the aircraft is not known, no margin is claimed", ("vehicle",)),
 }
 #: What comes in, of the whole monitor: field of MonitorStatus -> what it counts.
@@ -73,12 +78,12 @@ class MonitorCollector(Collector):
         yield from _ages(watches, now_us)
         yield from _figures(watches, now_us, fleet.old_s)
         labels = ("vehicle", "alarm", "part", "level", "state")
-        standing = [
+        samples = [
             ((number, alarm.name, part_of(alarm), LEVELS[alarm.severity], str(alarm.state)), 1.0)
             for number, watch in watches.items()
-            for alarm in list(watch.alarms.standing.values())
+            for alarm in list(watch.alarms.listed.values())
         ]
-        yield _gauge("alarm", "1 for each alarm that stands", standing, labels)
+        yield _gauge("alarm", "1 for each alarm that stands", samples, labels)
         yield from _of_status(self._monitor.status())
 
 
@@ -152,7 +157,7 @@ def _figures(watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float) -
 
 
 def _of_vehicle(update: Update) -> dict[str, float]:
-    analysis, outlook = update.analysis, update.outlook
+    analysis, outlook, answer = update.analysis, update.outlook, update.answer
     predicted = analysis.margin_predicted[-1]
     flying = bool(analysis.track.flying[-1])
     return {
@@ -165,6 +170,8 @@ def _of_vehicle(update: Update) -> dict[str, float]:
         "margin_full_tank_ratio": outlook.margin_full,
         "voltage_volts": float(analysis.track.voltage[-1]),
         "flying": float(flying),
+        "flight_level": math.nan if answer is None else answer.gravity,
+        "next_fill_kg": math.nan if answer is None else answer.fill_kg,
         "verdict_withheld": float(bool(analysis.withheld)),
     }
 

@@ -2,7 +2,7 @@
 
 One folder a session:
     telemetry.tlog      each frame as it came after eight bytes of Unix µs; ground stations read it
-    options.json        what the user said of the flight, for whoever reads the .tlog
+    options.json        what the user stated of the flight, for whoever reads the .tlog
     samples/*.parquet   one file a minute, together one table (columns: recorded_table), where
                         pyarrow is installed
     events.jsonl        alarms raised and cleared, restarts, notes

@@ -35,7 +35,7 @@ SAYS = OF_MISSION | OF_ITSELF | {MISSION_CURRENT}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VehicleState:
-    """What one vehicle has said of itself. Parameters and mission outlive a restart."""
+    """What one vehicle has reported of itself. Parameters and mission outlive a restart."""
 
     system: int
     component: int | None = None  # the autopilot's; None until it is known
@@ -89,12 +89,12 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
         known = state.parameters if same else {**state.parameters, named: value}
         return replace(state, parameters=known, parameter_count=count)
     if frame.id == MISSION_CURRENT:
-        said = int(columns["total"][0]), int(columns["mission_id"][0])
+        announced = int(columns["total"][0]), int(columns["mission_id"][0])
         before = state.mission_said
-        if said == before:
+        if announced == before:
             return state
-        other = any(a and b and a != b for a, b in zip(said, before, strict=True))
-        state = replace(state, mission_said=said)
+        other = any(a and b and a != b for a, b in zip(announced, before, strict=True))
+        state = replace(state, mission_said=announced)
         return _replaced(state, frame.stamp_us) if other else state
     if not of_vehicles(columns)[0]:
         return state  # of a component that is no autopilot

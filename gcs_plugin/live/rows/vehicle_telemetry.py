@@ -127,7 +127,11 @@ class VehicleTelemetry:
         self._by_ground = False  # its clock has not been heard, and the ground's counts
         self._known: object = None  # what the motors were found from
         self._turned: frozenset[int] = frozenset()  # ESCs
-        self._said = ({}, -2, VehicleFacts())  # parameters and kind, and the facts that they give
+        self._identity = (
+            {},
+            -2,
+            VehicleFacts(),
+        )  # parameters and kind, and the facts that they give
         self._restart()
 
     def _restart(self) -> None:
@@ -167,7 +171,7 @@ class VehicleTelemetry:
         changed = False
         if frame.id in SAYS:
             before, self.state = self.state, fold(self.state, frame)
-            changed = _said(before) != _said(self.state)
+            changed = _identity(before) != _identity(self.state)
             if others := self.state.other_autopilots - before.other_autopilots:
                 words = two_autopilots(self.state.system, self.state.component or 0, others)
                 self.events.append((frame.stamp_us, words))
@@ -194,8 +198,8 @@ class VehicleTelemetry:
     def rows(self) -> list[LiveRows]:
         """The new rows of the frames that were taken, in order.
 
-        A new part begins where the vehicle restarted, and where it said something new of itself:
-        its parameters, what it is, its first GPS time. That holds from the next row on.
+        A new part begins where the vehicle restarted, and where it reported something new
+        (parameters, its kind, its first GPS time), which holds from the next row on.
         """
         frames = [frame for piece in self._pieces for frame in piece.frames]
         pilots = [piece.state.component for piece in self._pieces for _ in piece.frames]
@@ -319,10 +323,10 @@ class VehicleTelemetry:
         )
 
     def _layout(self, state: VehicleState, signals: Signals) -> MotorMap | None:
-        name, said = f"vehicle {state.system}", (state.parameters, state.kind)
-        if self._said[:2] != said:
-            self._said = (*said, state.facts)
-        facts = self._said[2]
+        name, identity = f"vehicle {state.system}", (state.parameters, state.kind)
+        if self._identity[:2] != identity:
+            self._identity = (*identity, state.facts)
+        facts = self._identity[2]
         if not facts.rotor_count and not facts.refusal(name):
             turned = counted_by_reports(facts, signals)
             if turned.rotor_count > self._counted.rotor_count:
@@ -363,6 +367,6 @@ class VehicleTelemetry:
         return ages
 
 
-def _said(state: VehicleState) -> tuple[object, ...]:
+def _identity(state: VehicleState) -> tuple[object, ...]:
     """What of a state rows depend on."""
     return id(state.parameters), state.kind, state.autopilot, state.component, state.armed

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
 from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -40,6 +42,7 @@ class Update:
     outlook: Outlook
     alarms: tuple[Alarm, ...]  # that stand after the last row
     events: tuple[AlarmEvent, ...]
+    flight: FlightSoFar | None = None  # since its take-off; None before the first
     notes: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()  # options by which the vehicle is asked
 
@@ -47,6 +50,11 @@ class Update:
         margins = ", ".join(f"{100.0 * m:.1f}" for m in self.analysis.margin[-1])
         alarms = "; ".join(alarm.line for alarm in self.alarms) or NO_ALARM
         return f"Update(vehicle {self.vehicle}, margin by rotor {margins} %, {alarms})"
+
+    @property
+    def answer(self) -> FlightAnswer | None:
+        """Of the flight so far, or the last one; None before the first take-off."""
+        return None if self.flight is None else self.flight.answer
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
-from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
+from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import SortieRows
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
 from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, with_rows
@@ -42,7 +43,7 @@ CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
 SHARED_HOLD = 10.0
 ROWLESS = 5.0  # s after which a vehicle without any row says so
-#: s after which a field is said to be no longer reported, seldom where a link loses half.
+#: s after which a field is shown as no longer reported, seldom where a link loses half.
 LASTING = 5.0
 GONE = 60.0  # s of silence after which a vehicle has left
 
@@ -92,6 +93,7 @@ class VehicleMonitor:
         self._inferred = Inferred()
         self._unsettled = 0  # of the known rows, the last so many
         self._ahead = LookAhead(model)
+        self._sortie = SortieRows(model, self.alarms)
         self._frozen = FrozenWatch(flown_airframe(model))
         self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
@@ -190,7 +192,7 @@ class VehicleMonitor:
         made = [self._update(rows) for rows in self.telemetry.rows()]
         self.notes += self.telemetry.events
         self.telemetry.events.clear()
-        if final and self._unsettled and self.last is not None:
+        if final and self.last is not None:
             made.append(self._update(None))
         return made
 
@@ -200,7 +202,8 @@ class VehicleMonitor:
         if last is None or (new is not None and not goes_on(last, new)):
             last, self._unsettled, self._inferred = None, 0, Inferred()
             self._ahead.restart()
-        window, start = slice(0, 0), None
+            self._sortie = SortieRows(self._model, self.alarms)
+        window, start, measured = slice(0, 0), None, None
         if last is not None:
             window, start = self._window(last)
         if new is not None:
@@ -242,6 +245,10 @@ class VehicleMonitor:
             if new is None
             else np.pad(new.esc_failures, ((first, 0), (0, 0)), constant_values=np.nan),
         )
+        if new is None or measured is None:
+            self._sortie.make()
+        else:
+            self._sortie.add(measured, new.clock_s, self.claim, self.state, events)
         kept = self.last
         self.last = Update(
             vehicle=self.system,
@@ -257,8 +264,9 @@ class VehicleMonitor:
             delivered_kg=arrays["delivered_kg"],
             margin_ahead=arrays["margin_ahead"],
             outlook=self._ahead.now,
-            alarms=tuple(self.alarms.standing.values()),
+            alarms=tuple(self.alarms.listed.values()),
             events=tuple(events),
+            flight=self._sortie.now,
             notes=new.notes if new is not None else kept.notes if kept is not None else (),
             asked=self._asked,
         )
@@ -339,7 +347,7 @@ class VehicleMonitor:
     def stale(self, now_us: int) -> str:
         """Which fields are no longer reported and since when, in words; empty when none is.
 
-        Nothing is said of the single fields while the vehicle as a whole is silent. While frames
+        Nothing is shown of the single fields while the vehicle as a whole is silent. While frames
         wait to be taken, they may hold what is missed: checked as of the last that was taken.
         """
         if self.shared or self.silent(now_us) > self.alarms.settings.silence:

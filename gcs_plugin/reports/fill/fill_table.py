@@ -129,7 +129,7 @@ def conditions(table: FillTable) -> list[str]:
     """What the recommendation holds for, a sentence each."""
     airframe = table.model.airframe
     sure = how_sure(table.fill)
-    said = [
+    remarks = [
         f"For {table.day.words}.",
         *([f"{sure[:1].upper()}{sure[1:]}."] if sure else []),
         words.fill_limit(table.limit, rotor_lost=table.rotor_lost),
@@ -137,12 +137,12 @@ def conditions(table: FillTable) -> list[str]:
         f"Model: {table.model.description}.",
     ]
     if table.model.network is None and table.day.airspeed > 0.0:
-        said.append(words.NO_AIRSPEED_LEARNT)
+        remarks.append(words.NO_AIRSPEED_LEARNT)
     if not np.isfinite(airframe.max_takeoff_mass):
-        said.append(words.NO_MAKERS_LIMIT)
+        remarks.append(words.NO_MAKERS_LIMIT)
     if airframe.guessed:
-        said.append(words.guessed(airframe.guessed))
-    return said
+        remarks.append(words.guessed(airframe.guessed))
+    return remarks
 
 
 def json_text(table: FillTable) -> str:

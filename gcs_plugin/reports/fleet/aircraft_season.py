@@ -226,10 +226,10 @@ def _swapped(
 
 
 def reported_then(season: AircraftSeason, at: int) -> str:
-    """What the alarms said around one of its flights."""
+    """The alarms around one of its flights."""
     near = season.flights[max(at - 1, 0) : at + 2]
-    said = dict.fromkeys(text for f in near for text in f["alarms"] or ())
-    return "; ".join(list(said)[:3]) or words.SILENT
+    texts = dict.fromkeys(text for f in near for text in f["alarms"] or ())
+    return "; ".join(list(texts)[:3]) or words.SILENT
 
 
 def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:

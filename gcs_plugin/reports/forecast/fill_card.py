@@ -16,7 +16,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.wording.forecast_words import gate_limit, gate_sag
+from thrustmargin.gcs_plugin.wording.plans.forecast_words import gate_limit, gate_sag
 from thrustmargin.mission.ahead.battery import CELL, RESISTANCE, FlightBattery, rotor_power
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.models.errors import DataError
@@ -71,8 +71,8 @@ def fill_card(made: PlanForecast, battery: FlightBattery) -> FillCard:
     found = []
     for airspeed in (0.0, fastest):
         thin = steady_flight(model, float(density.min()), craft.nominal_voltage, airspeed, cap)
-        said = thin.prediction
-        power = float(rotor_power(craft, said.thrust, said.rotor_speed_rpm)[0])
+        flown_thin = thin.prediction
+        power = float(rotor_power(craft, flown_thin.thrust, flown_thin.rotor_speed_rpm)[0])
         loaded = 0.5 * (rest + np.sqrt(np.maximum(rest**2 - 4.0 * resistance * power, 0.0)))
         fills = largest_fills(model, density, loaded, airspeed=airspeed, max_utilisation=limit)
         found.append(fills.sure.reshape(rest.shape))

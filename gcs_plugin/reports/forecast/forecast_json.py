@@ -6,7 +6,7 @@ import json
 import math
 from typing import Any
 
-from thrustmargin.gcs_plugin.wording.forecast_words import assumed_words, verdict
+from thrustmargin.gcs_plugin.wording.plans.forecast_words import assumed_words, verdict
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 
 

@@ -20,8 +20,8 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     over_time,
 )
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, titled
-from thrustmargin.gcs_plugin.wording import forecast_words as words
 from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, percent_within
+from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
 from thrustmargin.gcs_plugin.wording.report_words import IN_USE, TANK_SPRAYING
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.mission.ahead.utilisation_along import LegForecast, worst_use

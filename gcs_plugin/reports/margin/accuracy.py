@@ -75,13 +75,13 @@ def _kinds_of_speed(analysis: FlightAnalysis) -> tuple[str, ...]:
 
 def model_words(model: RotorModel) -> list[str]:
     """Training domain and interval of a model, in words."""
-    said = []
+    text = []
     if model.training_domain is not None:
         covers = model.training_domain
-        said.append(words.trained_at(covers.airspeed, covers.tank_kg, covers.density))
+        text.append(words.trained_at(covers.airspeed, covers.tank_kg, covers.density))
     if model.interval is not None:
-        said.append(words.interval_made(model.interval.coverage, model.interval.flights))
-    return said
+        text.append(words.interval_made(model.interval.coverage, model.interval.flights))
+    return text
 
 
 def _effect(effect: EffectRecord) -> str:
@@ -124,9 +124,9 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
     overall = replace(overall, r2=estimate(mean_r2, whole, drawn, blocks))
     trained = trained_on(analysis)
     if blocks >= FEWEST_BLOCKS:
-        said = words.in_brackets(CONFIDENCE, blocks, BLOCK_S)
+        text = words.in_brackets(CONFIDENCE, blocks, BLOCK_S)
     else:
-        said = words.no_intervals(blocks, FEWEST_BLOCKS, BLOCK_S)
+        text = words.no_intervals(blocks, FEWEST_BLOCKS, BLOCK_S)
     return Accuracy(
         rotors=rotors,
         overall=overall,
@@ -135,7 +135,7 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
         blocks=blocks,
         confidence=CONFIDENCE,
         trained_on=trained,
-        words=f"{words.TRAINED_ON} {said}" if trained else said,
+        words=f"{words.TRAINED_ON} {text}" if trained else text,
     )
 
 
@@ -168,15 +168,15 @@ def _nothing(coverage: float, analysis: FlightAnalysis) -> Accuracy:
     measured = known & ~analysis.from_outputs
     predicted = np.isfinite(analysis.prediction.rotor_speed_rpm)
     if known.any() and not measured.any():
-        said = words.not_measured(SpeedBasis.MOTOR_OUTPUTS)
+        text = words.not_measured(SpeedBasis.MOTOR_OUTPUTS)
     elif not known.any():
-        said = words.NO_SPEEDS
+        text = words.NO_SPEEDS
     elif not predicted.any():
-        said = words.NO_PREDICTION
+        text = words.NO_PREDICTION
     elif not np.isfinite(analysis.track.measured("tank_kg")).any():
-        said = words.no_error(LOAD_FROM_SPEEDS)
+        text = words.no_error(LOAD_FROM_SPEEDS)
     else:
-        said = words.NO_ROW_OF_BOTH
+        text = words.NO_ROW_OF_BOTH
     return Accuracy(
         rotors=(),
         overall=None,
@@ -185,5 +185,5 @@ def _nothing(coverage: float, analysis: FlightAnalysis) -> Accuracy:
         blocks=0,
         confidence=CONFIDENCE,
         trained_on=trained_on(analysis),
-        words=said,
+        words=text,
     )

@@ -198,16 +198,16 @@ def fit_for_use(shown: GoodFlights, model: RotorModel) -> str:
     )
     most = straight if straight is not None else whole
     assert most is not None
-    said = f"rotor speed to {_percent(most)}" + ("" if turning is None else " outside turns")
+    reach = f"rotor speed to {_percent(most)}" + ("" if turning is None else " outside turns")
     tested = f"RMS on {shown.flights} flights, each predicted by a model made without it"
     if most > USABLE:
-        return f"not usable: {said} ({tested}), because {why(shown, model)}"
+        return f"not usable: {reach} ({tested}), because {why(shown, model)}"
     if turning is None:
-        return f"usable: {said} ({tested})"
-    said += f", {_percent(turning)} in turns"
+        return f"usable: {reach} ({tested})"
+    reach += f", {_percent(turning)} in turns"
     if turning > USABLE:
-        return f"usable outside turns only: {said} ({tested}), because {why(shown, model)}"
-    return f"usable: {said} ({tested})"
+        return f"usable outside turns only: {reach} ({tested}), because {why(shown, model)}"
+    return f"usable: {reach} ({tested})"
 
 
 def why(shown: GoodFlights, model: RotorModel) -> str:

@@ -168,8 +168,8 @@ class _Paper:
                 for name, text in zip(one.all("dt"), one.all("dd"), strict=True):
                     self._words(f"{name.text}: {text.text}", 8.5, fill=True)
             elif "figures" in one.classes:
-                said = "   ·   ".join(part.text for part in one.all("div"))
-                self._words(said, 14, bold=True, fill=True)
+                joined = "   ·   ".join(part.text for part in one.all("div"))
+                self._words(joined, 14, bold=True, fill=True)
             elif one.tag == "p":
                 self._words(one.text, 19 if "call" in one.classes else 11, bold=True, fill=True)
         pdf.set_text_color(0)

@@ -20,6 +20,7 @@ import jinja2
 from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.wording import numbers as words
+from thrustmargin.gcs_plugin.wording.language import say
 
 _SHELL = "thrustmargin.gcs_plugin.reports.shared"
 
@@ -52,6 +53,7 @@ def page_text(
     )
     environment.globals |= functions
     environment.filters["unbroken"] = words.unbroken
+    environment.filters["spoken"] = say
     return environment.get_template("page.html").render(
         context,
         policy=content_policy(library, draw),

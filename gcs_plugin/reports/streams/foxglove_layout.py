@@ -27,9 +27,9 @@ def layout_text(rotor_names: Sequence[str]) -> str:
         "Plot!speeds": _plot(
             "Rotor speed, measured and predicted",
             [
-                (f"/rotors.rotors[{r}].{key}", f"{rotor_names[r]} {said}")
+                (f"/rotors.rotors[{r}].{key}", f"{rotor_names[r]} {caption}")
                 for r in rotors
-                for key, said in (
+                for key, caption in (
                     ("rotor_speed_rpm", "measured"),
                     ("rotor_speed_predicted_rpm", "predicted"),
                 )

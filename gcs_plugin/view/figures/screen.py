@@ -21,11 +21,12 @@ from urllib.parse import parse_qs, urlsplit
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures, known
-from thrustmargin.gcs_plugin.view.figures.standing import LEVELS, Standing, level_of
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import LEVELS, VehicleSummary, level_of
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.language import spoken
 from thrustmargin.gcs_plugin.wording.palette import legend
 from thrustmargin.models.errors import DataError
 
@@ -38,7 +39,7 @@ Acts = Mapping[str, Callable[[str], None]]
 
 
 class PageState:
-    """State and acts of the page. `standing` gives the aircraft as last heard, to any thread.
+    """State and acts of the page. `summaries` gives the aircraft as last heard, to any thread.
 
     `more` gives further entries of the state, `charts` the drawings for a vehicle's number and s
     before now. `silent` makes no sound; `recorded` is a flight of the past, or one
@@ -48,7 +49,7 @@ class PageState:
 
     def __init__(
         self,
-        standing: Callable[[], Sequence[Standing]],
+        summaries: Callable[[], Sequence[VehicleSummary]],
         acts: Acts | None = None,
         *,
         more: Callable[[], dict[str, Any]] = dict,
@@ -59,7 +60,7 @@ class PageState:
         timeline: Sequence[str] = (),
         acknowledged: Callable[[int, Alarm], None] | None = None,
     ) -> None:
-        self._standing, self._recorded = standing, recorded
+        self._summaries, self._recorded = summaries, recorded
         self._more, self._charts = more, charts
         self._acknowledged = acknowledged
         self._acts = {"acknowledge": lambda _: self.acknowledge(), **(acts or {})}
@@ -73,6 +74,7 @@ class PageState:
             "recorded": recorded,
             "planned": planned,
             "timeline": list(timeline),
+            "spoken": "" if spoken() == words.LANGUAGES[0] else spoken(),
             "catalogues": {one: words.catalogue(one) for one in words.LANGUAGES},
         }
         files = resources.files("thrustmargin.gcs_plugin.view.figures")
@@ -87,7 +89,7 @@ class PageState:
 
     def acknowledge(self) -> None:
         """All alarms that stand now are known to the pilot."""
-        for one in self._standing():
+        for one in self._summaries():
             for alarm in one.alarms:
                 key = _key(one, alarm)
                 with self._lock:
@@ -125,9 +127,9 @@ class PageState:
 
     def state(self) -> dict[str, Any]:
         """What the page shows: vehicles, alarms (the gravest first), history (the newest first)."""
-        fleet = [one for one in self._standing() if not one.gone]
-        standing = [(one, alarm) for one in fleet for alarm in one.alarms]
-        standing.sort(key=lambda pair: (pair[1].order[:3], _key(*pair) in self._known))
+        fleet = [one for one in self._summaries() if not one.gone]
+        listed = [(one, alarm) for one in fleet for alarm in one.alarms]
+        listed.sort(key=lambda pair: (pair[1].order[:3], _key(*pair) in self._known))
         with self._lock:
             known_keys, history = set(self._known), list(self._history)
         alarms = [
@@ -142,9 +144,9 @@ class PageState:
                 "critical": alarm.severity <= CRITICAL,
                 "acknowledged": _key(one, alarm) in known_keys,
             }
-            for one, alarm in standing
+            for one, alarm in listed
         ]
-        order = [one.number for one, _ in standing]
+        order = [one.number for one, _ in listed]
         first = min(
             fleet,
             key=lambda one: (
@@ -168,9 +170,10 @@ class PageState:
             **self._more(),
         }
 
-    def _vehicle(self, one: Standing) -> dict[str, Any]:
+    def _vehicle(self, one: VehicleSummary) -> dict[str, Any]:
         """One aircraft, with its figures where any are known, and their age (None of a record)."""
-        said = {
+        answer = None if one.update is None else one.update.answer
+        entry = {
             "number": one.number,
             "age": None if self._recorded else round(max(one.age, 0.0), 2),
             "old": one.old,
@@ -181,9 +184,10 @@ class PageState:
             "message": one.message,
             "fill": one.fill,
             "level": one.level,
+            "flight": None if answer is None else {**answer.json, "line": answer.line},
         }
         if one.row is None:
-            return {**said, "figures": None}
+            return {**entry, "figures": None}
         outlook = None if one.update is None else one.update.outlook
         figures = aircraft_figures(one.row, one.seconds_to_empty, one.faulty)
         ahead = {"ahead": None, "full": None, "remarks": [], "why": one.row.why_unknown}
@@ -191,7 +195,7 @@ class PageState:
             ahead["ahead"] = known(outlook.margin_ahead)
             ahead["full"] = known(outlook.margin_full)
             ahead["remarks"] = list(one.update.beside_the_airframe)
-        return {**said, "figures": {**figures, **ahead}}
+        return {**entry, "figures": {**figures, **ahead}}
 
     def _note(self, vehicle: int, kind: str, text: str) -> None:
         at = time.strftime("%H:%M:%S")
@@ -212,7 +216,7 @@ def field_state(names: Sequence[str], shown: Overlay, scene: Scene) -> dict[str,
     }
 
 
-def _key(one: Standing, alarm: Alarm) -> Key:
+def _key(one: VehicleSummary, alarm: Alarm) -> Key:
     return one.number, alarm.key, alarm.since_s
 
 

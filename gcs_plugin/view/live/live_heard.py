@@ -1,7 +1,7 @@
 """What the compute thread leaves for the thread that draws: every aircraft as it was last heard.
 
-Each `Standing` is replaced as a whole and never changed, so that no lock is needed; rows for the
-trails wait in a queue an aircraft.
+Each `VehicleSummary` is replaced as a whole and never changed, so that no lock is needed; rows for
+the trails wait in a queue an aircraft.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.view.figures.standing import Standing, first_line
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary, first_line
 from thrustmargin.gcs_plugin.view.live.live_history import LiveHistory
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
@@ -43,16 +43,17 @@ class Heard:
         #: (N,) pump on.
         self.rows: dict[int, deque[tuple[Floats, Floats, Floats, Floats]]] = defaultdict(deque)
         self.history: dict[int, LiveHistory] = defaultdict(LiveHistory)
-        self._standing: dict[int, Standing] = {}  # in the order in which they were first heard
+        #: In the order in which they were first heard.
+        self._summaries: dict[int, VehicleSummary] = {}
         self._stale_s = 0.0
 
     @property
-    def standing(self) -> list[Standing]:
+    def summaries(self) -> list[VehicleSummary]:
         """All that have rows, in the order in which they were first heard."""
-        standing = list(self._standing.values())
-        return standing if self._clock is None else [self._aged(s, self._clock()) for s in standing]
+        known = list(self._summaries.values())
+        return known if self._clock is None else [self._aged(s, self._clock()) for s in known]
 
-    def _aged(self, one: Standing, now_us: int) -> Standing:
+    def _aged(self, one: VehicleSummary, now_us: int) -> VehicleSummary:
         watch = self._watches.get(one.number)
         if watch is None or one.update is None:
             return one
@@ -72,7 +73,7 @@ class Heard:
         )
         self.history[number].add(update)
         self.overlays = overlays
-        before = self._standing.get(number) or Standing(number=number)
+        before = self._summaries.get(number) or VehicleSummary(number=number)
         self._put(
             replace(
                 before,
@@ -89,13 +90,13 @@ class Heard:
         if look:
             self._stale_s = time.monotonic()
         for number, watch in fleet.vehicles.items():
-            before = self._standing.get(number)
+            before = self._summaries.get(number)
             if before is None or before.update is None:
                 continue
             self._watches[number] = watch
             now = replace(
                 self._aged(before, now_us),
-                alarms=tuple(sorted(watch.alarms.standing.values(), key=lambda a: a.order)),
+                alarms=tuple(sorted(watch.alarms.listed.values(), key=lambda a: a.order)),
                 old_s=fleet.old_s,
                 problem=watch.problem,
                 gone=watch.left(now_us),
@@ -106,7 +107,7 @@ class Heard:
             if now.shown != before.shown:
                 self.wake.set()
 
-    def _put(self, one: Standing) -> None:
+    def _put(self, one: VehicleSummary) -> None:
         headline, because, level = first_line(one)
         one = replace(one, headline=headline, because=because, level=level)
-        self._standing = {**self._standing, one.number: one}
+        self._summaries = {**self._summaries, one.number: one}

@@ -143,7 +143,7 @@ def guarded_server(
     except BaseException:
         listening.close()
         raise
-    # A page can ask viser to publish itself through a public relay: that door is taken out.
+    # A page can ask viser to publish itself through a public relay: that door is removed.
     for request in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(request)
     try:

@@ -351,10 +351,10 @@ def followed_wind(it: DescribedEffect) -> str:
 def _winds(it: DescribedEffect) -> str:
     found, names = it.found, it.whole.problem.names
     order = np.argsort(-np.hypot(found.value[:, 0], found.value[:, 1]), kind="stable")
-    said = [f"{_wind_of(found, int(f))} in {names[f]}" for f in order[:MOST_LISTED]]
+    winds = [f"{_wind_of(found, int(f))} in {names[f]}" for f in order[:MOST_LISTED]]
     if order.size > MOST_LISTED:
-        said.append(f"and {order.size - MOST_LISTED} more")
-    return ", ".join(said)
+        winds.append(f"and {order.size - MOST_LISTED} more")
+    return ", ".join(winds)
 
 
 def _wind_of(found: Found, flight: int) -> str:

@@ -138,7 +138,7 @@ def several_aircraft(at_once: int, flights: int) -> str:
     """Flights at the same time under one name."""
     return (
         f"{at_once} of {flights} flights are at the time of another one: more than one aircraft "
-        "has this name, so what is said of it may be of none"
+        "has this name, so its figures may mix them"
     )
 
 
@@ -158,7 +158,7 @@ def several_boards(boards: int) -> str:
     """Flights of several autopilots in turns."""
     return (
         f"{boards} autopilots flew in turns under this name: more than one aircraft has it, so "
-        "what is said of it may be of none"
+        "its figures may mix them"
     )
 
 
@@ -207,12 +207,12 @@ _GROUNDED: Mapping[str, str] = MappingProxyType(
 
 
 def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
-    """Flights after which nobody flies before it is known why, and what the last of them said."""
-    said = "; ".join(last["alarms"] or ()) if verdict == "damaged" else ""
+    """Flights after which nobody flies before it is known why, and the words of the last."""
+    cause = "; ".join(last["alarms"] or ()) if verdict == "damaged" else ""
     margin = last["worst_margin"]
     if verdict == "no_thrust" and known(margin):
-        said = f"least thrust margin {number(100.0 * margin, '%', 0)}, rotor {last['worst_rotor']}"
-    tail = f": {said}" if said else ""
+        cause = f"least thrust margin {number(100.0 * margin, '%', 0)}, rotor {last['worst_rotor']}"
+    tail = f": {cause}" if cause else ""
     return f"{_GROUNDED[verdict]} in {count} of the last {recent} flights{tail}"
 
 

@@ -52,7 +52,7 @@ _WEIGHT, _POWER, _ROTORS = range(3)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OutputCalibration:
-    """What a flight has said so far: for each 10 s the sums of three kinds of evidence.
+    """What a flight has shown so far: for each 10 s the sums of three kinds of evidence.
 
     The five sums are weight w [s], w ln N², w ln f, w ln V and w (lift error)².
     """
@@ -63,7 +63,7 @@ class OutputCalibration:
     last_share: Floats | None = None
 
     def before(self, index: int) -> Self:
-        """Without what was said in that 10 s and after it."""
+        """Without what was seen in that 10 s and after it."""
         return replace(self, bins={k: sums for k, sums in self.bins.items() if k < index})
 
     @property
@@ -298,14 +298,14 @@ def full_output_speed(
             there = np.log(voltage / airframe.ceiling_voltage)
             found = _with_evidence({}, track, airframe, share, there, seconds)
         bins |= {int(1e6 * number) + index: sums for index, sums in found.items()}
-    said = OutputCalibration(bins=bins)
-    if curve is None or said.seconds(_ROTORS) + said.seconds(_WEIGHT) < SPAN:
+    learnt = OutputCalibration(bins=bins)
+    if curve is None or learnt.seconds(_ROTORS) + learnt.seconds(_WEIGHT) < SPAN:
         raise DataError("no level flight with motor outputs and either rotor speeds or the weight")
     # Of two independent estimates the nearer one: the weight is by a curve that may be a guess.
-    useless = slice(0, _ROTORS) if said.seconds(_ROTORS) >= SPAN else slice(_ROTORS, None)
+    useless = slice(0, _ROTORS) if learnt.seconds(_ROTORS) >= SPAN else slice(_ROTORS, None)
     for sums in bins.values():
         sums[useless] = 0.0
-    solution, covariance = said.fit(airframe, curve)
+    solution, covariance = learnt.fit(airframe, curve)
     seconds, _, share, *_ = np.sum([sums.sum(axis=0) for sums in bins.values()], axis=0)
     # From the outputs flown to full output the curve's form is only assumed.
     form = 0.5 * curve.steepness_error * (share / seconds + np.log(HOVER_SHARE))

@@ -19,7 +19,7 @@ from thrustmargin.models.physics.airframe import Airframe
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Inferred:
-    """What the parts of a flight before said, for the next part of a live one."""
+    """What the earlier parts of a flight showed, for the next part of a live one."""
 
     outputs: OutputCalibration = field(default_factory=OutputCalibration)
     load: LoadEvidence = field(default_factory=LoadEvidence)
@@ -47,7 +47,7 @@ def prepared_part(
     parameters: Mapping[str, float],
     so_far: Inferred,
 ) -> tuple[FlightTrack, Inferred]:
-    """As `prepared` for the next rows of a flight, by what it said before them and in them.
+    """As `prepared` for the next rows of a flight, by what it showed before them and in them.
 
     The load is inferred without looking ahead, so that it differs from that of the whole flight.
     """

@@ -195,7 +195,7 @@ def test_what_still_stands_is_said_again_every_half_minute():
     fleet.take([f for _ in range(20) for f in vehicle.tick()])
     watch = fleet.vehicles[1]
     alarm = Alarm("margin", None, WARNING, "Thrust margin 41% below 50%: rotor 2", 0.0)
-    watch.alarms.standing[alarm.key] = alarm
+    watch.alarms.listed[alarm.key] = alarm
     announcer.on_event(1, AlarmEvent(alarm, AlarmState.CLEARED, 0.0))
     for _ in range(100):
         fleet.take(vehicle.tick(1.0))
@@ -215,7 +215,7 @@ def said_of(alarm: Alarm, seconds: int, *events: AlarmState) -> list[tuple[int, 
     announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
     fleet, vehicle = Fleet(MODEL), Vehicle()
     fleet.take([f for _ in range(20) for f in vehicle.tick()])
-    fleet.vehicles[1].alarms.standing[alarm.key] = alarm
+    fleet.vehicles[1].alarms.listed[alarm.key] = alarm
     announcer.on_event(1, AlarmEvent(alarm, AlarmState.CLEARED, 0.0))
     for _ in range(seconds):
         fleet.take(vehicle.tick(1.0))
@@ -238,7 +238,7 @@ def test_a_notice_that_becomes_a_warning_is_spoken_once():
     announcer.on_event(1, AlarmEvent(near, AlarmState.CLEARED, 0.0))
     for second in range(20):
         now = low if second in (5, 6, 9, 10) else near
-        fleet.vehicles[1].alarms.standing[near.key] = now
+        fleet.vehicles[1].alarms.listed[near.key] = now
         fleet.take(vehicle.tick(1.0))
         announcer.on_round(fleet, vehicle.stamp_us)
     assert texts(sent) == [(6, near.text), (WARNING, low.text)]

@@ -213,7 +213,7 @@ def test_a_row_is_not_old_while_the_next_one_is_not_overdue(tmp_path):
         now_us = vehicle.stamp_us + round(after_s * 1e6)
         view.round(fleet, now_us)
         cells = vehicle_cells(fleet.vehicles[3], now_us, 0.5, fleet.old_s)
-        return view.standing[0].old, "OLD" in cells[-1].plain
+        return view.summaries[0].old, "OLD" in cells[-1].plain
 
     assert old(1.4) == (False, False)
     assert old(1.7) == (True, True)

@@ -23,7 +23,7 @@ from tests.gcs_plugin.live.live_vehicle import ROOT, as_frame, log_frames, write
 from tests.gcs_plugin.live.monitored import AIRFRAME
 from tests.gcs_plugin.logs.log_files import with_rotor_speeds
 from tests.made_sources import sent
-from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
+from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import MISSION_MESSAGES, VehicleState, fold
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows

@@ -28,7 +28,7 @@ class Ground:
             self.fleet.take(vehicle.tick(rpm=(2000, 2000, 2300, 2000)))
             self.fleet.updates()
         alarm = Alarm("margin", None, WARNING, "Thrust margin 18% below 50%, rotor 3", 0.0)
-        self.fleet.vehicles[1].alarms.standing[alarm.key] = alarm
+        self.fleet.vehicles[1].alarms.listed[alarm.key] = alarm
         self.heard_us = vehicle.stamp_us
         self.now_us = self.heard_us + 400_000
         self.bar = PilotBar(lambda: self.now_us, limit=0.5, port=0, host="127.0.0.1")

@@ -9,9 +9,10 @@ import pytest
 from tests.browser import open_page
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view import replay_view
-from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.view_words import ALARMS_SOUGHT, ALARMS_UNKNOWN
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fault_test import RotorFault
 
 FAULT = RotorFault(kind="propeller", rotor=1, size=0.12, lower=0.09, upper=0.15)
@@ -35,7 +36,9 @@ def search(monkeypatch) -> threading.Event:
 
 @pytest.fixture
 def view(search):
-    view = ReplayView(flight(), port=0, paused=True, whole=WholeFlight("Enough thrust", "under"))
+    view = ReplayView(
+        flight(), port=0, paused=True, whole=FlightAnswer("Enough thrust", FlightLevel.UNDER)
+    )
     view.start()
     view.seek(25.0)
     yield view
@@ -64,7 +67,9 @@ def test_it_is_open_before_the_search_ends_and_calls_nothing_good_till_then(view
 
 
 def test_a_bad_verdict_does_not_wait_for_the_search(search):
-    view = ReplayView(flight(), port=0, paused=True, whole=WholeFlight("Too heavy", "critical"))
+    view = ReplayView(
+        flight(), port=0, paused=True, whole=FlightAnswer("Too heavy", FlightLevel.CRITICAL)
+    )
     view.start()
     try:
         assert view._screen.state()["first"]["level"] == "red"

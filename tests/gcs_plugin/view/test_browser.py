@@ -11,9 +11,10 @@ import pytest
 
 from tests.browser import open_page, screenshot_folder
 from tests.gcs_plugin.view.view_flight import flight
-from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.palette import MARGIN
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fault_test import RotorFault
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def analysis():
 
 @pytest.fixture(scope="module")
 def opened(analysis) -> Iterator[tuple[ReplayView, Page]]:
-    whole = WholeFlight("ABOVE THE 50 % LIMIT FOR 3 MIN", "over")
+    whole = FlightAnswer("ABOVE THE 50 % LIMIT FOR 3 MIN", FlightLevel.OVER)
     view = ReplayView(analysis, messages=[(0.0, EVIL)], port=0, paused=True, whole=whole)
     view.start()
     try:

@@ -15,17 +15,18 @@ from scipy.spatial.transform import Rotation
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
-from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView, run_replay
 from thrustmargin.gcs_plugin.view.scene.aircraft import spin_segments
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import grid_cell
 from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow, enu
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.palette import NO_DATA, seen_for
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import fault_history
@@ -129,7 +130,9 @@ def test_a_colour_and_its_legend_reach_the_page_together(view):
 
 
 def test_opened_after_its_end_it_rests_on_the_worst_moment_with_the_verdict(analysis):
-    view = ReplayView(analysis, port=0, speed=1e6, whole=WholeFlight("ABOVE THE LIMIT", "over"))
+    view = ReplayView(
+        analysis, port=0, speed=1e6, whole=FlightAnswer("ABOVE THE LIMIT", FlightLevel.OVER)
+    )
     view.start()
     try:
         settled(view, lambda: view.clock.ended)

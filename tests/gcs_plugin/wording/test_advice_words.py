@@ -58,6 +58,7 @@ ADVICE = Advice(
     rotor_count=4,
     rotor_names=("front right", "rear left", "front left", "rear right"),
     ends_in_flight=False,
+    goes_on=False,
     withheld=False,
 )
 FAULT = RotorFault(kind="propeller", rotor=2, size=0.12, lower=0.11, upper=0.13)
@@ -123,6 +124,11 @@ def test_what_to_do_follows_the_same_order():
         "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
         "for the load: fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
     )
+    # While it flies it is to land, and the fill waits; without a damage nobody is told to land.
+    flying = action(with_fault(FlightLevel.CRITICAL, goes_on=True))
+    assert flying.startswith("land; do not fly it before propeller, motor and ESC of rotor 3")
+    assert "kg" not in flying
+    assert action(replace(ADVICE, goes_on=True)) == action(ADVICE)
     assert action(ADVICE).startswith("fill at most 8.6 kg (8.6 L)")
     within = replace(ADVICE, levels=(FlightLevel.UNDER,))
     assert action(within).startswith("nothing; up to 8.6 kg (8.6 L)")

@@ -50,7 +50,7 @@ def said_live(sitl_logs) -> str:
     for first in range(0, len(frames), 400):
         fleet.take(frames[first : first + 400])
         fleet.updates()
-        alarms = fleet.vehicles[1].alarms.standing if fleet.vehicles else {}
+        alarms = fleet.vehicles[1].alarms.listed if fleet.vehicles else {}
         words = alarms[("rotor", 3)].text if ("rotor", 3) in alarms else words
     return words
 
@@ -76,7 +76,7 @@ def test_the_replay_shows_it_from_when_it_was_found(sitl_logs, said_live):
     ((log, claim),) = read_flights(sitl_logs / "onset" / "worn_prop_onset.tlog", model, given=False)
     view = ReplayView(analyse(log.track, model, claim=claim), port=0, paused=True)
     row = ShownRow(analyse(log.track, model, claim=claim), 0)
-    shown = {at: view._standing_at(at, row).headline for at in (100.0, 147.0, 200.0)}
+    shown = {at: view._summary_at(at, row).headline for at in (100.0, 147.0, 200.0)}
     assert shown[100.0] == ""
     assert "Rotor 3 front left >" in shown[147.0]  # as it was said then, while it grew
     assert said_live in shown[200.0]

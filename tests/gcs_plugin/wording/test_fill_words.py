@@ -60,5 +60,9 @@ def test_an_aircraft_without_a_tank_is_not_told_what_to_fill():
     assert heavy == (
         "Too heavy as it is: it would descend after losing a rotor; it has no tank to fill"
     )
+    unsure = fill(-2.0, "one rotor lost", nothing_fits="tank", limit_kg=-0.1, high_kg=0.4)
+    assert fill_advice(unsure, 0.5) == (
+        "Cannot tell whether it is too heavy as it is: weigh it; it has no tank to fill"
+    )
     full = fill_advice(fill(0.0, "take-off mass", nothing_fits="take-off mass"), 0.5)
     assert full == "Nothing to fill: empty it has the maker's maximum take-off mass already"

@@ -35,7 +35,7 @@ from rich.table import Table
 from scipy.stats import chi2
 
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import RULES
-from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
+from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge

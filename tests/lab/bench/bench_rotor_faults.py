@@ -68,7 +68,7 @@ def named(track: FlightTrack, model: RotorModel) -> Iterator[tuple[float, RotorF
             faults.landed(float(time_s))
             continue
         faults.add(float(time_s), row)
-        now = {(fault.kind, fault.rotor): fault for fault in faults.standing}
+        now = {(fault.kind, fault.rotor): fault for fault in faults.current}
         for key in now.keys() - before:
             yield float(time_s), now[key]
         before = set(now)

@@ -93,7 +93,7 @@ def seen(
     signals = fault_signals(analysis, slice(None))
     for time_s, row in zip(track.time_s, signals, strict=True):
         faults.add(float(time_s), row)
-    return list(faults.standing)
+    return list(faults.current)
 
 
 def lost(rotor: int, loss: float) -> np.ndarray:
@@ -215,10 +215,10 @@ def test_the_ground_long_enough_forgets_a_fault_and_a_bounce_does_not():
         faults = RotorFaults(MODEL)
         for row in rows:
             faults.add(float(row[0]), row)
-        assert len(faults.standing) == 1
+        assert len(faults.current) == 1
         faults.landed(90.0)
         faults.add(90.0 + pause, rows[0])
-        assert len(faults.standing) == left
+        assert len(faults.current) == left
 
 
 def test_the_history_of_a_flight_has_every_change_once():

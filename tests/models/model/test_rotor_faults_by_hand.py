@@ -151,7 +151,7 @@ def test_a_rotor_is_named_when_it_has_nearly_all_of_the_weight(wrong, said):
         jump = 1.0 if block >= 80 else 0.0
         test.add(0.7 * block, jump + 0.01 * rng.standard_normal(3), np.zeros((3, 1)))
         lowest = min(lowest, test._sound)
-        suspected |= {fault.rotors for fault in test.standing if fault.rotors}
+        suspected |= {fault.rotors for fault in test.current if fault.rotors}
     assert sorted(test.faults) == [0] * said
     # Until the other is excluded it is one of both.
     assert suspected <= {(0, 1)}
@@ -193,7 +193,7 @@ def test_which_blocks_a_test_reads(rows, excess, propeller, motor):
 class Heard:
     """What a test is given."""
 
-    standing = ()
+    current = ()
 
     def add(self, time_s, values, inputs) -> None:
         self.time_s, self.values, self.inputs = time_s, values, inputs
@@ -233,7 +233,7 @@ def test_a_part_can_have_been_changed_in_half_a_minute_on_the_ground():
         posterior = np.zeros(SIZES + 1)
         posterior[5] = 1.0
         faults._tests[1]._name(2, posterior, begins=False)
-        assert [f.rotor for f in faults.standing] == [2]
+        assert [f.rotor for f in faults.current] == [2]
         faults.landed(10.0)
         faults.add(10.0 + pause, row_of(10.0 + pause))
-        assert bool(faults.standing) == kept
+        assert bool(faults.current) == kept

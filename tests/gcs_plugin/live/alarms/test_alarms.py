@@ -10,7 +10,7 @@ import pytest
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, AlarmSettings, Debounce
 from thrustmargin.gcs_plugin.live.alarms.alarm_checks import RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import mass_verdict, pump_verdict, rotor_thrust
-from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
+from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance, virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
@@ -126,7 +126,7 @@ def test_the_recorded_onset_names_rotor_3_and_the_flight_without_it_none(sitl_lo
     assert 0.0 < raised[0][0] + log.clock_start_s - 180.0 < 10.0
     # While it still grows only its least size is given; then it is 12 %, with its interval.
     assert raised[0][4] == "Rotor 3 front left >6% less thrust: land"
-    (standing,) = [a.text for a in alarms.standing.values() if a.name == "rotor"]
+    (standing,) = [a.text for a in alarms.listed.values() if a.name == "rotor"]
     assert re.fullmatch(r"Rotor 3 front left 12% \(1[01]-1[34]\) less thrust: land", standing)
     assert len(standing) <= 50
     assert [e for e in watched(read["reference"].track) if e[2] == "rotor"] == []
@@ -141,7 +141,7 @@ def test_a_motor_whose_output_rises_and_its_speed_does_not_is_an_alarm_of_its_ow
     events = watched(replace(with_rotors(track, noise), throttle=output), alarms)
     assert [(e[1], e[2], e[3]) for e in events] == [(True, "motor", 3)]
     assert 0.0 < events[0][0] - 60.0 < 10.0
-    (standing,) = alarms.standing.values()
+    (standing,) = alarms.listed.values()
     assert re.fullmatch(r"Motor 3 front left \d+% \(\d+-\d+\) slow, or ESC: land", standing.text)
 
 
@@ -271,7 +271,7 @@ def test_while_an_alarm_stands_its_words_follow_the_numbers():
     for turn, used in enumerate((0.6, 0.55, 0.48)):
         track = hover(10.0, rpm=math.sqrt(used) * AIRFRAME.max_rotor_speed_rpm)
         watched(replace(track, time_s=track.time_s + 10.0 * turn), alarms)
-        said.append([a.text for a in alarms.standing.values() if a.name == "margin"])
+        said.append([a.text for a in alarms.listed.values() if a.name == "margin"])
     assert said == [
         ["Thrust margin 40% below 50%, rotor 1: fly gently"],
         ["Thrust margin 45% below 50%, rotor 1: fly gently"],
@@ -286,15 +286,15 @@ def test_a_margin_alarm_keeps_no_number_of_speeds_that_are_lost_and_is_cleared_b
     watched(low, alarms)
     silent = replace(low, time_s=low.time_s + 10.0, rotor_speed_rpm=low.rotor_speed_rpm * np.nan)
     watched(silent, alarms)
-    said = {a.name: a.text for a in alarms.standing.values()}
+    said = {a.name: a.text for a in alarms.listed.values()}
     assert said["margin"] == "Thrust margin was below 50%"
-    unsure = alarms.standing["margin", None]
+    unsure = alarms.listed["margin", None]
     assert (unsure.state, unsure.missing) == ("unconfirmed", "speeds")
     assert said["predicted margin"].startswith("Predicted margin")
     light = replace(silent, tank_kg=silent.tank_kg * 0.0)
     for later in (10.0, 20.0, 30.0):
         watched(replace(light, time_s=silent.time_s + later), alarms)
-    assert not {a.name for a in alarms.standing.values()} & {"margin", "predicted margin"}
+    assert not {a.name for a in alarms.listed.values()} & {"margin", "predicted margin"}
 
 
 def balance(**given: float) -> TankBalance:
@@ -374,7 +374,7 @@ def test_a_margin_that_comes_and_goes_with_each_corner_is_one_alarm_that_is_coun
     track = with_rotors(hover(120.0), low)
     events = [e for e in watched(track.rows(slice(0, 785)), alarms) if e[2] == "margin"]
     assert [(round(e[0], 1), e[1]) for e in events] == [(17.5, True)]
-    alarm = alarms.standing["margin", None]
+    alarm = alarms.listed["margin", None]
     assert (alarm.times, round(alarm.since_s, 1), round(alarm.last_s, 1)) == (5, 17.5, 77.5)
     assert alarm.line.endswith("(5 times in 1 min)")
     later = [e for e in watched(track.rows(slice(785, 1200)), alarms) if e[2] == "margin"]
@@ -416,7 +416,7 @@ def test_a_bad_rotor_stays_listed_without_a_verdict_speeds_or_link_and_is_confir
         ("raised", "telemetry", ""),
         ("unconfirmed", "rotor", "link"),
     ]
-    shown = sorted(alarms.standing.values(), key=lambda alarm: alarm.order)
+    shown = sorted(alarms.listed.values(), key=lambda alarm: alarm.order)
     assert [alarm.name for alarm in shown] == ["telemetry", "rotor"]
     assert shown[1].line.startswith("cannot be confirmed, telemetry lost: Rotor 3 front left 1")
 
@@ -437,7 +437,7 @@ def test_a_battery_that_collapses_is_an_alarm_of_its_own_and_one_not_reported_is
     assert [(round(e[0], 1), e[1]) for e in events] == [(31.0, True)]
     # 30 V of 14 cells; thrust goes with the square of the voltage, (30/54.6)^2 = 30 %.
     assert events[0][4] == "Battery 2.14 V/cell (-1.76), 70% less thrust: land"
-    assert alarms.standing["battery", None].severity == CRITICAL
+    assert alarms.listed["battery", None].severity == CRITICAL
     for unknown in (np.nan, 0.0):
         volts = np.where(np.arange(600) < 300, 54.6, unknown)
         found = watched(replace(hover(), voltage=volts))
@@ -511,8 +511,8 @@ def test_lost_control_comes_before_every_alarm_but_a_lost_link():
     low[:, 2] = 1.0
     low_margin = replace(moving(attitude=rolled(50.0, 60.0, 120.0)), throttle=low)
     watched(low_margin, alarms)
-    standing = sorted(alarms.standing.values(), key=lambda alarm: alarm.order)
+    standing = sorted(alarms.listed.values(), key=lambda alarm: alarm.order)
     assert [a.name for a in standing][:2] == ["control", "saturation"]
     alarms.heard(100.0, 5.0, np.full(4, np.nan))
-    standing = sorted(alarms.standing.values(), key=lambda alarm: alarm.order)
+    standing = sorted(alarms.listed.values(), key=lambda alarm: alarm.order)
     assert [a.name for a in standing][:2] == ["telemetry", "control"]

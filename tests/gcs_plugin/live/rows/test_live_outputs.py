@@ -7,7 +7,7 @@ import numpy as np
 from tests.gcs_plugin.live.live_vehicle import ROOT, log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
+from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log

@@ -166,7 +166,7 @@ def test_an_alarm_about_the_margin_cannot_be_confirmed_when_the_margin_is_withhe
             virtual_kg=np.full(rows, np.nan),
         )
         if second == 9:
-            assert ("margin", None) in vehicle.alarms.standing
-    unsure = vehicle.alarms.standing["margin", None]
+            assert ("margin", None) in vehicle.alarms.listed
+    unsure = vehicle.alarms.listed["margin", None]
     assert (unsure.state, unsure.missing) == ("unconfirmed", "verdict")
-    assert "does not fit" in vehicle.alarms.standing["airframe", None].text
+    assert "does not fit" in vehicle.alarms.listed["airframe", None].text

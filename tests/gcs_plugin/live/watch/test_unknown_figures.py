@@ -99,7 +99,7 @@ def test_without_any_speed_the_predicted_margin_is_shown_as_such_and_raises_its_
     cell = vehicle_cells(watch, now_us, 0.5)[1]
     assert "≈" in cell.plain
     assert cell.style != "green"
-    raised = {alarm.name: alarm.text for alarm in watch.alarms.standing.values()}
+    raised = {alarm.name: alarm.text for alarm in watch.alarms.listed.values()}
     assert raised["predicted margin"].startswith("Predicted margin 4")
     assert "margin" not in raised
     assert np.isnan(watch.last.analysis.utilisation[-1]).all()
@@ -108,10 +108,10 @@ def test_without_any_speed_the_predicted_margin_is_shown_as_such_and_raises_its_
 def test_a_predicted_alarm_is_over_once_speeds_are_heard_and_never_clears_a_measured_one(flight):
     half = flight[0].stamp_us + 60_000_000
     watch, _ = heard(flight, lambda f: f.stamp_us > half or not of_speed(f))
-    assert "predicted margin" not in {name for name, _ in watch.alarms.standing}
-    assert ("margin", None) in watch.alarms.standing
+    assert "predicted margin" not in {name for name, _ in watch.alarms.listed}
+    assert ("margin", None) in watch.alarms.listed
     watch, _ = heard(flight, lambda f: f.stamp_us < half or not of_speed(f))
-    assert ("margin", None) in watch.alarms.standing
+    assert ("margin", None) in watch.alarms.listed
 
 
 def test_a_vehicle_of_which_only_heartbeats_come_says_what_is_missing(flight):

@@ -20,10 +20,12 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
     Missing,
 )
 from thrustmargin.gcs_plugin.view.figures.screen import ACT, CHARTS, STATE, PageState, finite
-from thrustmargin.gcs_plugin.view.figures.standing import Standing, WholeFlight, first_line
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary, first_line
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server, stop_server
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -31,21 +33,21 @@ from thrustmargin.models.model.rotor_model import RotorModel
 LOW = Alarm("margin", None, CRITICAL, "Margin 12 %, limit 50 %", 40.0)
 TANK = Alarm("tank", None, WARNING, "Tank gauge and pump disagree", 41.0)
 NOTE = Alarm("esc", 2, NOTICE, "ESC 2 silent", 42.0)
-ONE = Standing(number=1, age=0.3, alarms=(TANK, NOTE))
+ONE = VehicleSummary(number=1, age=0.3, alarms=(TANK, NOTE))
 
 
-def with_line(one: Standing) -> Standing:
+def with_line(one: VehicleSummary) -> VehicleSummary:
     headline, because, level = first_line(one)
     return replace(one, headline=headline, because=because, level=level)
 
 
-def screen_of(*standing: Standing, **options) -> PageState:
+def screen_of(*standing: VehicleSummary, **options) -> PageState:
     return PageState(lambda: [with_line(one) for one in standing], **options)
 
 
 def given(screen: PageState) -> dict:
     """What the page's script is given when it is served."""
-    found = re.search(r"catalogues} = ({.*});", screen.insert.decode())
+    found = re.search(r"spoken} = ({.*});", screen.insert.decode())
     assert found
     return json.loads(found[1])
 
@@ -56,7 +58,7 @@ def status_of(screen: PageState, target: str) -> int:
     return answer[0]
 
 
-def standing_of(track: FlightTrack, model: RotorModel = MODEL, **options) -> Standing:
+def standing_of(track: FlightTrack, model: RotorModel = MODEL, **options) -> VehicleSummary:
     """The aircraft at the last row of a track, as a monitor that gets it has it."""
     row = ShownRow(analyse(track, model, **options), -1)
     return with_line(replace(ONE, row=row, alarms=()))
@@ -99,7 +101,7 @@ def test_every_grave_alarm_is_named_in_the_first_line():
 )
 def test_a_verdict_is_the_first_line_until_an_alarm_is(verdict: str, level: str):
     quiet = replace(ONE, alarms=())
-    whole = WholeFlight("The verdict", verdict, "do this")
+    whole = FlightAnswer("The verdict", FlightLevel(verdict), "do this")
     assert first_line(quiet, whole) == ("The verdict", "Do this", level)
     assert first_line(replace(ONE, alarms=(LOW,)), whole) == (LOW.text, "", "red")
     sought = first_line(replace(quiet, pending="being sought"), whole)

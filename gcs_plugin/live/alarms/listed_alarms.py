@@ -31,10 +31,11 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
     TELEMETRY,
 )
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
-from thrustmargin.models.model.rotor_faults import RotorFaults, fault_signals
+from thrustmargin.models.model.rotor_faults import FaultHistory, RotorFaults, fault_signals
 
 AGAIN = 60.0  # s within which an alarm that comes again is the same one
 UNSEEN = 3.0  # s for which nothing is known of an alarm before it cannot be confirmed
@@ -57,13 +58,18 @@ class Alarms:
     def __init__(self, settings: AlarmSettings | None = None) -> None:
         self.settings = AlarmSettings() if settings is None else settings
         #: Replaced one by one, never changed: other threads read what stands.
-        self.standing: dict[Key, Alarm] = {}
+        self.listed: dict[Key, Alarm] = {}
         self._faults: RotorFaults | None = None
         self._weighed_s = float("-inf")
         self._balance = BalanceWatch()
         self._rest_voltage = float("nan")
         self._conditions: dict[Key, _Condition] = {}
         self._cleared: dict[Key, tuple[Alarm, float]] = {}  # and when
+
+    @property
+    def fault_history(self) -> FaultHistory:
+        """When the faults of rotors and motors changed, by the vehicle's clock, and to what."""
+        return [] if self._faults is None else self._faults.history
 
     def rows(
         self,
@@ -180,7 +186,7 @@ class Alarms:
         unheard = silent > self.settings.silence
         if unheard or rows_behind > UNSEEN:
             missing = Missing.LINK if unheard else Missing.ROWS
-            for alarm in list(self.standing.values()):
+            for alarm in list(self.listed.values()):
                 if alarm.name not in {rule.name for rule in OF_THE_LINK}:
                     self._change(events, alarm, AlarmState.UNCONFIRMED, lost_s, missing)
         return events
@@ -209,8 +215,8 @@ class Alarms:
             begin = 0 if key in self._conditions else int(np.argmax(on))
             for row in range(begin, times.size):
                 if asked[row] or landed[row]:
-                    said = bool(on[row]), bool(off[row]), bool(known[row]), bool(over[row])
-                    self._step(events, rule, found, key, (row, k), float(times[row]), said, missing)
+                    seen = bool(on[row]), bool(off[row]), bool(known[row]), bool(over[row])
+                    self._step(events, rule, found, key, (row, k), float(times[row]), seen, missing)
 
     def _step(
         self,
@@ -220,11 +226,11 @@ class Alarms:
         key: Key,
         at: tuple[int, int],
         time_s: float,
-        said: tuple[bool, bool, bool, bool],
+        seen: tuple[bool, bool, bool, bool],
         missing: Missing,
     ) -> None:
-        """One row of one alarm: `said` is on, off, known and without an object."""
-        on, off, known, over = said
+        """One row of one alarm: `seen` is on, off, known and without an object."""
+        on, off, known, over = seen
         before = self._conditions.get(key)
         if before is None:
             if not on:
@@ -238,7 +244,7 @@ class Alarms:
         self._conditions[key] = _Condition(holds, seen_s, over_s)
         if holds.active and not before.debounce.active:
             self._begin(events, key, found, at, time_s)
-        alarm = self.standing.get(key)
+        alarm = self.listed.get(key)
         if alarm is None:
             if holds.since != holds.since:
                 del self._conditions[key]
@@ -253,7 +259,7 @@ class Alarms:
                 del self._conditions[key]
                 self._change(events, alarm, AlarmState.CLEARED, time_s)
             elif went:
-                self.standing[key] = replace(alarm, text=alarm.past or alarm.text)
+                self.listed[key] = replace(alarm, text=alarm.past or alarm.text)
 
     def _begin(
         self,
@@ -265,7 +271,7 @@ class Alarms:
     ) -> None:
         """A condition has held for its time: a new alarm, or one that comes again."""
         cleared, cleared_s = self._cleared.pop(key, (None, float("-inf")))
-        before = self.standing.get(key) or (cleared if time_s - cleared_s <= AGAIN else None)
+        before = self.listed.get(key) or (cleared if time_s - cleared_s <= AGAIN else None)
         if before is None:
             before = Alarm(*key, 0, "", time_s, AlarmState.CLEARED)
         else:
@@ -285,10 +291,10 @@ class Alarms:
         if state is AlarmState.UNCONFIRMED:
             now = replace(now, text=alarm.past or alarm.text)
         if state is AlarmState.CLEARED:
-            del self.standing[alarm.key]
+            del self.listed[alarm.key]
             self._cleared[alarm.key] = now, time_s
-        elif self.standing.get(alarm.key) != now:
-            self.standing[alarm.key] = now
+        elif self.listed.get(alarm.key) != now:
+            self.listed[alarm.key] = now
         if state is not alarm.state:
             events.append(AlarmEvent(now, alarm.state, time_s))
 
@@ -296,6 +302,6 @@ class Alarms:
 def _worded(alarm: Alarm, found: AlarmChecks, at: tuple[int, int]) -> Alarm:
     """An alarm with the words and the severity of a row."""
     rotors = () if found.rotors is None else found.rotors(*at)
-    past = "" if found.past is None else found.past(at[1])[:50]
-    text = found.text(*at)[:50]
+    past = "" if found.past is None else say(found.past(at[1]))[:50]
+    text = say(found.text(*at))[:50]
     return replace(alarm, severity=found.severity(*at), text=text, rotors=rotors, past=past)

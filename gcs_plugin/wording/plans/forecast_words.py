@@ -206,7 +206,7 @@ def assumed_words(made: ForecastParts) -> tuple[str, ...]:
 
 
 def _as_far(made: ForecastParts) -> str:
-    """What the answer does not reach: said in it, for it is read alone."""
+    """What the answer does not reach: stated in it, for it is read alone."""
     parts = [", AS FAR AS THE PLAN IS UNDERSTOOD"] if made.not_understood else []
     if "first part" in made.assumed:
         parts.append(f", FIRST {made.assumed['first part'][0]} MIN")

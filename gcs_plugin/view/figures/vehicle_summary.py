@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm
 from thrustmargin.gcs_plugin.live.link_vehicles import OLD
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.watch.update import Update
@@ -27,17 +28,8 @@ VERDICT_LEVEL: Mapping[str, Level] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class WholeFlight:
-    """The answer of a recorded flight in words, and its level of `models.model.advice`."""
-
-    words: str = ""
-    level: str = ""
-    action: str = ""  # what to do next
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
+class VehicleSummary:
     """One aircraft as it was last heard; the page shows the alarms of all."""
 
     number: int
@@ -51,7 +43,7 @@ class Standing:
     pending: str = ""  # why its alarms are not yet known
     gone: bool = False  # left for good: nothing of it is shown
     stale: str = ""  # fields that are no longer reported, in words
-    message: str = ""  # what it last said
+    message: str = ""  # its last message
     seconds_to_empty: float = math.nan  # inf: the tank does not fall
     fill: str = ""  # what to fill, while it stands on the ground
     mission: Mapping[int, Waypoint] | None = None
@@ -78,30 +70,47 @@ class Standing:
         return self.alarms, self.problem, self.gone
 
 
-def first_line(one: Standing, whole: WholeFlight | None = None) -> tuple[str, str, Level]:
-    """Headline, its reason and its level: of the gravest alarm, else of the `whole` flight.
+def first_line(one: VehicleSummary, whole: FlightAnswer | None = None) -> tuple[str, str, Level]:
+    """Headline, its reason and its level: of the gravest alarm, else of the flight.
 
-    Without either the headline is empty: the page then says
-    that there is no alarm, in green only on the ground or where the thrust left of all rotors is
-    known to be enough, and where nothing says that the loss of one would bring it down.
+    That is a `whole` one, or what flies now up to its last rows. Without either the headline is
+    empty: the page then says that there is no alarm, in green only on the ground or where the
+    thrust left of all rotors is known to be enough, and where nothing says that the loss of one
+    would bring it down.
     """
+    so_far = None if one.update is None else one.update.answer
     if one.alarms:
         first, *rest = one.alarms
         # Every grave one is named: one that is known must not hide another behind a number.
         grave = [alarm for alarm in rest if alarm.severity <= CRITICAL]
         reasons = ([first.line] if first.line != first.text else []) + [a.line for a in grave]
-        return first.text, " · ".join(reasons), level_of(first.severity)
+        level = level_of(first.severity)
+        if so_far is not None and of_verdict(so_far) == "red":
+            reasons.append(_sentence(so_far.action))
+            level = "red"
+        return first.text, " · ".join(reasons), level
     if whole is not None:
-        said = VERDICT_LEVEL.get(whole.level, "grey")
+        level = of_verdict(whole)
         # Not green before it is known whether there were alarms.
-        unsure = one.pending and said == "green"
-        do = whole.action[:1].upper() + whole.action[1:]
-        return whole.words, one.pending or do, "grey" if unsure else said
+        unsure = one.pending and level == "green"
+        do = _sentence(whole.action)
+        return whole.headline, one.pending or do, "grey" if unsure else level
     row = one.row
     if row is None or one.problem or one.pending or one.old:
         return "", one.pending, "grey"
+    if so_far is not None and of_verdict(so_far) in ("red", "amber"):
+        return so_far.headline, _sentence(so_far.action), of_verdict(so_far)
     calm = row.survives and (not row.flying or row.coloured_margin >= colours.ENOUGH)
     return "", one.pending, "green" if calm else "grey"
+
+
+def of_verdict(answer: FlightAnswer) -> Level:
+    """The level of a flight's answer."""
+    return VERDICT_LEVEL.get(answer.level, "grey")
+
+
+def _sentence(words: str) -> str:
+    return words[:1].upper() + words[1:]
 
 
 def level_of(severity: int) -> Level:

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.wording.forecast_words import (
+from thrustmargin.gcs_plugin.wording.plans.forecast_words import (
     ASSUMED,
     assumed_words,
     fill_words,

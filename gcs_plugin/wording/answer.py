@@ -1,0 +1,87 @@
+"""The answer of a flight as every surface shows it: one object, made from the one `Advice`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.advice_words import action, headline, suspects
+from thrustmargin.gcs_plugin.wording.fault_words import place_words
+from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
+from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.numbers import clock, number
+from thrustmargin.models.model.advice import Advice, FlightLevel
+
+
+@dataclass(frozen=True, slots=True)
+class FlightAnswer:
+    """The answer of a flight: in words, and as data for who draws or sorts it."""
+
+    headline: str = ""
+    level: FlightLevel = FlightLevel.UNKNOWN
+    action: str = ""  # what to do next; empty where nothing is known
+    rotors: tuple[int, ...] = ()  # from 1, that were found bad, or of one of which it was
+    fill_kg: float = math.nan  # to plan the next fill by, rounded down
+    brief: str = ""  # what to do after landing, in the 50 letters of a STATUSTEXT
+    until_s: float = math.nan  # of the flight, where it goes on; NaN of a whole one
+
+    @property
+    def line(self) -> str:
+        """All of it in a line: `Flight to 2:31: BELOW THE 50 % LIMIT: nothing; up to 9 kg`."""
+        which = say("last flight")
+        if not math.isnan(self.until_s):
+            which = say("flight to {clock}", clock=clock(self.until_s))
+        words = ": ".join(filter(None, (which, self.headline, self.action)))
+        return words[:1].upper() + words[1:]
+
+    @property
+    def gravity(self) -> float:
+        """0 of the gravest level, and more the better it is; NaN of none."""
+        return math.nan if self.level is FlightLevel.UNKNOWN else float(self.level.gravity)
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """Its fields, null for what is not known."""
+        return {
+            "headline": self.headline,
+            "level": self.level,
+            "action": self.action,
+            "rotors": list(self.rotors),
+            "fill_kg": None if math.isnan(self.fill_kg) else self.fill_kg,
+            "until_s": None if math.isnan(self.until_s) else round(self.until_s, 1),
+        }
+
+
+def answer_of(advice: Advice, until_s: float = math.nan) -> FlightAnswer:
+    """The answer in words; `until_s` is the last row of a flight that goes on."""
+    return FlightAnswer(
+        headline=headline(advice),
+        level=advice.level,
+        action=action(advice),
+        rotors=suspects(advice),
+        fill_kg=safe_kg(advice.fill),
+        brief=brief(advice),
+        until_s=until_s if advice.goes_on else math.nan,
+    )
+
+
+def brief(advice: Advice) -> str:
+    """What to do before the next flight, in 50 letters; empty where nothing is known."""
+    if FlightLevel.LOST in advice.levels:
+        return say(actions.GROUND_BRIEFLY)
+    if FlightLevel.DAMAGED in advice.levels:
+        rotors = suspects(advice)
+        which = actions.rotors_words(rotors)
+        if len(rotors) == 1 and advice.rotor_names:
+            which += f" {place_words(advice.rotor_names[rotors[0] - 1])}"
+        return say("Do not fly: look at {rotors}", rotors=which)
+    if FlightLevel.BATTERY in advice.levels:
+        volts = number(advice.battery.least_cell, "V", 2)
+        return say("Battery {volts} a cell: test or retire it", volts=volts)
+    if advice.level is FlightLevel.UNKNOWN or not math.isfinite(advice.fill.kg):
+        return ""
+    if advice.fill.nothing_fits is not None or advice.fill.kg <= 0.0:
+        return "" if advice.level is FlightLevel.UNDER else say("Too heavy: see thrustmargin fill")
+    return say("Next fill: at most {kg}", kg=number(safe_kg(advice.fill), "kg"))

@@ -1,0 +1,61 @@
+"""The language that is spoken: sentences are written in English, and looked up in a table.
+
+`sentences_de.toml` beside this file holds the German of each, by its English with the same
+{placeholders}; what is not in it stays English. Chosen by `--language de` with any command, or by
+the variable THRUSTMARGIN_LANGUAGE, as for MAVProxy and services.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from functools import cache
+from importlib import resources
+
+from thrustmargin.gcs_plugin.wording.view_words import LANGUAGES
+from thrustmargin.models.errors import DataError
+
+VARIABLE = "THRUSTMARGIN_LANGUAGE"
+
+
+def spoken() -> str:
+    """The code of the language, `en` unless another was chosen.
+
+    Raises DataError for one that there is not.
+    """
+    code = os.environ.get(VARIABLE, "").lower() or LANGUAGES[0]
+    if code not in LANGUAGES:
+        raise DataError(f"no language {code!r}; there are {', '.join(LANGUAGES)}")
+    return code
+
+
+@cache
+def translations(language: str) -> dict[str, str]:
+    """Sentences of a language by their English; none for English itself."""
+    if language == LANGUAGES[0]:
+        return {}
+    file = resources.files(__package__ or "") / f"sentences_{language}.toml"
+    return tomllib.loads(file.read_text("utf-8"))["sentences"]
+
+
+def say(english: str, **values: object) -> str:
+    """A sentence in the language that is spoken, with its {placeholders} filled in.
+
+    Without values it is taken as it is, braces and all.
+    """
+    language = spoken()
+    text = translations(language).get(english, english)
+    if not values:
+        return text
+    if language == LANGUAGES[0]:
+        return text.format(**values)
+    return text.format(**{name: _comma(value) for name, value in values.items()})
+
+
+def _comma(value: object) -> object:
+    """Numbers in a text with a decimal comma, and their intervals in its words."""
+    if not isinstance(value, str):
+        return value
+    text = re.sub(r"(?<=\d)\.(?=\d)", ",", value)
+    return re.sub(r"(?<=\d) to (?=\d)", f" {say('to')} ", text)
