@@ -52,7 +52,6 @@ Why = Literal[
     "jump to nothing",
     "jump to itself",
     "jump without end",
-    "too many items",
 ]
 
 

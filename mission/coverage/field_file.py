@@ -26,7 +26,7 @@ from thrustmargin.mission.coverage.outline import FieldOutline, LocalPlane, TooW
 from thrustmargin.models.errors import InstallError, PlanError
 from thrustmargin.models.whole_file import regular
 
-LARGEST_FILE = 32 * 2**20
+LARGEST_FILE = 16 * 2**20
 WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326")
 _SHAPEFILE = b"\x00\x00\x27\x0a"
 #: ISOXML kinds of polygon: the boundary; and water, buildings and obstacles, which are holes of it.
@@ -130,21 +130,22 @@ def _of_xml(root: Element, name: str) -> Iterator[Named]:
         raise PlanError(
             f"{name} is XML of another kind ({_kind(root)!r:.40}); KML or ISOXML is read"
         )
-    placemarks = [e for e in root.iter() if _kind(e) == "Placemark"]
-    for placemark in placemarks or [root]:
-        title = next((e.text or "" for e in placemark if _kind(e) == "name"), "")
-        for element in placemark.iter():
-            if _kind(element) == "Polygon":
-                rings = {"outerBoundaryIs": [], "innerBoundaryIs": []}
-                for boundary in element:
-                    if _kind(boundary) in rings:
-                        rings[_kind(boundary)] += _kml_rings(boundary)
-                outer = rings["outerBoundaryIs"]
-                if len(outer) != 1:
-                    raise PlanError(
-                        f"{name} has a polygon with {len(outer)} outlines; draw it again"
-                    )
-                yield title.strip(), _polygon(outer[0], rings["innerBoundaryIs"], name)
+    left = [(root, "")]  # no recursion: files can be nested deeper than that goes
+    while left:
+        element, title = left.pop()
+        if _kind(element) == "Placemark":
+            title = next((e.text or "" for e in element if _kind(e) == "name"), "").strip()
+        if _kind(element) != "Polygon":
+            left += [(child, title) for child in reversed(element)]
+            continue
+        rings = {"outerBoundaryIs": [], "innerBoundaryIs": []}
+        for boundary in element:
+            if _kind(boundary) in rings:
+                rings[_kind(boundary)] += _kml_rings(boundary)
+        outer = rings["outerBoundaryIs"]
+        if len(outer) != 1:
+            raise PlanError(f"{name} has a polygon with {len(outer)} outlines; draw it again")
+        yield title, _polygon(outer[0], rings["innerBoundaryIs"], name)
 
 
 def _kml_rings(boundary: Element) -> list[list[list[float]]]:

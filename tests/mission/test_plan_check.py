@@ -83,6 +83,15 @@ def test_the_fence_is_kept_inside_and_outside():
     assert faults(replace(plan, fence=(tree,))) == {"fence crossed": (5,)}
 
 
+def test_a_fence_that_crosses_itself_is_named_and_the_others_are_checked():
+    bow = FencePolygon(
+        inside=True, corners=((47.9, 10.9), (48.1, 11.1), (48.1, 10.9), (47.9, 11.1))
+    )
+    tree = FenceCircle(inside=False, centre=(48.001, 10.9999), radius=9.0)
+    found = faults(plan_of(*TWO_LINES, fence=(bow, tree)))
+    assert found == {"fence crosses itself": (), "fence crossed": (5,)}
+
+
 def test_the_date_line_and_the_pole_are_places():
     east, west = spot(10.0, 179.9999), spot(10.0, -179.9999)
     line = plan_of((22,), (216, 0.0), (16, east), (16, west), home=(10.0, 179.9995, 0.0))

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.logs.test_vehicles import dataflash
 from tests.gcs_plugin.logs.tlog_files import FLIGHT, WHOLE, link, stamped, written
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.logs.plan_source import read_plan
+from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 from thrustmargin.mission.plan import write_plan
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.errors import PlanError
