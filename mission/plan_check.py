@@ -40,9 +40,12 @@ PlanFault = Literal[
     "take-off missing",
     "never flown",
     "far away",
+    "another vehicle",
 ]
 #: Legs within this of the main heading are lines, degrees.
 ALONG = 20.0
+#: MAV_TYPE of what flies as a multirotor does: generic, with 4, 6, 8, 3, 12, 10 and other rotors.
+MULTIROTORS = frozenset({0, 2, 13, 14, 15, 29, 35, 43})
 #: A way between lines longer than so many spacings is no turn.
 TURN = 2.0
 #: m between two places that no sprayer flies in one mission.
@@ -105,6 +108,8 @@ def check_plan(
     found["mixed height frames"] += [s.item for s in heights if s.frame != usual[0][0]]
     found["jumps back"] += [i.number for i in plan.items if i.command in (DO_JUMP, DO_JUMP_TAG)]
     last = flown[-1].index if flown and flown[-1].kind == "return" else math.inf
+    if plan.vehicle not in MULTIROTORS:
+        found["another vehicle"].append(0)
     after = [i for k, i in enumerate(steps.executed) if k > last]
     found["never flown"] += [i.number for i in after if i.place is not None]
     return tuple(

@@ -50,6 +50,11 @@ def test_a_long_way_with_the_pump_on_is_no_turn():
     assert found["pump on in turns"] == (5, 7)
 
 
+def test_a_plan_of_a_plane_is_named():
+    assert faults(plan_of(*TWO_LINES, vehicle=1)) == {"another vehicle": ()}
+    assert faults(plan_of(*TWO_LINES, vehicle=13)) == {}
+
+
 def test_a_plan_that_sprays_nothing_by_itself_may_be_meant():
     plan = plan_of(*without(4, 6, 8, 10))
     assert "pump never on" not in faults(plan, sprays=False)

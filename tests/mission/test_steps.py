@@ -85,9 +85,9 @@ def test_an_inner_jump_counts_anew_but_for_ardupilot():
     ],
 )
 def test_a_jump_that_leads_nowhere_or_never_ends_is_named_at_once(row, why):
-    began = time.monotonic()
+    began = time.process_time()
     assert [w for _, w in whys((16, NORTH), row, (16, NORTH))] == [why]
-    assert time.monotonic() - began < 2.0
+    assert time.process_time() - began < 2.0
 
 
 def test_a_jump_that_is_never_done_with_is_not_flown_at_all():

@@ -65,6 +65,10 @@ FAULTS: Mapping[str, tuple[str, str]] = {
     ),
     "take-off missing": ("the plan has no take-off", "add one as its first item"),
     "never flown": ("these come after the return and are never flown", "move them before it"),
+    "another vehicle": (
+        "the plan is for another kind of vehicle and is flown here as of a multirotor",
+        "plan it for a multirotor",
+    ),
     "far away": ("places are over 20 km apart", "check latitude and longitude"),
 }
 _SHOWN = 5  # items that are listed
