@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 
 _ENDINGS = (".plan", ".mission", ".waypoints")
+#: What `cover` reads.
+_FIELDS = (".kml", ".kmz", ".geojson", ".shp", ".xml")
 _FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
 
 
@@ -41,6 +43,11 @@ def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:
             head = file.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n")
     except OSError as error:
         raise PlanError(f"{path} cannot be read: {error.strerror}") from error
+    if path.suffix.lower() in _FIELDS:
+        raise PlanError(
+            f"{path.name} is a field, not a plan; make its route first: "
+            f"thrustmargin cover {path.name} --swath 5 -o field.plan"
+        )
     if path.suffix.lower() in _ENDINGS or head.startswith((b"{", b"[", b"QGC WPL")):
         return plan_files.read_plan(path)
     return _plan_of_log(path, vehicle)

@@ -100,3 +100,10 @@ def test_what_is_no_plan_is_one_clear_error(tmp_path: Path, content: bytes, word
     assert "\n" not in str(caught.value)
     with pytest.raises(PlanError, match="absent cannot be read"):
         read_plan(tmp_path / "absent")
+
+
+@pytest.mark.parametrize("name", ["north.kml", "north.SHP", "TASKDATA.XML"])
+def test_a_field_is_no_plan_and_what_makes_one_is_said(tmp_path: Path, name: str):
+    (tmp_path / name).write_text("<kml/>")
+    with pytest.raises(PlanError, match=f"{name} is a field, not a plan; .*thrustmargin cover"):
+        read_plan(tmp_path / name)
