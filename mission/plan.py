@@ -68,6 +68,8 @@ MOST_COMMAS = 32 * MOST_ITEMS
 _WPL = "QGC WPL"
 _WPL_VERSION = "110"
 _COLUMNS = 12
+#: Words of other writers that JSON does not have: NaN is null, and the others name their item.
+_CONSTANTS = {"Infinity": math.inf, "-Infinity": -math.inf}
 
 
 def read_plan(path: Path) -> MissionPlan:
@@ -93,7 +95,7 @@ def read_plan(path: Path) -> MissionPlan:
     if text.count(",") > MOST_COMMAS:
         raise too_many(name)
     try:
-        content = json.loads(text, parse_constant=_no_number)
+        content = json.loads(text, parse_constant=_CONSTANTS.get)
     except (ValueError, RecursionError) as error:
         why = f"{error!s:.80}"
         raise PlanError(f"{name} is not a QGroundControl plan ({why}); {SAVE_AGAIN}") from error
@@ -121,10 +123,6 @@ def _newer_item(entry: dict[str, Any]) -> dict[str, Any]:
     found = {key: value for key, value in entry.items() if key != "id"}
     found["params"] = [entry.get(f"param{k}") for k in range(1, 5)]
     return found | ({"doJumpId": entry["id"]} if "id" in entry else {})
-
-
-def _no_number(word: str) -> float:
-    raise ValueError(f"{word} is no number")
 
 
 def _plan_of_waypoints(text: str, name: str) -> MissionPlan:

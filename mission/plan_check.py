@@ -36,12 +36,16 @@ PlanFault = Literal[
     "mixed height frames",
     "jumps back",
     "fence crossed",
+    "fence crosses itself",
     "take-off missing",
     "never flown",
     "far away",
+    "another vehicle",
 ]
 #: Legs within this of the main heading are lines, degrees.
 ALONG = 20.0
+#: MAV_TYPE of what flies as a multirotor does: generic, with 4, 6, 8, 3, 12, 10 and other rotors.
+MULTIROTORS = frozenset({0, 2, 13, 14, 15, 29, 35, 43})
 #: A way between lines longer than so many spacings is no turn.
 TURN = 2.0
 #: m between two places that no sprayer flies in one mission.
@@ -84,7 +88,10 @@ def check_plan(
     legs = _legs(plan, flown)
     if flown and flown[0].kind != "take-off":
         found["take-off missing"].append(flown[0].item)
-    found["fence crossed"] += _crossed(plan, legs)
+    areas = [(area.inside, _shape(area, plan.home)) for area in plan.fence]
+    sound = [(inside, shape) for inside, shape in areas if shape.is_valid]
+    found["fence crosses itself"] += [0] * (len(areas) - len(sound))
+    found["fence crossed"] += _crossed(plan, legs, sound)
     length = np.linalg.norm(legs.end - legs.start, axis=1)
     away = np.linalg.norm(legs.end, axis=1)
     found["far away"] += [legs.steps[k].item for k in np.flatnonzero((length > FAR) | (away > FAR))]
@@ -101,6 +108,8 @@ def check_plan(
     found["mixed height frames"] += [s.item for s in heights if s.frame != usual[0][0]]
     found["jumps back"] += [i.number for i in plan.items if i.command in (DO_JUMP, DO_JUMP_TAG)]
     last = flown[-1].index if flown and flown[-1].kind == "return" else math.inf
+    if plan.vehicle not in MULTIROTORS:
+        found["another vehicle"].append(0)
     after = [i for k, i in enumerate(steps.executed) if k > last]
     found["never flown"] += [i.number for i in after if i.place is not None]
     return tuple(
@@ -123,11 +132,12 @@ def _legs(plan: MissionPlan, steps: Sequence[Step]) -> _Legs:
     return _Legs(start=points[:-1], end=points[1:], steps=tuple(steps[k] for k in placed))
 
 
-def _crossed(plan: MissionPlan, legs: _Legs) -> list[int]:
-    """Items to which a way leads that is not inside the geofence."""
-    inside, outside = [], []
-    for area in plan.fence:
-        (inside if area.inside else outside).append(_shape(area, plan.home))
+def _crossed(
+    plan: MissionPlan, legs: _Legs, areas: Sequence[tuple[bool, shapely.Geometry]]
+) -> list[int]:
+    """Items to which a way leads that is not inside the geofence of `areas` to stay in or not."""
+    inside = [shape for stay, shape in areas if stay]
+    outside = [shape for stay, shape in areas if not stay]
     lines = shapely.linestrings(legs.flat)
     crossed = np.zeros(len(legs.steps), dtype=np.bool_)
     if inside:
@@ -148,7 +158,7 @@ def _shape(area: FencePolygon | FenceCircle, home: tuple[float, float, float]) -
     points = np.column_stack([east, north])
     if isinstance(area, FenceCircle):
         return shapely.buffer(shapely.Point(points[0]), area.radius, quad_segs=32)
-    return shapely.make_valid(shapely.Polygon(points))
+    return shapely.Polygon(points)
 
 
 def _between_lines(legs: _Legs, found: dict[PlanFault, list[int]]) -> None:

@@ -52,7 +52,6 @@ Why = Literal[
     "jump to nothing",
     "jump to itself",
     "jump without end",
-    "too many items",
 ]
 
 
@@ -170,8 +169,10 @@ def check_item(item: PlanItem, where: str) -> None:
     """Raise PlanError, which begins with `where`, for a place that is none or has no height."""
     place = item.place
     if place is None:
-        if item.command in NEEDS_PLACE and not math.isfinite(sum(item.parameters[4:6])):
-            raise PlanError(f"{where} is a waypoint without a place; give it one and save again")
+        unknown = [math.isnan(value) for value in item.parameters[4:6]]
+        half = item.command in PLACE_COMMANDS and any(unknown) and not all(unknown)
+        if half or (item.command in NEEDS_PLACE and any(unknown)):
+            raise PlanError(f"{where} has no place; give it one and save again")
         return
     check_place(place[0], place[1], where=where)
     if not math.isfinite(place[2]):

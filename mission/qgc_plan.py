@@ -35,6 +35,8 @@ from thrustmargin.models.errors import PlanError
 ALTITUDE_MODE = {FRAME_AMSL: 2, FRAME_ABOVE_HOME: 1, FRAME_ABOVE_GROUND: 4}
 #: Versions of a file, of its mission, fence and rally points, and of the older file.
 _VERSION, _MISSION_VERSION, _PARTS_VERSIONS, _OLD_VERSIONS = (1,), (2,), (1, 2), (2,)
+#: Corners of a geofence at most, and for how many of them a circle counts.
+MOST_FENCE, CIRCLE = 10_000, 100
 SAVE_AGAIN = "save the mission again from QGroundControl as .plan"
 
 
@@ -266,6 +268,9 @@ def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
                 radius=radius,
             )
         )
+    size = sum(len(a.corners) if isinstance(a, FencePolygon) else CIRCLE for a in found)
+    if size > MOST_FENCE:
+        raise PlanError(f"{where} has more corners than any vehicle holds; simplify it")
     return tuple(found)
 
 
@@ -275,6 +280,8 @@ def _rally(content: Any, where: str) -> tuple[tuple[float, float, float], ...]:
     if not isinstance(content, dict) or not isinstance(content.get("points", []), list):
         raise PlanError(f"{where} are no points; save the plan again from QGroundControl")
     _version_notes(content, _PARTS_VERSIONS, where)
+    if len(content.get("points", [])) > MOST_FENCE:
+        raise PlanError(f"{where} are more than any vehicle holds; leave some out")
     found = [_numbers(p, 3, where=where, what="point") for p in content.get("points", [])]
     for latitude, longitude, _ in found:
         check_place(latitude, longitude, where=f"{where} point")

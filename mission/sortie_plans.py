@@ -31,7 +31,7 @@ REACH = 3000.0
 #: Degrees by which a way bends at least where a line ends.
 BEND = 30.0
 _FLOWN = ("fly", "spline")
-_JUMPS = ("jump to nothing", "jump to itself", "jump without end", "too many items")
+_JUMPS = ("jump to nothing", "jump to itself", "jump without end")
 
 
 def line_ends(plan: MissionPlan, steps: PlanSteps) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -46,8 +46,8 @@ WITHOUT_PART = frozenset(
 )
 SERVO_OUTPUT_SPRAYER = 22  # SERVOn_FUNCTION of ArduPilot's sprayer pump
 
-#: Items executed at most, jumps followed: a mission of the most items flown once, and half again.
-MOST_EXECUTED = 100_000
+#: Items flown again by jumps, beyond which a jump counts as one without an end.
+MOST_AGAIN = 20_000
 
 StepKind = Literal["take-off", "fly", "spline", "turns", "wait", "climb", "land", "return"]
 ALL: tuple[Touched, ...] = ("distance", "time", "load")
@@ -152,7 +152,7 @@ def pump_switch(pump: PumpOutput, *, on: bool) -> PlanItem:
 def plan_steps(plan: MissionPlan, pump: PumpOutput | None = None) -> PlanSteps:
     """The steps of `plan` on a vehicle whose pump hangs at `pump` (None: not known)."""
     walk = _Walk(plan.firmware, pump or PumpOutput(), list(plan.not_understood))
-    executed = tuple(_executed(plan, walk))
+    executed = _executed(plan, walk)
     for index, item in enumerate(executed):
         walk.take(index, item)
         if item.command in (RETURN_TO_LAUNCH, LOITER_UNLIMITED):
@@ -160,7 +160,7 @@ def plan_steps(plan: MissionPlan, pump: PumpOutput | None = None) -> PlanSteps:
     seen = dict.fromkeys(walk.open)
     return PlanSteps(
         steps=tuple(walk.steps),
-        executed=executed,
+        executed=tuple(executed),
         not_understood=tuple(seen),
         pump_at_end=walk.pump,
     )
@@ -276,8 +276,8 @@ class _Walk:
             self.pump = value > 0.5
 
 
-def _executed(plan: MissionPlan, walk: _Walk) -> Iterable[PlanItem]:
-    """The items in the order of execution; jumps are followed, with a bound."""
+def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
+    """The items in the order of execution; jumps are followed, unless that takes too many."""
     items = plan.items
     numbers = Counter(item.number for item in items)
     at_number: dict[float, int] = {
@@ -287,19 +287,18 @@ def _executed(plan: MissionPlan, walk: _Walk) -> Iterable[PlanItem]:
         item.parameters[0]: k for k, item in enumerate(items) if item.command == JUMP_TAG
     }
     left: dict[int, float] = {}
-    at = count = 0
+    done: list[PlanItem] = []
+    at = jumps = 0
+    before_jumps = len(items)  # executed before the first that is followed
     while at < len(items):
         item = items[at]
-        if count >= MOST_EXECUTED:
-            walk.name(item, "jump without end" if left else "too many items", *ALL)
-            return
-        count += 1
         if item.command not in (DO_JUMP, DO_JUMP_TAG):
-            yield item
+            done.append(item)
             at += 1
             continue
         target, repeats, *_ = item.parameters
         goal = (at_number if item.command == DO_JUMP else at_tag).get(target)
+        jumps += 1
         why: Why | None = None
         if goal is None or not math.isfinite(repeats):
             why = "jump to nothing"
@@ -307,13 +306,17 @@ def _executed(plan: MissionPlan, walk: _Walk) -> Iterable[PlanItem]:
             why = "jump to itself"
         elif repeats < 0.0:
             why = "jump without end"
+        elif len(done) + jumps > len(items) + MOST_AGAIN:
+            why, done = "jump without end", done[:before_jumps]
         if goal is None or why is not None:
             walk.name(item, why or "jump to nothing", *ALL)
-            return
+            return done
         if left.setdefault(at, repeats) >= 1.0:
+            before_jumps = min(before_jumps, len(done))
             left[at] -= 1.0
             at = goal
             continue
         if plan.firmware != FIRMWARE_ARDUPILOT:
             del left[at]  # the others count anew when they come by again
         at += 1
+    return done

@@ -19,9 +19,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
     from thrustmargin.gcs_plugin.logs import read_log, read_sorties
-    from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.mission.ahead.plan_forecast import forecast
     from thrustmargin.models.identification.loop import identify
     from thrustmargin.models.model.advice import advise
@@ -36,7 +36,7 @@ _HOMES = {
     "identify": "thrustmargin.models.identification.loop",
     "load_model": "thrustmargin.models.model.model_file",
     "read_log": "thrustmargin.gcs_plugin.logs",
-    "read_plan": "thrustmargin.gcs_plugin.logs.plan_source",
+    "read_plan": "thrustmargin.gcs_plugin.commands.shared.plan_source",
     "read_sorties": "thrustmargin.gcs_plugin.logs",
 }
 

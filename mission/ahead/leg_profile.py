@@ -19,61 +19,84 @@ import numpy as np
 from thrustmargin.models.flight import Floats
 
 SAMPLES = 257  # of a pulse, over which it is summed
+FINEST = 0.01  # m/s in steps of which a short leg's top speed is found, so that legs share pulses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LegProfile:
-    """A leg in time; tables of the pulse of acceleration have (SAMPLES,) rows."""
+class Pulse:
+    """Speeding up from rest in time; backwards it is braking. Tables have (SAMPLES,) rows."""
 
-    length: float  # m
     top_speed: float  # m/s that is reached
-    pulse_s: float  # s of speeding up, and of braking
-    cruise_s: float  # s between them
-    at_s: Floats  # s since the pulse began
+    seconds: float
+    at_s: Floats  # s since it began
     way: Floats  # m
     speed: Floats  # m/s
     acceleration: Floats  # m/s²
 
     @property
+    def length(self) -> float:
+        """m of way."""
+        return float(self.way[-1])
+
+    def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Way m, speed m/s and acceleration m/s² so many s (N,) after its start."""
+        inside = np.clip(time_s, 0.0, self.seconds)
+        gained = np.interp(inside, self.at_s, self.acceleration)
+        return (
+            np.interp(inside, self.at_s, self.way),
+            np.interp(inside, self.at_s, self.speed),
+            np.where((time_s < 0.0) | (time_s > self.seconds), 0.0, gained),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LegProfile:
+    """A leg in time: a pulse, the top speed held, and the pulse backwards."""
+
+    length: float  # m
+    pulse: Pulse
+    cruise_s: float  # s between speeding up and braking
+
+    @property
+    def top_speed(self) -> float:
+        return self.pulse.top_speed
+
+    @property
     def seconds(self) -> float:
-        return 2.0 * self.pulse_s + self.cruise_s
+        return 2.0 * self.pulse.seconds + self.cruise_s
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Way m, speed m/s and acceleration m/s² so many s (N,) after the start."""
-        left = self.seconds - time_s
-        first, last = time_s < self.pulse_s, left < self.pulse_s
-        near = np.where(first, time_s, left)
-        way, speed, gained = self.pulse(near)
-        between = (time_s - self.pulse_s) * self.top_speed + self.way[-1]
+        pulse, left = self.pulse, self.seconds - time_s
+        first, last = time_s < pulse.seconds, left < pulse.seconds
+        way, speed, gained = pulse.at(np.where(first, time_s, left))
+        between = (time_s - pulse.seconds) * self.top_speed + pulse.length
         return (
             np.where(first, way, np.where(last, self.length - way, between)),
             np.where(first | last, speed, self.top_speed),
             np.where(first, gained, np.where(last, -gained, 0.0)),
         )
 
-    def pulse(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """The same while it speeds up; with s before the end, of braking, backwards."""
-        inside = np.clip(time_s, 0.0, self.pulse_s)
-        gained = np.interp(inside, self.at_s, self.acceleration)
-        return (
-            np.interp(inside, self.at_s, self.way),
-            np.interp(inside, self.at_s, self.speed),
-            np.where((time_s < 0.0) | (time_s > self.pulse_s), 0.0, gained),
-        )
 
-
-@lru_cache(maxsize=4096)
 def leg_profile(
     length: float, speed: float, acceleration: float, jerk: float, snap: float
 ) -> LegProfile:
     """The profile of a leg of `length` m; the top speed is lower where the leg is too short."""
     low, high = 0.0, speed
     if _pulse_seconds(speed, acceleration, jerk, snap) * speed > length:
-        for _ in range(50):
+        while high - low > 1e-3 * FINEST:
             middle = 0.5 * (low + high)
             short = _pulse_seconds(middle, acceleration, jerk, snap) * middle > length
             low, high = (low, middle) if short else (middle, high)
-        speed = max(low, 1e-6)
+        speed = max(math.floor(low / FINEST + 0.01) * FINEST, FINEST)
+    pulse = speeding_up(speed, acceleration, jerk, snap)
+    rest = max(length - 2.0 * pulse.length, 0.0)
+    return LegProfile(length=length, pulse=pulse, cruise_s=rest / speed)
+
+
+@lru_cache(maxsize=4096)
+def speeding_up(speed: float, acceleration: float, jerk: float, snap: float) -> Pulse:
+    """From rest to `speed`; the same one for the same limits."""
     peak, steep, ramp, held, flat = _pulse(speed, acceleration, jerk, snap)
     seconds = 2.0 * (2.0 * ramp + held) + flat
     at_s = np.linspace(0.0, seconds, SAMPLES)
@@ -84,11 +107,9 @@ def leg_profile(
     gain = np.append(0.0, np.cumsum(0.5 * (gained[1:] + gained[:-1]) * step))
     gain *= speed / gain[-1]
     way = np.append(0.0, np.cumsum(0.5 * (gain[1:] + gain[:-1]) * step))
-    return LegProfile(
-        length=length,
+    return Pulse(
         top_speed=speed,
-        pulse_s=seconds,
-        cruise_s=max(length - 2.0 * float(way[-1]), 0.0) / speed,
+        seconds=seconds,
         at_s=at_s,
         way=way,
         speed=gain,

@@ -217,7 +217,7 @@ def _spans(timed: Sequence[TimedLeg], time_s: Floats, off: Floats) -> tuple[Span
         bend = abs(math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b)))
         if bend < BEND:
             continue
-        begin, end = one.end_s - one.profile.pulse_s, two.start_s + two.profile.pulse_s
+        begin, end = one.end_s - one.profile.pulse.seconds, two.start_s + two.profile.pulse.seconds
         row = int(np.searchsorted(time_s, end))
         while row < time_s.size and uneasy[row]:
             row += 1

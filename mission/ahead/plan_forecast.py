@@ -60,8 +60,10 @@ DIRECTIONS = 8
 #: Times that the nose turns by 0.7 slower where the rotors have no moment for what is asked: an
 #: autopilot gives up yaw before roll, pitch and thrust.
 SLOWER = 6
-#: s of a plan that are flown in detail: some sorties; the rest by time, way and litres alone.
-IN_DETAIL_S, WIND_TRIED_S = 900.0, 240.0
+#: s of a plan that is flown whole; of a longer one so much at first, which is about a sortie, and
+#: so much at most of the rest, of what is unlike that.
+WHOLE_S, FIRST_S, UNLIKE_S = 1350.0, 300.0, 600.0
+WIND_TRIED_S = 240.0
 LONGEST_LEG_S = 7200.0  # with its wait, more than any battery of a multirotor lasts
 
 
@@ -150,7 +152,7 @@ def forecast(
     origin = Origin(latitude_deg=home[0], longitude_deg=home[1], altitude=altitude)
 
     timed = timed_legs(legs)
-    legs = legs[: _within(timed, IN_DETAIL_S)]
+    legs = legs[: _within(timed, FIRST_S, WHOLE_S)]
     _refuse_endless(timed[: len(legs)])
 
     def fly(
@@ -162,7 +164,7 @@ def forecast(
         return fly_plan("the plan", legs, limits, model, given, origin=origin, anew=anew)
 
     if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
-        first = legs[: _within(timed, WIND_TRIED_S)]
+        first = legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)]
         given = _worst_wind(given, day.wind, model, lambda g: fly(g, legs=first))
         assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
     once = fly(given)
@@ -189,7 +191,7 @@ def forecast(
         mass=craft.empty_mass + given.fill_kg,
         usable_wh=usable,
         windy=given.wind_ned != STILL,
-        longest_s=IN_DETAIL_S,
+        longest_s=UNLIKE_S,
     )
     flight = (
         fly(given, parts.anew, limits, parts.legs) if len(timed) > len(legs) or parts.anew else once
@@ -197,7 +199,7 @@ def forecast(
     back = energy_back(flight, limits, model, given.wind_ned)
     if len(legs) < len(timed):
         assumed["first part" if parts.unlike else "alike"] = (
-            f"{once.track.duration / 60.0:.0f}",
+            f"{flight.track.duration / 60.0:.0f}",
             f"{taken.time_s[-1] / 60.0:.0f}",
         )
     analysis = _analysis(flight, model)
@@ -276,10 +278,10 @@ def _refuse_endless(timed: Sequence[TimedLeg]) -> None:
             )
 
 
-def _within(timed: Sequence[TimedLeg], seconds: float) -> int:
-    """How many legs are flown until then, at least; all where not many more are."""
+def _within(timed: Sequence[TimedLeg], seconds: float, whole_s: float) -> int:
+    """How many legs are flown until then, at least; all of a plan of `whole_s` at most."""
     ends = [leg.end_s for leg in timed]
-    return len(timed) if ends[-1] <= 1.5 * seconds else bisect.bisect(ends, seconds) + 1
+    return len(timed) if ends[-1] <= whole_s else bisect.bisect(ends, seconds) + 1
 
 
 def _analysis(flight: PlanFlight, model: RotorModel) -> FlightAnalysis:

@@ -110,7 +110,9 @@ def plan_legs(
             if step.turns:
                 way.wait(step.turns * 2.0 * math.pi * step.radius / (speed or limits.speed))
     if not way.legs:
-        raise PlanError("the plan flies nowhere: it has no place but home")
+        unknown = next((n for n in steps.not_understood if n.why == "unknown command"), None)
+        why = "" if unknown is None else f"; item {unknown.item} is MAV_CMD {unknown.command}"
+        raise PlanError(f"the plan flies nowhere: it has no place but home{why}")
     return tuple(way.legs)
 
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from thrustmargin.mission.ahead.leg_profile import LegProfile, leg_profile
+from thrustmargin.mission.ahead.leg_profile import LegProfile, Pulse, leg_profile
 from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.models.flight import Floats
 
@@ -24,7 +24,7 @@ TRIED_S = 0.02  # s between the moments at which a corner is tried
 SHORTEST = 0.05  # m of a leg
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class WayLeg:
     """One straight leg to fly; limits are those along it."""
 
@@ -44,18 +44,23 @@ class WayLeg:
     pump: bool = False
     heading: float | None = None  # rad that the plan orders
 
-    @property
+    @cached_property
     def vector(self) -> Floats:
         return self.end_ned - self.start_ned
 
-    @property
-    def vertical(self) -> bool:
-        return bool(np.hypot(*self.vector[:2]) < abs(self.vector[2]))
+    @cached_property
+    def length(self) -> float:
+        return math.hypot(*self.vector.tolist())
 
     @property
+    def vertical(self) -> bool:
+        north, east, down = self.vector.tolist()
+        return math.hypot(north, east) < abs(down)
+
+    @cached_property
     def profile(self) -> LegProfile:
         return leg_profile(
-            round(float(np.linalg.norm(self.vector)), 2),
+            round(self.length, 2),
             self.speed,
             self.acceleration,
             self.jerk,
@@ -92,11 +97,13 @@ def way_leg(
     heading: float | None = None,
 ) -> WayLeg | None:
     """A leg within the limits of the vehicle; None where it leads nowhere."""
-    vector = end_ned - start_ned
-    length = float(np.linalg.norm(vector))
+    north, east, down = (end_ned - start_ned).tolist()
+    length = math.hypot(north, east, down)
     if length < SHORTEST:
         return None
-    level, rise = float(np.hypot(*vector[:2])) / length, float(-vector[2]) / length
+    # In steps of half a degree: over uneven ground no two legs rise alike.
+    rise = round(-down / length, 2)
+    level = math.sqrt(1.0 - rise**2)
     vertical = limits.climb_speed if climb_speed is None else climb_speed
     if rise < 0.0:
         vertical = limits.descent_speed if descent_speed is None else descent_speed
@@ -146,55 +153,47 @@ def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, 
 
 def _overlap(leg: WayLeg, following: WayLeg, *, most: float) -> float:
     """s before the end of a leg at which the next starts."""
-    here, there = leg.profile, following.profile
-    longest = min(here.pulse_s, there.pulse_s, most)
-    one, two = (x.vector / np.linalg.norm(x.vector) for x in (leg, following))
-    level = one[:2] @ two[:2], one[0] * two[1] - one[1] * two[0]
-    bend = math.atan2(level[1], level[0])
-    # Fields have thousands of corners alike: to a hundredth of a degree, millimetre and second.
+    here, there = leg.profile.pulse, following.profile.pulse
+    longest = min(here.seconds, there.seconds, most)
+    (a, b, down_one), (c, d, down_two) = leg.vector.tolist(), following.vector.tolist()
+    bend = math.atan2(a * d - b * c, a * c + b * d)
+    # Fields have thousands of corners alike: to half a degree and a step of time.
     return _overlap_of(
-        (round(bend, 4), round(float(one[2]), 4), round(float(two[2]), 4)),
-        tuple(_pulse_key(x) for x in (leg, following)),
-        round(longest, 2),
-        (leg.radius, leg.corner_acceleration, leg.climb_acceleration),
+        (round(bend, 2), round(down_one / leg.length, 2), round(down_two / following.length, 2)),
+        (here, there),
+        math.floor(longest / TRIED_S),
+        (leg.radius, min(leg.speed, following.speed)),
+        (leg.corner_acceleration, leg.climb_acceleration),
     )
-
-
-def _pulse_key(leg: WayLeg) -> tuple[float, ...]:
-    """What a leg's speeding up hangs on: a length that its full speed just needs, or less."""
-    profile = leg.profile
-    enough = math.ceil(2.0 * float(profile.way[-1]) + 1.0)
-    short = profile.top_speed < leg.speed - 1e-9
-    length = profile.length if short else float(min(enough, profile.length))
-    return (round(length, 2), leg.speed, leg.acceleration, leg.jerk, leg.snap)
 
 
 @lru_cache(maxsize=4096)
 def _overlap_of(
     angles: tuple[float, float, float],
-    legs: tuple[tuple[float, ...], ...],
-    longest: float,
-    limits: tuple[float, float, float],
+    pulses: tuple[Pulse, Pulse],
+    longest: int,
+    near: tuple[float, float],
+    gains: tuple[float, float],
 ) -> float:
+    """The longest overlap, of `longest` steps at most, that keeps to m and m/s, and to m/s²."""
     bend, down_one, down_two = angles
-    radius, corner_acceleration, climb_acceleration = limits
-    here, there = (leg_profile(*leg) for leg in legs)
-    speeds = [leg[1] for leg in legs]
-    left = np.arange(longest, 0.0, -TRIED_S)
-    if not left.size:
+    radius, top_speed = near
+    level_most, climb_most = gains
+    if not longest:
         return 0.0
+    left = TRIED_S * np.arange(longest, 0, -1)
     flat_one, flat_two = (math.sqrt(max(1.0 - d**2, 0.0)) for d in (down_one, down_two))
     one = np.array([flat_one, 0.0, down_one])
     two = np.array([flat_two * math.cos(bend), flat_two * math.sin(bend), down_two])
-    (way, speed, gained), (on, faster, gaining) = (p.pulse(0.5 * left) for p in (here, there))
+    (way, speed, gained), (on, faster, gaining) = (pulse.at(0.5 * left) for pulse in pulses)
     turn = on[:, None] * two - way[:, None] * one
     moved = faster[:, None] * two + speed[:, None] * one
     pushed = gaining[:, None] * two - gained[:, None] * one
     fits = (
         (np.linalg.norm(turn, axis=1) < radius)
-        & (np.linalg.norm(moved, axis=1) < min(speeds))
-        & (np.hypot(pushed[:, 0], pushed[:, 1]) < corner_acceleration)
-        & (np.abs(pushed[:, 2]) < climb_acceleration)
+        & (np.linalg.norm(moved, axis=1) < top_speed)
+        & (np.hypot(pushed[:, 0], pushed[:, 1]) < level_most)
+        & (np.abs(pushed[:, 2]) < climb_most)
     )
     return float(left[np.argmax(fits)]) if fits.any() else 0.0
 

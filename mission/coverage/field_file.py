@@ -12,6 +12,7 @@ import logging
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from itertools import islice
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, ParseError
@@ -26,7 +27,9 @@ from thrustmargin.mission.coverage.outline import FieldOutline, LocalPlane, TooW
 from thrustmargin.models.errors import InstallError, PlanError
 from thrustmargin.models.whole_file import regular
 
-LARGEST_FILE = 32 * 2**20
+LARGEST_FILE = 16 * 2**20
+#: Of one file, from which --part chooses.
+MOST_POLYGONS = 10_000
 WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326")
 _SHAPEFILE = b"\x00\x00\x27\x0a"
 #: ISOXML kinds of polygon: the boundary; and water, buildings and obstacles, which are holes of it.
@@ -53,7 +56,7 @@ def read_field(
     except OSError as error:
         raise PlanError(f"{path} cannot be read: {error.strerror}") from error
     with np.errstate(invalid="ignore"):  # corners that are no numbers are refused later
-        found = list(_polygons(data, path))
+        found = _polygons(data, path)
     if not found:
         raise PlanError(f"{name} has no polygon; draw the field's outline and save it again")
     chosen = _chosen(found, parts, name) if parts else found
@@ -80,17 +83,18 @@ def _chosen(found: Sequence[Named], parts: Sequence[str], name: str) -> list[Nam
     return chosen
 
 
-def _polygons(data: bytes, path: Path) -> Iterator[Named]:
+def _polygons(data: bytes, path: Path) -> list[Named]:
     name = path.name
     try:
         if data.startswith(b"PK"):
             data = _kml_of(data, name)
         if data.startswith(_SHAPEFILE):
-            return iter(_of_shapefile(data, path))
+            return _of_shapefile(data, path)
         text = data.lstrip(b"\xef\xbb\xbf \t\r\n")
         if text.startswith(b"<"):
-            return iter(list(_of_xml(ElementTree.fromstring(text), name)))
-        return iter(_of_geojson(json.loads(text), name))
+            return _bounded(_of_xml(ElementTree.fromstring(text), name), name)
+        content = json.loads(text)
+        return _in_system(_bounded(_of_geojson(content, name), name), content, name)
     except (ParseError, DefusedXmlException) as error:
         raise PlanError(f"{name} is damaged: {error}; save it again") from error
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
@@ -101,6 +105,13 @@ def _polygons(data: bytes, path: Path) -> Iterator[Named]:
         raise PlanError(f"{name} is damaged ({error!s:.80}); save it again") from error
     except shapely.errors.ShapelyError as error:
         raise PlanError(f"{name} has a polygon that is none ({error!s:.80})") from error
+
+
+def _bounded(found: Iterator[Named], name: str) -> list[Named]:
+    kept = list(islice(found, MOST_POLYGONS + 1))
+    if len(kept) > MOST_POLYGONS:
+        raise PlanError(f"{name} has more than {MOST_POLYGONS} polygons; save those of one field")
+    return kept
 
 
 def _kml_of(data: bytes, name: str) -> bytes:
@@ -130,21 +141,23 @@ def _of_xml(root: Element, name: str) -> Iterator[Named]:
         raise PlanError(
             f"{name} is XML of another kind ({_kind(root)!r:.40}); KML or ISOXML is read"
         )
-    placemarks = [e for e in root.iter() if _kind(e) == "Placemark"]
-    for placemark in placemarks or [root]:
-        title = next((e.text or "" for e in placemark if _kind(e) == "name"), "")
-        for element in placemark.iter():
-            if _kind(element) == "Polygon":
-                rings = {"outerBoundaryIs": [], "innerBoundaryIs": []}
-                for boundary in element:
-                    if _kind(boundary) in rings:
-                        rings[_kind(boundary)] += _kml_rings(boundary)
-                outer = rings["outerBoundaryIs"]
-                if len(outer) != 1:
-                    raise PlanError(
-                        f"{name} has a polygon with {len(outer)} outlines; draw it again"
-                    )
-                yield title.strip(), _polygon(outer[0], rings["innerBoundaryIs"], name)
+    left = [(root, "")]  # no recursion: files can be nested deeper than that goes
+    while left:
+        element, title = left.pop()
+        kind = _kind(element)
+        if kind == "Placemark":
+            title = next((e.text or "" for e in element if _kind(e) == "name"), "").strip()
+        if kind != "Polygon":
+            left += [(child, title) for child in reversed(element)]
+            continue
+        rings = {"outerBoundaryIs": [], "innerBoundaryIs": []}
+        for boundary in element:
+            if _kind(boundary) in rings:
+                rings[_kind(boundary)] += _kml_rings(boundary)
+        outer = rings["outerBoundaryIs"]
+        if len(outer) != 1:
+            raise PlanError(f"{name} has a polygon with {len(outer)} outlines; draw it again")
+        yield title, _polygon(outer[0], rings["innerBoundaryIs"], name)
 
 
 def _kml_rings(boundary: Element) -> list[list[list[float]]]:
@@ -170,8 +183,11 @@ def _of_isoxml(root: Element, name: str) -> Iterator[Named]:
         for polygon in polygons:
             if polygon.get("A") != _BOUNDARY:
                 continue
+            inner = [(r, _polygon(r, [], name)) for r in _iso_rings(polygon, "2")]
             for ring in _iso_rings(polygon, "1"):
-                outline = _polygon(ring, _iso_rings(polygon, "2"), name)
+                alone = _polygon(ring, [], name)
+                own = [r for r, hole in inner if shapely.intersects(alone, hole)]
+                outline = _polygon(ring, own, name)
                 for hole in holes:
                     outline = outline.difference(_polygon(hole, [], name))
                 for part in shapely.get_parts(outline):
@@ -193,7 +209,7 @@ def _polygon(outer: Sequence[Any], holes: Sequence[Any], name: str) -> shapely.P
     return shapely.Polygon(outer, holes)
 
 
-def _of_geojson(content: Any, name: str) -> list[Named]:
+def _of_geojson(content: Any, name: str) -> Iterator[Named]:
     if not isinstance(content, dict) or "type" not in content:
         raise PlanError(f"{name} is JSON of another kind; a field is GeoJSON")
     if content.get("fileType") == "Plan":
@@ -201,7 +217,6 @@ def _of_geojson(content: Any, name: str) -> list[Named]:
     features = content.get("features") if content["type"] == "FeatureCollection" else [content]
     if not isinstance(features, list):
         raise PlanError(f"{name} has no list of features; save it again")
-    found: list[Named] = []
     for feature in features:
         geometry, title = feature, ""
         if feature.get("type") == "Feature":
@@ -210,7 +225,12 @@ def _of_geojson(content: Any, name: str) -> list[Named]:
             title = str(properties.get("name") or properties.get("Name") or "")
         if geometry is not None:
             shape = shapely.force_2d(shapely.geometry.shape(geometry))
-            found += [(title, p) for p in _all_polygons(shape)]
+            for polygon in _all_polygons(shape):
+                yield title, polygon
+
+
+def _in_system(found: list[Named], content: dict[str, Any], name: str) -> list[Named]:
+    """Polygons of GeoJSON in longitude and latitude; without a "crs" they are."""
     system = content.get("crs")
     if system is None:
         return found

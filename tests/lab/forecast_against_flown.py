@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.plan_source import read_plan
 from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast, TakeOff, forecast
 from thrustmargin.models.flight import FlightTrack, Floats

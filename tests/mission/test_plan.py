@@ -410,7 +410,7 @@ def test_a_first_row_that_is_no_home_is_flown(tmp_path: Path):
     [
         ("110", "120", "is of version '120'; QGC WPL 110 is understood"),
         ("2\t0\t10", "1000000000\t0\t10", "has item 1000000000 where 2 is due"),
-        ("47.661298", "nan", "mission item 2 is a waypoint without a place"),
+        ("47.661298", "nan", "mission item 2 has no place"),
         ("47.661298", "north", "line 4 has a word where a number belongs"),
         ("47.661298", "147.6", "mission item 2 is at latitude 147.6"),
         ("47.661298", "1e999", "line 4 has an infinite number"),
@@ -525,10 +525,10 @@ def test_a_survey_without_items_is_rebuilt_from_its_line_and_says_so(tmp_path: P
 )
 def test_a_hostile_plan_gets_one_line_soon(tmp_path: Path, content: str):
     path = saved(tmp_path, content, "hostile.plan")
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(PlanError) as caught:
         read_plan(path)
-    assert time.monotonic() - began < 2.0
+    assert time.process_time() - began < 2.0
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
 
@@ -537,9 +537,9 @@ def test_ten_thousand_waypoints_are_read_at_once(tmp_path: Path):
     entry = QGC["mission"]["items"][1]["TransectStyleComplexItem"]["Items"][0]
     rows = [entry | {"doJumpId": k} for k in range(1, 10_001)]
     path = saved(tmp_path, changed("items", to=rows))
-    began = time.monotonic()
+    began = time.process_time()
     assert len(read_plan(path).items) == 10_000
-    assert time.monotonic() - began < 1.5  # 0.2 s alone on the machine
+    assert time.process_time() - began < 1.5  # 0.2 s alone on the machine
 
 
 # --- from a vehicle's list --------------------------------------------------------------------

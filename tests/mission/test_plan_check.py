@@ -50,6 +50,11 @@ def test_a_long_way_with_the_pump_on_is_no_turn():
     assert found["pump on in turns"] == (5, 7)
 
 
+def test_a_plan_of_a_plane_is_named():
+    assert faults(plan_of(*TWO_LINES, vehicle=1)) == {"another vehicle": ()}
+    assert faults(plan_of(*TWO_LINES, vehicle=13)) == {}
+
+
 def test_a_plan_that_sprays_nothing_by_itself_may_be_meant():
     plan = plan_of(*without(4, 6, 8, 10))
     assert "pump never on" not in faults(plan, sprays=False)
@@ -81,6 +86,15 @@ def test_the_fence_is_kept_inside_and_outside():
     assert faults(replace(plan, fence=(far,))) == {"fence crossed": (5, 7, 9)}
     tree = FenceCircle(inside=False, centre=(48.001, 10.9999), radius=9.0)
     assert faults(replace(plan, fence=(tree,))) == {"fence crossed": (5,)}
+
+
+def test_a_fence_that_crosses_itself_is_named_and_the_others_are_checked():
+    bow = FencePolygon(
+        inside=True, corners=((47.9, 10.9), (48.1, 11.1), (48.1, 10.9), (47.9, 11.1))
+    )
+    tree = FenceCircle(inside=False, centre=(48.001, 10.9999), radius=9.0)
+    found = faults(plan_of(*TWO_LINES, fence=(bow, tree)))
+    assert found == {"fence crosses itself": (), "fence crossed": (5,)}
 
 
 def test_the_date_line_and_the_pole_are_places():

@@ -105,12 +105,15 @@ def monitor(
             losses; without it none.
         seconds: End by itself after so long.
     """
+    from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
+
+    # A plan that is none is refused before the rest is loaded.
+    planned = None if plan is None else read_plan(plan)
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.recording.recorder import tabulates
     from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
-    from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES
@@ -160,7 +163,6 @@ def monitor(
     check_source(chosen.airframe.tank_source)
     if not tabulates():
         Terminal(stderr=True, soft_wrap=True).print(f"note: {NO_SAMPLES}", markup=False)
-    planned = None if plan is None else read_plan(plan)
     live = LiveMonitor(chosen, settings, accept=accept, refused_why=why)
     if announce or request_rates:
         from thrustmargin.gcs_plugin.link.sender import Sender

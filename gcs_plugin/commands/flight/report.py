@@ -70,8 +70,11 @@ def report(
             0.5, or what a recording was made with.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
+    from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
+
+    # A plan that is none is refused before the rest is loaded.
+    planned = None if plan is None else read_plan(plan)
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
-    from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
     from thrustmargin.models.model.analysis import analyse, for_verdict
@@ -99,7 +102,6 @@ def report(
             Output("--out", out.with_suffix(".csv")),
         ]
     check_outputs(outputs, inputs=[*logs, model, airframe, plan])
-    planned = None if plan is None else read_plan(plan)
     rotor_model = chosen_model(model, airframe)
     unread: list[UnusedLog] = []
     read = read_logs(

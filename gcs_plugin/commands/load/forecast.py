@@ -103,12 +103,7 @@ def forecast(
             than air and battery of that moment carry.
         refuse: With --lua: the script refuses to arm instead of warning.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
-    from thrustmargin.gcs_plugin.logs.plan_source import read_plan
-    from thrustmargin.gcs_plugin.reports.forecast.forecast_csv import csv_text
-    from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
-    from thrustmargin.gcs_plugin.reports.forecast.forecast_page import html_text, pdf_bytes
-    from thrustmargin.mission.ahead import plan_forecast
+    from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 
     check_utilisation(max_utilisation)
     for name, value, low, high, unit in (
@@ -139,11 +134,14 @@ def forecast(
     check_outputs(outputs, inputs=[plan, model, airframe, parameters])
     if sorties is not None and not sorties.is_dir():
         raise UsageError(f"--sorties {sorties} is no folder; make it, or give another")
+    found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
+    from thrustmargin.mission.ahead import plan_forecast
+
     rotor_model = chosen_model(model, airframe)
     craft = rotor_model.airframe
     liquid = craft.liquid_density
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
-    found = read_plan(plan)
     known = _parameters(plan, parameters)
     battery = _battery(known, voltage, capacity, resistance, craft.nominal_voltage)
     made = plan_forecast.forecast(
@@ -167,15 +165,22 @@ def forecast(
     )
     console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     _show(made, console)
-    if json == STDOUT:
-        sys.stdout.write(json_text(made))
-    files: list[tuple[Path, Callable[[], str | bytes]]] = [
-        (path, partial(pdf_bytes if path.suffix.lower() == ".pdf" else html_text, made, plan.name))
-        for path in out
-    ]
-    if json not in (None, STDOUT):
-        files.append((json, lambda: json_text(made)))
+    files: list[tuple[Path, Callable[[], str | bytes]]] = []
+    if out:
+        from thrustmargin.gcs_plugin.reports.forecast.forecast_page import html_text, pdf_bytes
+
+        pages = ((path, pdf_bytes if path.suffix.lower() == ".pdf" else html_text) for path in out)
+        files += [(path, partial(page, made, plan.name)) for path, page in pages]
+    if json is not None:
+        from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
+
+        if json == STDOUT:
+            sys.stdout.write(json_text(made))
+        else:
+            files.append((json, lambda: json_text(made)))
     if csv is not None:
+        from thrustmargin.gcs_plugin.reports.forecast.forecast_csv import csv_text
+
         files.append((csv, lambda: csv_text(made)))
     if lua is not None:
         from thrustmargin.gcs_plugin.reports.forecast.fill_card import fill_card, gate_text
@@ -245,13 +250,14 @@ def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
 
 def _parameters(plan: Path, file: Path | None) -> dict[str, float]:
     """The autopilot's parameters: of the file, else of the log that the plan is in, else none."""
-    from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
-
     if file is not None:
+        from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
+
         return read_parameters(file)
     if plan.suffix.lower() in PLANS:
         return {}
+    from thrustmargin.gcs_plugin.logs import read_log
+
     try:
         return dict(read_log(plan).parameters)
     except LogError:

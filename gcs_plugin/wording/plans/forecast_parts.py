@@ -104,9 +104,18 @@ class Unreckoned(Protocol):
     def touches(self) -> Sequence[str]: ...
 
 
+class Noted(Protocol):
+    """A plan, with what was assumed when it was read."""
+
+    @property
+    def notes(self) -> Sequence[str]: ...
+
+
 class ForecastParts(Protocol):
     """A plan before take-off."""
 
+    @property
+    def plan(self) -> Noted: ...
     @property
     def level(self) -> FlightLevel: ...
     @property

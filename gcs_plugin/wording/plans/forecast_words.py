@@ -37,8 +37,8 @@ ASSUMED: Mapping[str, str] = {
     "pump by speed": "the flow falls with the speed over ground in turns",
     "no forward flight": "drag and lift of forward flight are not known of this aircraft",
     "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
-    "first part": "only the first {0} of {1} min are flown in detail: later lines as these",
-    "alike": "the first {0} of {1} min and what is not like them are flown: that is all",
+    "first part": "only {0} of {1} min are flown in detail: the rest as these",
+    "alike": "{0} of {1} min are flown in detail: the rest is like them",
     "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
 }
 LEFT_OUT = "gusts and turbulence are not in it, nor the time of ways to and from a refill"
@@ -200,6 +200,7 @@ def plan_faults(made: ForecastParts) -> tuple[str, ...]:
 def assumed_words(made: ForecastParts) -> tuple[str, ...]:
     """What was taken for what is not known."""
     return (
+        *made.plan.notes,
         *(_assumed(key, values) for key, values in made.assumed.items()),
         LEFT_OUT,
     )
@@ -209,7 +210,7 @@ def _as_far(made: ForecastParts) -> str:
     """What the answer does not reach: stated in it, for it is read alone."""
     parts = [", AS FAR AS THE PLAN IS UNDERSTOOD"] if made.not_understood else []
     if "first part" in made.assumed:
-        parts.append(f", FIRST {made.assumed['first part'][0]} MIN")
+        parts.append(f", AS {made.assumed['first part'][0]} MIN OF IT SHOW")
     return "".join(parts)
 
 

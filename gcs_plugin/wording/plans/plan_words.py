@@ -37,8 +37,10 @@ NOT_UNDERSTOOD: Mapping[str, tuple[str, str]] = {
     "delays what follows": ("it delays the next command on the way", "switch the pump at a place"),
     "jump to nothing": ("it jumps to an item that is not there", "correct its target"),
     "jump to itself": ("it jumps to itself", "correct its target"),
-    "jump without end": ("it repeats without an end", "give it a number of repeats"),
-    "too many items": ("the plan is longer than any mission", "split it"),
+    "jump without end": (
+        "it repeats without an end, or more often than can be flown",
+        "give it fewer repeats",
+    ),
 }
 #: Fault -> what is so, and what to do.
 FAULTS: Mapping[str, tuple[str, str]] = {
@@ -57,8 +59,16 @@ FAULTS: Mapping[str, tuple[str, str]] = {
     ),
     "jumps back": ("items are flown again by a jump", "check that the liquid lasts"),
     "fence crossed": ("the way leaves the geofence", "move the item or the fence"),
+    "fence crosses itself": (
+        "an area of the geofence crosses itself and was not checked",
+        "draw it again",
+    ),
     "take-off missing": ("the plan has no take-off", "add one as its first item"),
     "never flown": ("these come after the return and are never flown", "move them before it"),
+    "another vehicle": (
+        "the plan is for another kind of vehicle and is flown here as of a multirotor",
+        "plan it for a multirotor",
+    ),
     "far away": ("places are over 20 km apart", "check latitude and longitude"),
 }
 _SHOWN = 5  # items that are listed

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG, log, model
+from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 from thrustmargin.gcs_plugin.live.plan_watch import PlanWatch
-from thrustmargin.gcs_plugin.logs.plan_source import read_plan
 from thrustmargin.models.model.analysis import analyse
 
 

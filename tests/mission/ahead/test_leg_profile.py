@@ -28,11 +28,11 @@ def test_with_endless_jerk_it_is_the_trapezium_of_the_books():
 
 def test_a_short_leg_never_reaches_its_speed():
     made = leg_profile(10.0, 5.0, 2.5, 1e4, 1e9)
-    assert made.top_speed == pytest.approx(5.0, rel=1e-3)
-    assert leg_profile(2.5, 5.0, 2.5, 1e4, 1e9).top_speed == pytest.approx(2.5, rel=1e-3)
+    assert made.top_speed == pytest.approx(5.0, abs=0.011)
+    assert leg_profile(2.5, 5.0, 2.5, 1e4, 1e9).top_speed == pytest.approx(2.5, abs=0.011)
 
 
 def test_jerk_that_must_be_gained_takes_longer():
     """4 m/s at 1.5 m/s² with jerk 1 m/s³ and ramps of 0.5 s: 4/1.5 + 1.5/1 + 0.5 s."""
     made = leg_profile(200.0, 4.0, 1.5, 1.0, np.pi)
-    assert made.pulse_s == pytest.approx(4.0 / 1.5 + 1.5 + 0.5, rel=1e-6)
+    assert made.pulse.seconds == pytest.approx(4.0 / 1.5 + 1.5 + 0.5, rel=1e-6)

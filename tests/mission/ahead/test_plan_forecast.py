@@ -129,7 +129,7 @@ def lines(count):
 
 
 def test_what_is_new_late_in_a_long_plan_is_flown_where_it_is():
-    """Fast legs after 40 min, of which the first 15 show nothing."""
+    """Fast legs after 40 min, of which the first 5 show nothing."""
     late = [
         (178, 1.0, 9.0, -1.0),
         *((16, spot(48.0005, 11.006 + 2e-3 * k)) for k in range(3)),
@@ -161,16 +161,22 @@ def test_of_a_long_plan_the_first_part_is_flown_and_the_rest_is_counted():
     short, double, long = (outlook(*lines(count)) for count in (10, 20, 100))
     assert "first part" not in short.assumed
     assert "alike" in long.assumed
-    assert 800.0 < long.flight.track.duration < 1400.0
+    assert 300.0 < long.flight.track.duration < 1000.0
     sprayed, ten_lines = short.flight.sprayed_kg[-1], double.flight_s - short.flight_s
     assert sum(s.kg for s in long.needs.sorties) == pytest.approx(10 * sprayed, rel=0.04)
     assert long.flight_s == pytest.approx(short.flight_s + 9 * ten_lines, rel=0.04)
     assert long.needs.sorties[-1].last_item == len(lines(100))
 
 
-def test_a_thousand_lines_take_seconds():
+def test_two_thousand_lines_no_two_alike_take_seconds():
+    """2 to 3 s of a processor that is left alone."""
+    rows = lines(2000)
+    for k, row in enumerate(rows):
+        if row[0] == 16:
+            latitude, *rest = row[-1]
+            rows[k] = (16, (latitude + 1e-7 * (k * k % 4001), *rest))
     begun = time.process_time()
-    made = outlook(*lines(1000))
+    made = outlook(*rows)
     assert time.process_time() - begun < 8.0
     assert len(made.needs.sorties) > 50
 

@@ -1,5 +1,7 @@
 """A plan before take-off in words."""
 
+from dataclasses import replace
+
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
@@ -75,3 +77,9 @@ def test_an_answer_that_does_not_reach_the_whole_plan_says_so():
     assert verdict(unclear).startswith("MAY TAKE OFF WITH 6.0 kg (6.0 L), AS FAR AS")
     assert "UNDERSTOOD" not in verdict(made())
     assert plan_faults(unclear)[-1].startswith("Not reckoned: item 4")
+
+
+def test_what_the_plan_was_read_with_is_said_first():
+    plan = replace(plan_of(*TWO_LINES), notes=("home stands in",))
+    found = forecast(plan, MODEL, 6.0)
+    assert assumed_words(found)[0] == "home stands in"

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.logs.test_vehicles import dataflash
 from tests.gcs_plugin.logs.tlog_files import FLIGHT, WHOLE, link, stamped, written
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.logs.plan_source import read_plan
+from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 from thrustmargin.mission.plan import write_plan
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.errors import PlanError
@@ -100,3 +100,10 @@ def test_what_is_no_plan_is_one_clear_error(tmp_path: Path, content: bytes, word
     assert "\n" not in str(caught.value)
     with pytest.raises(PlanError, match="absent cannot be read"):
         read_plan(tmp_path / "absent")
+
+
+@pytest.mark.parametrize("name", ["north.kml", "north.SHP", "TASKDATA.XML"])
+def test_a_field_is_no_plan_and_what_makes_one_is_said(tmp_path: Path, name: str):
+    (tmp_path / name).write_text("<kml/>")
+    with pytest.raises(PlanError, match=f"{name} is a field, not a plan; .*thrustmargin cover"):
+        read_plan(tmp_path / name)

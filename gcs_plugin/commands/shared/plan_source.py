@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.logs.dataflash.binary import dataflash_boots
-from thrustmargin.gcs_plugin.logs.dataflash.text_log import dataflash_text_boots
-from thrustmargin.gcs_plugin.logs.read import formats
-from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
-from thrustmargin.gcs_plugin.telemetry.recording import NotThisFormat, Recording, Waypoint
 from thrustmargin.mission import plan as plan_files
 from thrustmargin.mission.plan_items import (
     FIRMWARE_ARDUPILOT,
@@ -21,14 +17,13 @@ from thrustmargin.mission.plan_items import (
 from thrustmargin.models.errors import LogError, PlanError
 from thrustmargin.models.whole_file import regular
 
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
+
 _ENDINGS = (".plan", ".mission", ".waypoints")
+#: What `cover` reads.
+_FIELDS = (".kml", ".kmz", ".geojson", ".shp", ".xml")
 _FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
-#: Formats of logs that hold the mission, and what reads them.
-_BOOTS: Mapping[str, Callable[..., Iterator[Recording]]] = {
-    "tlog": tlog_boots,
-    "DataFlash": dataflash_boots,
-    "DataFlash text": dataflash_text_boots,
-}
 
 
 def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:
@@ -48,10 +43,31 @@ def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:
             head = file.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n")
     except OSError as error:
         raise PlanError(f"{path} cannot be read: {error.strerror}") from error
+    if path.suffix.lower() in _FIELDS:
+        raise PlanError(
+            f"{path.name} is a field, not a plan; make its route first: "
+            f"thrustmargin cover {path.name} --swath 5 -o field.plan"
+        )
     if path.suffix.lower() in _ENDINGS or head.startswith((b"{", b"[", b"QGC WPL")):
         return plan_files.read_plan(path)
+    return _plan_of_log(path, vehicle)
+
+
+def _plan_of_log(path: Path, vehicle: int | None) -> MissionPlan:
+    # A plan file is read or refused before the readers of logs are loaded.
+    from thrustmargin.gcs_plugin.logs.dataflash.binary import dataflash_boots
+    from thrustmargin.gcs_plugin.logs.dataflash.text_log import dataflash_text_boots
+    from thrustmargin.gcs_plugin.logs.read import formats
+    from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
+    from thrustmargin.gcs_plugin.telemetry.recording import NotThisFormat
+
+    boots = {
+        "tlog": tlog_boots,
+        "DataFlash": dataflash_boots,
+        "DataFlash text": dataflash_text_boots,
+    }
     try:
-        readers = [read for kind in formats(path) if (read := _BOOTS.get(kind.name))]
+        readers = [read for kind in formats(path) if (read := boots.get(kind.name))]
     except LogError as error:
         raise PlanError(
             f"{path.name} is neither a plan (.plan, .waypoints) nor a log with one ({error})"
