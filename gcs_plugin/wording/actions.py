@@ -159,7 +159,6 @@ GROUND_BATTERY = Action(
     "a smaller fill alone",
 )
 FILL_LESS = Action("load", "fill less: thrustmargin fill says how much", When.NEXT_FLIGHT)
-DO_NOT_FILL = Action("load", "do not fill", When.NEXT_FLIGHT, "a fill that is a little less")
 FLY_GENTLY = Action("vehicle", "fly turns and climbs more gently", When.NEXT_FLIGHT)
 SAME_PLACE = Action(
     "load",
