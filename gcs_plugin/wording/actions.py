@@ -211,5 +211,6 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
 
 def rotors_words(rotors: Sequence[int]) -> str:
     """`rotor 3`, `rotors 1 and 3`."""
-    numbers = f" {say('and')} ".join(map(str, rotors))
+    *others, last = map(str, rotors)
+    numbers = f"{', '.join(others)} {say('and')} {last}" if others else last
     return say("rotors {numbers}" if len(rotors) > 1 else "rotor {numbers}", numbers=numbers)
