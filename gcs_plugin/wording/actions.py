@@ -159,7 +159,6 @@ GROUND_BATTERY = Action(
     "a smaller fill alone",
 )
 FILL_LESS = Action("load", "fill less: thrustmargin fill says how much", When.NEXT_FLIGHT)
-DO_NOT_FILL = Action("load", "do not fill", When.NEXT_FLIGHT, "a fill that is a little less")
 FLY_GENTLY = Action("vehicle", "fly turns and climbs more gently", When.NEXT_FLIGHT)
 SAME_PLACE = Action(
     "load",
@@ -212,5 +211,6 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
 
 def rotors_words(rotors: Sequence[int]) -> str:
     """`rotor 3`, `rotors 1 and 3`."""
-    numbers = f" {say('and')} ".join(map(str, rotors))
+    *others, last = map(str, rotors)
+    numbers = f"{', '.join(others)} {say('and')} {last}" if others else last
     return say("rotors {numbers}" if len(rotors) > 1 else "rotor {numbers}", numbers=numbers)

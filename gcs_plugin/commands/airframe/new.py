@@ -16,7 +16,7 @@ from rich.console import Console
 from thrustmargin.gcs_plugin.commands.airframe.questions import (
     Answers,
     asked,
-    only_log,
+    logs_here,
     require_all,
 )
 from thrustmargin.gcs_plugin.commands.airframe.stated import OwnerStatement, stated
@@ -73,14 +73,15 @@ class AirframeNew:
 
         console, asks = Terminal(), sys.stdin.isatty()
         source = self.source or (str(self.hover[0]) if self.hover else None)
-        if source is None and self.bench is None and (alone := only_log(Path())):
-            source = str(alone)
+        here = logs_here(Path()) if source is None and self.bench is None else []
+        if len(here) == 1:
+            source = str(here[0])
             console.print(f"{source}: the only log in this folder, taken", soft_wrap=True)
         check_outputs(
             [Output("--out", self.out, (".toml",), keep=not self.force)],
             inputs=[source, *self.hover, self.bench],
         )
-        found = VehicleParameters(parameters={})
+        found = VehicleParameters(parameters={}, not_named=tuple(path.name for path in here))
         if source is not None:
             found = read_source(source, vehicle=self.reading.vehicle, timeout=self.timeout)
         fitted = bench_quantities(self.bench) if self.bench else Fitted()

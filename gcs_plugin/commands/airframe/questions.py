@@ -31,10 +31,9 @@ class Answers:
     load: float | None = None
 
 
-def only_log(folder: Path) -> Path | None:
-    """The log of a folder that holds one alone."""
-    found = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in LOGS]
-    return found[0] if len(found) == 1 else None
+def logs_here(folder: Path) -> list[Path]:
+    """The logs of a folder, by name."""
+    return [path for path in sorted(folder.iterdir()) if path.suffix.lower() in LOGS]
 
 
 def open_fields(

@@ -27,10 +27,14 @@ class VehicleParameters:
     words: str = ""  # where they are from; empty: from nowhere
     log: Path | None = None
     autopilot: str = ""
+    not_named: tuple[str, ...] = ()  # logs of the folder, none of which was named
 
     @property
     def leaves_open(self) -> str:
         """How to begin a list of what is not in it."""
+        if not self.words and self.not_named:
+            first, count = self.not_named[0], len(self.not_named)
+            return f"{count} logs in this folder, none named (--from {first} says much of this)"
         if not self.words:
             return "no log named by --from or --hover, and not one alone in this folder"
         return f"{self.words} does not say everything"

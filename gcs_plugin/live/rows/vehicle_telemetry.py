@@ -127,11 +127,8 @@ class VehicleTelemetry:
         self._by_ground = False  # its clock has not been heard, and the ground's counts
         self._known: object = None  # what the motors were found from
         self._turned: frozenset[int] = frozenset()  # ESCs
-        self._identity = (
-            {},
-            -2,
-            VehicleFacts(),
-        )  # parameters and kind, and the facts that they give
+        #: Parameters and kind, and the facts that they give.
+        self._identity = ({}, -2, VehicleFacts())
         self._restart()
 
     def _restart(self) -> None:

@@ -133,7 +133,7 @@ def test_what_to_do_follows_the_same_order():
     within = replace(ADVICE, levels=(FlightLevel.UNDER,))
     assert action(within).startswith("nothing; up to 8.6 kg (8.6 L)")
     unordered = action(with_fault(rotor_names=()))
-    assert "of rotors 1 and 2 and 3 and 4 were looked at" in unordered
+    assert "of rotors 1, 2, 3 and 4 were looked at" in unordered
     empty = action(replace(ADVICE, levels=(FlightLevel.BATTERY, FlightLevel.OVER)))
     assert empty.startswith("with the battery off, take the battery out and test it")
     assert "for the load: fill at most 8.6 kg" in empty

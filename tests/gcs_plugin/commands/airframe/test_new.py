@@ -69,6 +69,15 @@ def test_what_is_missing_is_named_all_at_once(made):
     assert len(printed.err.splitlines()) == 1
 
 
+def test_of_several_logs_in_the_folder_one_is_to_be_named(tmp_path, monkeypatch, capsys):
+    for name in ("b.tlog", "a.BIN"):
+        (tmp_path / name).write_bytes(b"")
+    monkeypatch.chdir(tmp_path)
+    assert run(["airframe", "new"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("thrustmargin: 2 logs in this folder, none named (--from a.BIN says")
+
+
 def test_the_number_of_rotors_that_the_vehicle_reports_is_said(made):
     outputs = "".join(f"SERVO{n}_FUNCTION,{32 + n}\n" for n in range(1, 7))
     _, _, printed = made(outputs)

@@ -21,4 +21,4 @@ def test_a_worn_rotor_is_named_only_where_names_can_be_trusted(order, known, sit
     assert ("rotor names" in facts) is not known
     assert ("which rotor that is, is not known" in facts["alarm"]) is not known
     assert ("rotor 1 were" in facts["what to do"]) is known
-    assert ("rotors 1 and 2 and 3 and 4" in facts["what to do"]) is not known
+    assert ("rotors 1, 2, 3 and 4" in facts["what to do"]) is not known
