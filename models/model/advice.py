@@ -11,7 +11,7 @@ Made once from the analysis, the faults of its rotors and the loss of control; t
     over         what lasts is above the limit
     near         the limit, or a rotor whose loss is just survived, lies within the 90 % interval
     under        below the limit; a turn or a gust above it passes
-    unknown      no thrust utilisation, or no flight
+    unknown      no thrust utilisation, no flight, or a good one that is predicted alone
 """
 
 from __future__ import annotations
@@ -96,6 +96,9 @@ class Advice:
     rotor_count: int
     rotor_names: tuple[str, ...]  # empty where it is not known which rotor is which
     ends_in_flight: bool  # the log ends before the flight did
+    #: For most of the flight neither speed nor output shows what a rotor did: what it should have
+    #: done is no ground for a good answer.
+    predicted_alone: bool
     withheld: bool  # no margin is claimed
 
     @property
@@ -116,10 +119,17 @@ class Advised:
     fill_one_rotor_out_kg: Floats
 
 
-def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = True) -> Advised:
+def advise(
+    analysis: FlightAnalysis,
+    *,
+    limit: float = 0.5,
+    names_known: bool = True,
+    planned: bool = False,
+) -> Advised:
     """The answer of a whole flight; `limit` is the share of a rotor's thrust that may last.
 
-    Not `names_known`: the rotors of the log are in another order than the airframe's.
+    Not `names_known`: the rotors of the log are in another order than the airframe's. One that is
+    only `planned` has nothing but its prediction.
 
         >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
         >>> made = advise(analyse(log.track, load_model())).advice
@@ -146,6 +156,8 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
     battery = _battery(analysis)
     airborne_s = float(seconds[track.flying].sum())
     in_the_air = float(whole.track.row_seconds[whole.track.flying].sum())
+    shown_s = float(seconds[track.flying & analysis.any_measured].sum())
+    predicted_alone = not planned and use.known_s > 0.0 and shown_s < 0.5 * airborne_s
     levels: list[FlightLevel] = []
     if not analysis.withheld and faults:
         levels.append(FlightLevel.DAMAGED)
@@ -156,7 +168,9 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
             levels.append(FlightLevel.BATTERY)
         if use.spent_s >= 1.0:
             levels.append(FlightLevel.NO_THRUST)
-        levels.append(_load_level(use, free, reach))
+        of_load = _load_level(use, free, reach)
+        if not (predicted_alone and of_load is FlightLevel.UNDER):
+            levels.append(of_load)
     return Advised(
         advice=Advice(
             levels=tuple(levels) or (FlightLevel.UNKNOWN,),
@@ -171,6 +185,7 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
             losses=tuple(losses),
             rotor_count=track.rotor_count,
             rotor_names=analysis.model.airframe.rotor_names if names_known else (),
+            predicted_alone=predicted_alone,
             ends_in_flight=bool(whole.track.flying.size and whole.track.flying[-1]),
             withheld=bool(analysis.withheld),
         ),

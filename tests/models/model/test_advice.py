@@ -32,6 +32,18 @@ def test_turns_above_the_limit_are_no_flight_above_it(sound):
     assert levels(sound) == (FlightLevel.UNDER,)
 
 
+@pytest.mark.parametrize("silent_from_s", [0.0, 80.0, 190.0])
+def test_what_is_mostly_predicted_is_never_good(sound, silent_from_s):
+    silent = sound.track.time_s[:, None] > silent_from_s
+    alone = replace(sound, utilisation=np.where(silent, np.nan, sound.utilisation))
+    good = FlightLevel.UNDER if silent_from_s == 190.0 else FlightLevel.UNKNOWN
+    assert levels(alone) == (good,)
+    assert advise(alone, planned=True).advice.level is FlightLevel.UNDER
+    # That it would be too much is said by prediction alone too.
+    much = replace(alone, utilisation_predicted=1.3 * alone.utilisation_predicted)
+    assert levels(much)[-1] in (FlightLevel.OVER, FlightLevel.NEAR)
+
+
 def test_what_lasts_above_the_limit_is_above_it(sound):
     assert levels(used(sound, 1.25)) == (FlightLevel.OVER,)
     error = np.full(sound.utilisation_error.shape, 0.05)
