@@ -35,6 +35,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs.csv_columns import (
     check_headings,
     in_our_columns,
+    plausible_channels,
     stated_columns,
 )
 from thrustmargin.gcs_plugin.logs.csv_sources import column_source, written_sources
@@ -43,7 +44,6 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
 from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
-from thrustmargin.gcs_plugin.telemetry.resample import plausible
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
@@ -70,8 +70,6 @@ _WITH_UNIT = re.compile(r"(\w+) \[(.*)\]")  # a heading of a margin report's CSV
 _LATEST = 1e11  # s of Unix time
 _SHOWN = 50  # rows by which the decimal sign is known
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(e[-+]?[0-9]+)?", re.IGNORECASE)
-#: Share of the numbers of a column, zeros aside, out of range, beyond which it has another unit.
-_OTHER_UNIT = 0.2
 _NULLS = {"", "-", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A"}
 _STATES = {"true": "1", "false": "0"}
 _ROWS = 4096  # that are held as text at a time
@@ -123,36 +121,13 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog
             f"{path.name}: columns of {track.rotor_count} rotors, but airframe {craft.name} has "
             f"{craft.rotor_count}; choose another with --airframe"
         )
-    known, unlike = _plausible(track)
+    known, unlike = plausible_channels(track)
     track = replace(track, **known, notes=(*track.notes, *unlike))
     if track.flying_by is FlyingBy.NOT_KNOWN:
         off = airborne({}, track.time_s, known, craft)
         track = replace(track, flying=off.flying, flying_by=off.by)
     track = stated_track(track, options)
     return (log_of_track(track, path, path.stat().st_size, craft),)
-
-
-def _plausible(track: FlightTrack) -> tuple[dict[str, Floats], list[str]]:
-    """The channels without numbers that cannot be true, and which are of another unit.
-
-    Of a column in another unit those in range are as wrong as the rest: percent of an output that
-    idles look like its share.
-    """
-    found, notes = {}, []
-    for name, limit in TRACK_CHANNELS.items():
-        read = getattr(track, name)
-        columns, kept = (v.reshape(read.shape[0], -1) for v in (read, plausible(name, read)))
-        told = np.isfinite(columns) & (columns != 0.0)
-        outside = np.sum(told & np.isnan(kept), axis=0)
-        other = outside > _OTHER_UNIT * np.sum(told, axis=0)
-        found[name] = np.where(other, np.nan, kept).reshape(read.shape)
-        if other.any():
-            unit = f" {limit.unit}" if limit.unit[0].isalpha() else ""
-            notes.append(
-                f"{name}: {outside.max()} of {read.shape[0]} rows are not within {limit.low:g} to "
-                f"{limit.high:g}{unit}: not used; a file columns.toml beside it states units"
-            )
-    return found, notes
 
 
 FORMAT = LogFormat(
@@ -369,7 +344,7 @@ def _track(
         notes=notes,
         **channels,
     )
-    if wrong := motion_units(replace(track, **_plausible(track)[0])):
+    if wrong := motion_units(replace(track, **plausible_channels(track)[0])):
         raise LogError(
             f"{path.name}: {wrong}; a file columns.toml beside it states other units "
             "(docs/tables.md)"

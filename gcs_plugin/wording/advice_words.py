@@ -78,13 +78,15 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
     part, does = {
         "propeller": ("ROTOR", "LESS THRUST"),
         "motor": ("MOTOR", "SLOW FOR ITS OUTPUT"),
+        "stopped": ("ROTOR", "STOOD STILL IN FLIGHT"),
     }[fault.kind]
     if fault.rotors or not advice.rotor_names:
         which = " OR ".join(str(rotor + 1) for rotor in fault.rotors) or "?"
         unknown = f"A {part}: {does}"
         return f"{part} {which}: {does}" if advice.rotor_names else unknown
     name = advice.rotor_names[fault.rotor].upper()
-    return f"{part} {fault.rotor + 1}, {name}: {fault_amount(fault).upper()} {does}"
+    amount = "" if fault.kind == "stopped" else f"{fault_amount(fault).upper()} "
+    return f"{part} {fault.rotor + 1}, {name}: {amount}{does}"
 
 
 def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:

@@ -18,15 +18,18 @@ from thrustmargin.models.model.rotor_faults import FaultEpisode
 _AT: Mapping[Kind, str] = {
     "propeller": f"Rotor {{rotor}} {{place}} {{size}} less thrust: {LAND.text}",
     "motor": f"Motor {{rotor}} {{place}} {{size}} slow, or ESC: {LAND.text}",
+    "stopped": f"Rotor {{rotor}} {{place}} stands still: {LAND.text}",
 }
 _SENTENCES: Mapping[Kind, str] = {
     "propeller": f"Rotor {{rotor}} makes {{size}} less thrust: prop? {LAND.text}",
     "motor": f"Motor {{rotor}} or ESC {{size}} slow for output: {LAND.text}",
+    "stopped": f"Rotor {{rotor}} stands still: {LAND.text}",
 }
 #: While it is not yet known which one it is.
 _ONE_OF: Mapping[Kind, str] = {
     "propeller": f"A rotor loses thrust, {{rotors}}: {LAND.text}",
     "motor": f"A motor or ESC is slow, {{rotors}}: {LAND.text}",
+    "stopped": f"A rotor stands still, {{rotors}}: {LAND.text}",
 }
 MOST_LETTERS = 50  # of a STATUSTEXT
 

@@ -22,7 +22,8 @@ from enum import StrEnum
 import numpy as np
 
 from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.checks.stopped_rotor import stopped_rotors
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -153,6 +154,7 @@ def advise(
     episodes, known = fault_episodes(fault_history(analysis)), faults_in_model(analysis.model)
     repaired = tuple(e.fault for e in episodes if e.end_s is not None and e.fault in known)
     faults = tuple(e for e in episodes if e.fault not in repaired)
+    faults = tuple(sorted([*_stopped(track), *faults], key=lambda one: one.begin_s))
     battery = _battery(analysis)
     airborne_s = float(seconds[track.flying].sum())
     in_the_air = float(whole.track.row_seconds[whole.track.flying].sum())
@@ -205,6 +207,18 @@ def _load_level(use: ThrustUse, free: Floats, reach: Floats) -> FlightLevel:
     if use.maybe_above.any() or np.any(free / reach < 1.0):
         return FlightLevel.NEAR
     return FlightLevel.UNDER
+
+
+def _stopped(track: FlightTrack) -> list[FaultEpisode]:
+    """Rotors that stood still while the aircraft flew on."""
+    return [
+        FaultEpisode(
+            begin_s=one.time_s,
+            end_s=None,
+            fault=RotorFault(kind="stopped", rotor=one.rotor, size=1.0, lower=1.0, upper=1.0),
+        )
+        for one in stopped_rotors(track)
+    ]
 
 
 def cells(airframe: Airframe) -> int:

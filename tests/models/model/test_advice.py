@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.wording.advice_words import facts
+from thrustmargin.gcs_plugin.wording.advice_words import facts, headline
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
@@ -96,6 +96,18 @@ def test_a_flight_that_is_none_has_no_answer(sound):
     assert levels(replace(sound, track=replace(sound.track, flying=two_seconds))) == (
         FlightLevel.UNKNOWN,
     )
+
+
+def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
+    track = sound.track
+    gone = track.time_s > 100.0
+    speeds = track.rotor_speed_rpm * np.where(gone, np.sqrt(4.0 / 3.0), 1.0)[:, None]
+    speeds[gone, 2] = np.nan
+    made = advise(replace(sound, track=replace(track, rotor_speed_rpm=speeds))).advice
+    assert made.level is FlightLevel.DAMAGED
+    assert (made.faults[0].fault.kind, made.faults[0].fault.rotor) == ("stopped", 2)
+    assert headline(made).startswith("ROTOR 3, FRONT LEFT: STOOD STILL IN FLIGHT")
+    assert "Rotor 3 front left stands still: land" in dict(facts(made))["alarm"]
 
 
 def test_the_gravest_has_the_smallest_gravity():
