@@ -29,12 +29,15 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.decode import attitude_from_quaternion
 from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.telemetry.resample import plausible
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats
 from thrustmargin.models.units import UNITS, Scale
 from thrustmargin.models.whole_file import regular
 
 FILE = "columns.toml"
+#: Share of the numbers of a column, zeros aside, out of range, beyond which it has another unit.
+_OTHER_UNIT = 0.2
 QUATERNION = tuple(f"quaternion_{part}" for part in "wxyz")
 
 
@@ -122,3 +125,26 @@ def check_headings(path: Path, stated: Mapping[str, TheirColumn], names: Sequenc
         raise LogError(
             f"{path.name}: {FILE} has {parts[0]}, but not all of {', '.join(QUATERNION)}"
         )
+
+
+def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[str]]:
+    """The channels without numbers that cannot be true, and which are of another unit.
+
+    Of a column in another unit those in range are as wrong as the rest: percent of an output that
+    idles look like its share.
+    """
+    found, notes = {}, []
+    for name, limit in TRACK_CHANNELS.items():
+        read = getattr(track, name)
+        columns, kept = (v.reshape(read.shape[0], -1) for v in (read, plausible(name, read)))
+        numbers = np.isfinite(columns) & (columns != 0.0)
+        outside = np.sum(numbers & np.isnan(kept), axis=0)
+        other = outside > _OTHER_UNIT * np.sum(numbers, axis=0)
+        found[name] = np.where(other, np.nan, kept).reshape(read.shape)
+        if other.any():
+            unit = f" {limit.unit}" if limit.unit[0].isalpha() else ""
+            notes.append(
+                f"{name}: {outside.max()} of {read.shape[0]} rows are not within {limit.low:g} to "
+                f"{limit.high:g}{unit}: not used; a file columns.toml beside it states units"
+            )
+    return found, notes

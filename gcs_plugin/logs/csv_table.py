@@ -35,6 +35,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs.csv_columns import (
     check_headings,
     in_our_columns,
+    plausible_channels,
     stated_columns,
 )
 from thrustmargin.gcs_plugin.logs.csv_sources import column_source, written_sources
@@ -43,7 +44,6 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
 from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
-from thrustmargin.gcs_plugin.telemetry.resample import plausible
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
@@ -121,17 +121,13 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog
             f"{path.name}: columns of {track.rotor_count} rotors, but airframe {craft.name} has "
             f"{craft.rotor_count}; choose another with --airframe"
         )
-    known = _plausible(track)
-    track = replace(track, **known)
+    known, unlike = plausible_channels(track)
+    track = replace(track, **known, notes=(*track.notes, *unlike))
     if track.flying_by is FlyingBy.NOT_KNOWN:
         off = airborne({}, track.time_s, known, craft)
         track = replace(track, flying=off.flying, flying_by=off.by)
     track = stated_track(track, options)
     return (log_of_track(track, path, path.stat().st_size, craft),)
-
-
-def _plausible(track: FlightTrack) -> dict[str, Floats]:
-    return {name: plausible(name, getattr(track, name)) for name in TRACK_CHANNELS}
 
 
 FORMAT = LogFormat(
@@ -348,7 +344,7 @@ def _track(
         notes=notes,
         **channels,
     )
-    if wrong := motion_units(replace(track, **_plausible(track))):
+    if wrong := motion_units(replace(track, **plausible_channels(track)[0])):
         raise LogError(
             f"{path.name}: {wrong}; a file columns.toml beside it states other units "
             "(docs/tables.md)"

@@ -49,7 +49,14 @@ _WRONG = (Severity.GRAVE, Severity.WARNING)
 _SPOILS = {
     "motor order": Spoils.ROTOR_NAMES,
     **dict.fromkeys(
-        ("rotor speed sensors", "rotor speed clock", "ESC voltage", "accelerometer", "tank"),
+        (
+            "vehicles",
+            "rotor speed sensors",
+            "rotor speed clock",
+            "ESC voltage",
+            "accelerometer",
+            "tank",
+        ),
         Spoils.NUMBERS,
     ),
 }
@@ -80,7 +87,7 @@ def inspect_log(
     that is not known is compared with nothing.
     """
     findings = [*loss_findings(log), *event_findings(log.events)]
-    findings += [_whole(log.quality), _continuous(log)]
+    findings += [*_vehicles(log), _whole(log.quality), _continuous(log)]
     order = scale = None
     found = comparisons(log.track, airframe, log.facts, log.parameters)
     if claim is None:
@@ -120,6 +127,15 @@ def inspect_log(
         motor_order=order,
         speed_scale=scale,
     )
+
+
+def _vehicles(log: FlightLog) -> list[Finding]:
+    """That the answers are of one vehicle of several."""
+    if len(log.vehicles) < 2:
+        return []
+    there = ", ".join(map(str, log.vehicles))
+    words = f"{len(log.vehicles)} in the log ({there}), vehicle {log.vehicle} is read: --vehicle"
+    return [Finding("vehicles", Severity.WARNING, f"{words} chooses another")]
 
 
 def _whole(quality: LogQuality) -> Finding:

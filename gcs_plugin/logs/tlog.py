@@ -73,7 +73,7 @@ def tlog_boots(
         )
     notes: list[str] = []
     vehicles = vehicle_systems(frames)
-    chosen = _choose(path, frames, vehicles, vehicle, notes)
+    chosen = _choose(path, frames, vehicles, vehicle)
     again = copies(frames) & (frames.systems() == chosen)
     came_twice = int(np.count_nonzero(again))
     if came_twice:
@@ -174,9 +174,7 @@ def vehicle_systems(frames: Frames) -> list[int]:
     return flown.tolist()
 
 
-def _choose(
-    path: Path, frames: Frames, vehicles: list[int], wanted: int | None, notes: list[str]
-) -> int:
+def _choose(path: Path, frames: Frames, vehicles: list[int], wanted: int | None) -> int:
     if not vehicles:
         raise LogError(f"{path.name}: no autopilot sends in it; no vehicle was recorded")
     if wanted is not None:
@@ -189,14 +187,7 @@ def _choose(
     sends_rpm = np.isin(frames.id, escs)
     counts = np.bincount(system, minlength=256)
     rpms = np.bincount(system[sends_rpm], minlength=256)
-    chosen = max(vehicles, key=lambda s: (rpms[s] > 0, counts[s]))
-    if len(vehicles) > 1:
-        there = ", ".join(map(str, vehicles))
-        notes.append(
-            f"{len(vehicles)} vehicles in the log ({there}): vehicle {chosen} is read, "
-            + ("which reports rotor speeds" if rpms[chosen] else "which sent most messages")
-        )
-    return chosen
+    return max(vehicles, key=lambda s: (rpms[s] > 0, counts[s]))
 
 
 def _autopilots(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -> list[int]:

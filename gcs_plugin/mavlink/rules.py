@@ -83,7 +83,8 @@ class Signal(NamedTuple):
 def in_si(columns: Columns, name: str, unit: str) -> Floats:
     """(n,) or (n, k) the field `name`, given in `unit`, in SI."""
     factor, offset = SCALES[unit]
-    value = columns[name].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a bit that fell over may make a signalling NaN
+        value = columns[name].astype(np.float64)
     return value if (factor, offset) == (1.0, 0.0) else value * factor + offset
 
 

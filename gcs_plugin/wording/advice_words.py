@@ -92,6 +92,7 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
     part, does = {
         "propeller": ("ROTOR", "LESS THRUST"),
         "motor": ("MOTOR", "SLOW FOR ITS OUTPUT"),
+        "stopped": ("ROTOR", "STOOD STILL IN FLIGHT"),
     }[fault.kind]
     if fault.rotors or not advice.rotor_names:
         which = f" {say('OR')} ".join(str(rotor + 1) for rotor in fault.rotors) or "?"
@@ -99,7 +100,8 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
             return f"{say(f'A {part}')}: {say(does)}"
         return f"{part} {which}: {say(does)}"
     name = place_words(advice.rotor_names[fault.rotor]).upper()
-    return f"{part} {fault.rotor + 1}, {name}: {fault_amount(fault).upper()} {say(does)}"
+    amount = "" if fault.kind == "stopped" else f"{fault_amount(fault).upper()} "
+    return f"{part} {fault.rotor + 1}, {name}: {amount}{say(does)}"
 
 
 def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:

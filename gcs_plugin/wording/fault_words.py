@@ -18,15 +18,18 @@ from thrustmargin.models.model.rotor_faults import FaultEpisode
 _AT: Mapping[Kind, str] = {
     "propeller": "Rotor {rotor} {place} {size} less thrust: land",
     "motor": "Motor {rotor} {place} {size} slow, or ESC: land",
+    "stopped": "Rotor {rotor} {place} stands still: land",
 }
 _SENTENCES: Mapping[Kind, str] = {
     "propeller": "Rotor {rotor} makes {size} less thrust: prop? land",
     "motor": "Motor {rotor} or ESC {size} slow for output: land",
+    "stopped": "Rotor {rotor} stands still: land",
 }
 #: While it is not yet known which one it is.
 _ONE_OF: Mapping[Kind, str] = {
     "propeller": "A rotor loses thrust, {rotors}: land",
     "motor": "A motor or ESC is slow, {rotors}: land",
+    "stopped": "A rotor stands still, {rotors}: land",
 }
 MOST_LETTERS = 50  # of a STATUSTEXT
 

@@ -31,6 +31,11 @@ from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
+#: Why a flight of which the model alone speaks has no good verdict.
+PREDICTED_ALONE = (
+    "predicted alone: neither rotor speeds nor motor outputs in the log show what its rotors did"
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
@@ -126,7 +131,9 @@ def verdict_facts(
     if worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
         return (Fact("why", why), airframe)
+    alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
     return (
+        *((Fact("why", PREDICTED_ALONE),) if alone else ()),
         *_to_do(advice),
         *(Fact(label, text) for label, text in facts(advice)),
         Fact("worst", moment_words(worst)),

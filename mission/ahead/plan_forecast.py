@@ -203,7 +203,7 @@ def forecast(
             f"{taken.time_s[-1] / 60.0:.0f}",
         )
     analysis = _analysis(flight, model)
-    advised = advise(analysis, limit=limit)
+    advised = advise(analysis, limit=limit, planned=True)
     if limits.assumed:
         assumed["limits"] = limits.assumed
     if px4:
@@ -296,7 +296,7 @@ def _peak(flight: PlanFlight, model: RotorModel) -> float:
 
 
 def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
-    return advise(_analysis(flight, model), limit=limit)
+    return advise(_analysis(flight, model), limit=limit, planned=True)
 
 
 def _worst_wind(

@@ -1,4 +1,4 @@
-"""Do position and velocity, heading and yaw rate speak of the same seconds?
+"""Do position and velocity, angles and body rates speak of the same seconds?
 
 A table says its units only by its headings: time in milliseconds, angles in degrees or a velocity
 in feet a second would make every delay, smoothing and turn wrong without a word. What moves is
@@ -16,6 +16,8 @@ from thrustmargin.models.physics.smoothing import known_median
 
 #: of what the rate says, that is no matter of noise or lag: knots and feet are 1.9 and 3.3 off
 POSSIBLE = (0.6, 1.7)
+#: the same of roll and pitch, which shake faster than most tables have rows: degrees are 57 off
+POSSIBLE_TILT = (0.1, 10.0)
 FEWEST_STEPS = 20
 LONGEST = 3.0  # times the usual step: beyond it is a pause
 #: squared correlation below which steps show nothing: what rounding and noise do to small ones
@@ -30,13 +32,20 @@ def motion_units(track: FlightTrack) -> str | None:
     """Why the rates of a flight cannot be those of its positions, and what to check; else None."""
     wrong = {
         name: bounds
-        for name, bounds in (("position", moved(track)), ("heading", turned(track)))
-        if bounds is not None and not (bounds[0] <= POSSIBLE[1] and bounds[1] >= POSSIBLE[0])
+        for name, bounds, possible in (
+            ("position", moved(track), POSSIBLE),
+            ("height", risen(track), POSSIBLE),
+            ("heading", turned(track), POSSIBLE),
+            ("tilt", tilted(track), POSSIBLE_TILT),
+        )
+        if bounds is not None and not (bounds[0] <= possible[1] and bounds[1] >= possible[0])
     }
     if not wrong:
         return None
     rates = {"position": "velocity", "heading": "yaw rate"}
-    units = {"position": "m and m/s", "heading": "rad and rad/s"}
+    rates |= {"height": "vertical velocity", "tilt": "roll and pitch rate"}
+    metres, angles = "m and m/s", "rad and rad/s"
+    units = {"position": metres, "height": f"{metres}, down", "heading": angles, "tilt": angles}
     factors = {
         name: float(f"{np.copysign(np.sqrt(low * high), low):.2g}")
         for name, (low, high) in wrong.items()
@@ -57,14 +66,31 @@ def moved(track: FlightTrack) -> Bounds | None:
     )
 
 
-def turned(track: FlightTrack) -> Bounds | None:
-    """The same of the change of heading over yaw rate times seconds."""
-    change = np.diff(track.attitude[:, 2:], axis=0)
+def risen(track: FlightTrack) -> Bounds | None:
+    """The same of vertical movement."""
+    return _ratio(
+        track.time_s, np.diff(track.position_ned[:, 2:], axis=0), track.velocity_ned[:, 2:]
+    )
+
+
+def tilted(track: FlightTrack) -> Bounds | None:
+    """The same of the change of roll and pitch over their rates times seconds."""
     return _ratio(
         track.time_s,
-        (change + np.pi) % (2.0 * np.pi) - np.pi,
-        track.angular_rate_frd[:, 2:],
+        _way_round(np.diff(track.attitude[:, :2], axis=0)),
+        track.angular_rate_frd[:, :2],
     )
+
+
+def turned(track: FlightTrack) -> Bounds | None:
+    """The same of the change of heading over yaw rate times seconds."""
+    change = _way_round(np.diff(track.attitude[:, 2:], axis=0))
+    return _ratio(track.time_s, change, track.angular_rate_frd[:, 2:])
+
+
+def _way_round(change: Floats) -> Floats:
+    """Changes of an angle the shorter way, -pi to pi rad."""
+    return (change + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def _ratio(time_s: Floats, change: Floats, rate: Floats) -> Bounds | None:

@@ -9,7 +9,8 @@ speeds to the airframe's places gives other moments m; how well they explain dw/
 last three terms, is that assignment's likelihood (Gaussian residuals, sample size reduced for
 autocorrelation after Bartlett 1946, gain not negative), once with the airframe's spins and once
 with every spin reversed. A free arm for every rotor is another layout; it pays for its R numbers
-(Schwarz 1978).
+(Schwarz 1978). A moment accelerates at every pace, so another order or layout must show in means
+over SLOW_ROWS too: what shakes faster than the rows follow each other may go with any.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ FEWEST_ROWS = 100
 ALL_UP_TO = 8
 #: s by which telemetry may report rotor speeds late.
 LATE_S = np.arange(1, 13) / 10
+#: Rows of the means by which another order must hold as well, and the share of the correlation of
+#: roll and pitch that must be left there: it grows where the order is right, as noise is less.
+SLOW_ROWS, SLOW_SHARE = 5, 0.8
 #: s; a row this far from its neighbours is not differentiated.
 _LONGEST_STEP = 0.5
 #: Rows of the running mean that is removed: five seconds at 10 Hz.
@@ -87,9 +91,13 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
                 correlation = at_delay
             likelihood = np.maximum(likelihood, other)
         order = _decided(airframe, places, likelihood, correlation, rows)
-    samples = _samples(track)
+        if order.verdict == "differs" and not _holds_slowly(track, order.places, arms):
+            words = f"cannot tell: it shakes faster than the {rows} rows show"
+            order = replace(order, verdict="unclear", words=words, places=same)
     if order.verdict == "unclear" and all(
-        _answers_to_others(samples, axis, order.correlation[axis]) for axis in range(2)
+        _answers_to_others(samples, axis, arms[axis])
+        for samples in (_samples(track), _slow(_samples(track)))
+        for axis in range(2)
     ):
         words = (
             "roll and pitch answer to the rotors, but not from the places that airframe "
@@ -119,6 +127,21 @@ def _likelihood(
     return likelihood, (correlation[0], correlation[1], correlation[2])
 
 
+def _holds_slowly(track: FlightTrack, places: tuple[int, ...], arms: Floats) -> bool:
+    """Whether roll and pitch answer to an assignment in means over SLOW_ROWS as in single rows."""
+    fast, slow = [], []
+    for late in (0.0, *LATE_S):
+        samples = _samples(_earlier(track, late) if late else track)
+        for found, (acceleration, rate, squares, step) in ((fast, samples), (slow, _slow(samples))):
+            found.append(
+                sum(
+                    float(_correlations(acceleration[:, k], rate[:, k], squares, row, step)[0][0])
+                    for k, row in enumerate(arms[:2, None, list(places)])
+                )
+            )
+    return max(slow) >= SLOW_SHARE * max(fast)
+
+
 def _earlier(track: FlightTrack, late: float) -> FlightTrack:
     """The flight with rotor speeds as if they had been reported `late` seconds sooner."""
     speeds = [
@@ -146,6 +169,12 @@ def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
     if np.sum(use) < FEWEST_ROWS:
         use[:] = False
     return _fast(acceleration[use]), _fast(rate[1:-1][use]), _fast(smooth[use]), step[use]
+
+
+def _slow(samples: tuple[Floats, Floats, Floats, Floats]) -> tuple[Floats, Floats, Floats, Floats]:
+    """The same in running means over SLOW_ROWS."""
+    acceleration, rate, squares = (uniform_filter1d(v, SLOW_ROWS, axis=0) for v in samples[:3])
+    return acceleration, rate, squares, samples[3]
 
 
 def _fast(values: Floats) -> Floats:
@@ -201,9 +230,9 @@ def _correlations(
 
 
 def _answers_to_others(
-    samples: tuple[Floats, Floats, Floats, Floats], axis: int, own: float
+    samples: tuple[Floats, Floats, Floats, Floats], axis: int, own_arms: Floats
 ) -> bool:
-    """Whether a free arm for every rotor explains an axis, which the airframe's correlates `own`.
+    """Whether a free arm for every rotor explains an axis, which the airframe's (R,) do not.
 
     As many independent samples as free arms say nothing, however well they are met.
     """
@@ -213,6 +242,7 @@ def _answers_to_others(
     solved = np.linalg.lstsq(np.hstack([known, squares]), response)[0]
     arms = solved[known.shape[1] :].astype(np.float64)
     (freely,), (count,) = _correlations(response, rates, squares, arms[None], step)
+    (own,), _ = _correlations(response, rates, squares, own_arms[None], step)
     explained = np.clip([own, freely], 0.0, 0.999999) ** 2
     own_likelihood, likelihood = -0.5 * max(count - arms.size, 0.0) * np.log1p(-explained)
     lead = likelihood - own_likelihood - 0.5 * arms.size * np.log(max(count, 1.0))

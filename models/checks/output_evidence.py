@@ -50,6 +50,16 @@ class OutputEvidence:
         beyond = self.lifted_kg - mass
         return beyond if beyond > self.error * self.lifted_kg else 0.0
 
+    def share_beyond(self, mass: float) -> float:
+        """The same as a share of `mass`."""
+        return self.more_than(mass) / mass
+
+    @property
+    def share_beyond_speeds(self) -> float:
+        """Thrust beyond that of the measured speeds, as a share of it, where it is more than the
+        standard error; 0."""
+        return float(np.expm1(self.over_speeds)) if self.over_speeds > self.error else 0.0
+
     def surely_more_than(self, mass: float) -> bool:
         """True where an aircraft of `mass` kg cannot need these outputs."""
         return bool(np.log(self.lifted_kg / mass) > SURELY * self.error)

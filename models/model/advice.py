@@ -11,7 +11,7 @@ Made once from the analysis, the faults of its rotors and the loss of control; t
     over         what lasts is above the limit
     near         the limit, or a rotor whose loss is just survived, lies within the 90 % interval
     under        below the limit; a turn or a gust above it passes
-    unknown      no thrust utilisation, or no flight
+    unknown      no thrust utilisation, no flight, or a good one that is predicted alone
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from enum import StrEnum
 import numpy as np
 
 from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.checks.stopped_rotor import stopped_rotors
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -98,6 +99,9 @@ class Advice:
     rotor_names: tuple[str, ...]  # empty where it is not known which rotor is which
     ends_in_flight: bool  # the log ends before the flight did
     goes_on: bool  # it flies now: all is of the flight so far
+    #: For most of the flight neither speed nor output shows what a rotor did: what it should have
+    #: done is no ground for a good answer.
+    predicted_alone: bool
     withheld: bool  # no margin is claimed
 
     @property
@@ -125,11 +129,13 @@ def advise(
     names_known: bool = True,
     history: FaultHistory | None = None,
     goes_on: bool = False,
+    planned: bool = False,
 ) -> Advised:
     """The answer of a whole flight; `limit` is the share of a rotor's thrust that may last.
 
     Not `names_known`: the rotors of the log are in another order than the airframe's. `history` are
     the faults that were found while it flew; without it they are sought. `goes_on`: it flies now.
+    One that is only `planned` has nothing but its prediction.
 
         >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
         >>> made = advise(analyse(log.track, load_model())).advice
@@ -154,9 +160,12 @@ def advise(
     episodes, known = fault_episodes(found), faults_in_model(analysis.model)
     repaired = tuple(e.fault for e in episodes if e.end_s is not None and e.fault in known)
     faults = tuple(e for e in episodes if e.fault not in repaired)
+    faults = tuple(sorted([*_stopped(track), *faults], key=lambda one: one.begin_s))
     battery = _battery(analysis)
     airborne_s = float(seconds[track.flying].sum())
     in_the_air = float(whole.track.row_seconds[whole.track.flying].sum())
+    shown_s = float(seconds[track.flying & analysis.any_measured].sum())
+    predicted_alone = not planned and use.known_s > 0.0 and shown_s < 0.5 * airborne_s
     levels: list[FlightLevel] = []
     if not analysis.withheld and faults:
         levels.append(FlightLevel.DAMAGED)
@@ -167,7 +176,9 @@ def advise(
             levels.append(FlightLevel.BATTERY)
         if use.spent_s >= 1.0:
             levels.append(FlightLevel.NO_THRUST)
-        levels.append(_load_level(use, free, reach))
+        of_load = _load_level(use, free, reach)
+        if not (predicted_alone and of_load is FlightLevel.UNDER):
+            levels.append(of_load)
     return Advised(
         advice=Advice(
             levels=tuple(levels) or (FlightLevel.UNKNOWN,),
@@ -182,6 +193,7 @@ def advise(
             losses=tuple(losses),
             rotor_count=track.rotor_count,
             rotor_names=analysis.model.airframe.rotor_names if names_known else (),
+            predicted_alone=predicted_alone,
             ends_in_flight=bool(not goes_on and whole.track.flying.size and whole.track.flying[-1]),
             goes_on=goes_on,
             withheld=bool(analysis.withheld),
@@ -202,6 +214,18 @@ def _load_level(use: ThrustUse, free: Floats, reach: Floats) -> FlightLevel:
     if use.maybe_above.any() or np.any(free / reach < 1.0):
         return FlightLevel.NEAR
     return FlightLevel.UNDER
+
+
+def _stopped(track: FlightTrack) -> list[FaultEpisode]:
+    """Rotors that stood still while the aircraft flew on."""
+    return [
+        FaultEpisode(
+            begin_s=one.time_s,
+            end_s=None,
+            fault=RotorFault(kind="stopped", rotor=one.rotor, size=1.0, lower=1.0, upper=1.0),
+        )
+        for one in stopped_rotors(track)
+    ]
 
 
 def cells(airframe: Airframe) -> int:

@@ -241,12 +241,14 @@ def analyse(
         max_thrust=limits.max_thrust,
         thrust=rotor_thrust(airframe, track.rotor_speed_rpm, rho),
         utilisation=use,
-        utilisation_error=utilisation_error(track, airframe, prediction, use, use_predicted),
+        utilisation_error=utilisation_error(
+            track, airframe, prediction, use, use_predicted, claim.outputs
+        ),
         utilisation_predicted=use_predicted,
         weight=load,
         redundancy_yaw_kept=redundancy(airframe, limits, load, yaw_kept=True),
         redundancy_yaw_uncontrolled=redundancy(airframe, limits, load, yaw_kept=False),
-        redundancy_error=redundancy_error(track, airframe, density_error / rho),
+        redundancy_error=redundancy_error(track, airframe, density_error / rho, claim.outputs),
         trimmable_loss=trimmable_loss(airframe, limits, load),
         start=start,
         claim=claim,

@@ -19,7 +19,7 @@ EXCLUDED = 0.01  # of the posterior up to which a rotor is excluded
 LEAST, MOST, RATIO = 0.03, 0.6, 1.06  # sizes of a fault, and from one to the next
 LEARN = 12  # blocks of a flight that tell its scatter
 NORMAL_MEDIAN = 0.6745  # median size of a normal error, in standard deviations
-Kind = Literal["propeller", "motor"]
+Kind = Literal["propeller", "motor", "stopped"]
 THRESHOLD = float(np.log(3600.0 / BLOCK / SETTLE / FALSE_ALARMS))
 #: ln of the ratio from which a start that looks like a part is not counted as a turn
 LIKE_A_TURN = float(np.log(SELDOM / BLOCK))

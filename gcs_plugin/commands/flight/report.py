@@ -10,6 +10,7 @@ import tyro
 from rich.console import Console
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.analysed import flights_of
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -21,11 +22,10 @@ from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
 from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.models.errors import DataError, ThrustMarginError
+from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.margin.data import Report
-    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
 
 def report(
@@ -74,10 +74,8 @@ def report(
 
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
-    from thrustmargin.models.model.analysis import analyse, for_verdict
     from thrustmargin.models.whole_file import whole_file
 
     console = Terminal(stderr=True, soft_wrap=True)
@@ -87,7 +85,6 @@ def report(
         Chosen(model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading),
         console,
     )
-    model, airframe = chosen.model, chosen.airframe
     check_utilisation(chosen.limit)
     if out is None and json is None and pdf is None:
         out = Path("report.html")
@@ -101,23 +98,8 @@ def report(
             Output("--out", out.with_suffix(".json")),
             Output("--out", out.with_suffix(".csv")),
         ]
-    check_outputs(outputs, inputs=[*logs, model, airframe, plan])
-    rotor_model = chosen_model(model, airframe)
-    unread: list[UnusedLog] = []
-    read = read_logs(
-        logs,
-        unread,
-        console,
-        model=rotor_model,
-        given=chosen.given,
-        reading=chosen.reading,
-        skipped=ThrustMarginError,
-    )
-    flights = [
-        (for_verdict(analyse(log.track, rotor_model, claim=claim)), log) for log, claim in read
-    ]
-    if not flights:
-        raise DataError(listed(unread))
+    check_outputs(outputs, inputs=[*logs, chosen.model, chosen.airframe, plan])
+    flights, unread = flights_of(logs, chosen, console)
     shown = unread
     if anonymise:
         from thrustmargin.gcs_plugin.commands.season.anonymous import anonymous

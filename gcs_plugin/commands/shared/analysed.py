@@ -26,11 +26,22 @@ def analysed_flights(
     What a recording was made with is taken where nothing is asked for. Raises DataError when no
     log can be read, UsageError when the share is none.
     """
+    chosen = with_recorded(logs, asked, console)
+    check_utilisation(chosen.limit)
+    flights, unread = flights_of(logs, chosen, console)
+    return flights, chosen.limit, unread
+
+
+def flights_of(
+    logs: Sequence[Path], chosen: Chosen, console: Console
+) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
+    """Every sortie of the logs with the load that its verdict rests on, and the logs not read.
+
+    Raises DataError when no log can be read.
+    """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
-    chosen = with_recorded(logs, asked, console)
-    check_utilisation(chosen.limit)
     model = chosen_model(chosen.model, chosen.airframe)
     unread: list[UnusedLog] = []
     read = read_logs(
@@ -45,4 +56,4 @@ def analysed_flights(
     flights = [(for_verdict(analyse(log.track, model, claim=claim)), log) for log, claim in read]
     if not flights:
         raise DataError(listed(unread))
-    return flights, chosen.limit, unread
+    return flights, unread

@@ -186,7 +186,10 @@ def filled_speeds(
             **track.standard_errors,
             "rotor_speed_rpm": np.where(put, 0.5 * np.sqrt(variance) * speed, 0.0),
         },
-        sources={**track.sources, "rotor_speed_rpm": _source(track, silent[-1], curve, now)},
+        sources={
+            **track.sources,
+            "rotor_speed_rpm": _source(track, ~heard[-1] & silent.any(axis=0), curve, now),
+        },
     )
     return filled, now
 

@@ -1,20 +1,25 @@
 """How well thrust utilisation is known: from rotor speeds, load, and what the airframe guesses.
 
-    by speed      s(ln u)² = (2 s_N/N)² + s_c²           u = (N/N_max)²
-    by prediction s(ln u)² = (s_m/m)² + s_g² + s_c² (+ the network's own interval)
-    redundancy    s(ln r)² = (s_m/m)² + s_g² + s_c² + (s_rho/rho)²
+    by speed      s(ln u)² = (2 s_N/N)² + s_c² + s_o²           u = (N/N_max)²
+    by prediction s(ln u)² = (s_m/m)² + s_g² + s_c² + s_o² (+ the network's own interval)
+    redundancy    s(ln r)² = (s_m/m)² + s_g² + s_c² + s_o² + (s_rho/rho)²
 
 s_N, s_m standard errors of rotor speed and mass, 0 where they were measured (of one that hover
 thrust shows, only what the largest thrust does not share); s_c of the ceiling where its rotor speed
 or voltage is guessed, or the battery's not known, s_g of a guessed mass or thrust curve. The
 density of the air is in redundancy only: by speed it cancels, and the network predicts in the air
 that it learnt in.
+
+s_o is what the motor outputs show beyond the rotor speeds, or beyond the reported load where that
+is what the number rests on: too little to say which is wrong, enough that the 90 % interval reaches
+to what the outputs say (checks/output_evidence.py).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from thrustmargin.models.checks.output_evidence import OutputEvidence
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.inferred.load_inference import shared_error
 from thrustmargin.models.model.predict import Prediction
@@ -60,13 +65,32 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
     return np.sqrt(share**2 + guesses + ceiling_variance(airframe, track.voltage))
 
 
-def redundancy_error(track: FlightTrack, airframe: Airframe, density_share: Floats) -> Floats:
+def beyond_load(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None) -> float:
+    """Standard error, as a share, by what motor outputs lift beyond the reported load; 0.
+
+    A load that hover thrust shows has it in its own error.
+    """
+    if outputs is None or track.source("tank_kg").meaning is Meaning.HOVER_THRUST:
+        return 0.0
+    load = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
+    if not load.size:
+        return 0.0
+    return outputs.share_beyond(airframe.empty_mass + float(np.median(load))) / INTERVAL
+
+
+def redundancy_error(
+    track: FlightTrack,
+    airframe: Airframe,
+    density_share: Floats,
+    outputs: OutputEvidence | None = None,
+) -> Floats:
     """(T,) standard error of ln redundancy; `density_share` (T,) is that of ln density.
 
     Where hover thrust shows the load, density shifts it and the largest thrust alike.
     """
     shared = track.source("tank_kg").meaning is Meaning.HOVER_THRUST
-    return np.hypot(load_error(track, airframe), 0.0 if shared else density_share)
+    error = np.hypot(load_error(track, airframe), 0.0 if shared else density_share)
+    return np.hypot(error, beyond_load(track, airframe, outputs))
 
 
 def utilisation_error(
@@ -75,6 +99,7 @@ def utilisation_error(
     prediction: Prediction,
     utilisation: Floats,
     utilisation_predicted: Floats,
+    outputs: OutputEvidence | None = None,
 ) -> Floats:
     """(T, R) standard error of the known utilisation; NaN where it is unknown.
 
@@ -87,8 +112,12 @@ def utilisation_error(
         half = (prediction.upper_rpm - prediction.lower_rpm) / 2.0
         of_network = np.nan_to_num(2.0 * half / INTERVAL / prediction.rotor_speed_rpm)
         ceiling = ceiling_variance(airframe, track.voltage)[:, None]
-        by_speed = utilisation * np.sqrt(of_speed**2 + ceiling)
+        beyond = beyond_load(track, airframe, outputs)
+        # Speeds that were made of the outputs rest on the load.
+        of_outputs = 0.0 if outputs is None else outputs.share_beyond_speeds / INTERVAL
+        of_outputs = np.where(error > 0.0, beyond, of_outputs)
+        by_speed = utilisation * np.sqrt(of_speed**2 + ceiling + of_outputs**2)
         load = load_error(track, airframe)[:, None]
-        predicted = utilisation_predicted * np.sqrt(load**2 + of_network**2)
+        predicted = utilisation_predicted * np.sqrt(load**2 + of_network**2 + beyond**2)
     any_speed = np.any(np.isfinite(utilisation), axis=1)[:, None]
     return np.where(any_speed, by_speed, predicted)

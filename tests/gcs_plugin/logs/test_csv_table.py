@@ -257,3 +257,25 @@ def test_time_in_milliseconds_is_refused_with_what_showed_it(sitl_logs, tmp_path
     said = "rows 100 s apart: time_s must be in s; a file columns.toml beside it states other units"
     with pytest.raises(LogError, match=said):
         read_csv(path)
+
+
+def test_a_column_of_another_unit_is_not_used_and_said(tmp_path):
+    # Percent: what idles or stands would pass as a share. A gauge that says -1 knows nothing.
+    rows = [f"{t / 10},{0 if t < 20 else 55},{2000 + t},-1" for t in range(100)]
+    path = tmp_path / "percent.csv"
+    path.write_text("\n".join(["time_s,throttle_1,rotor_speed_rpm_1,tank_kg", *rows]))
+    track = read_log(path).track
+    assert not track.reports("throttle")
+    assert not track.reports("tank_kg")
+    assert track.reports("rotor_speed_rpm")
+    (said,) = (note for note in track.notes if note.startswith("throttle"))
+    assert said.startswith("throttle: 80 of 100 rows are not within 0 to 1: not used")
+    # A few that cannot be are the sensor's.
+    rows[50] = rows[50].replace(",55,", ",-7,")
+    path.write_text(
+        "\n".join(["time_s,throttle_1", *(r.rsplit(",", 2)[0] for r in rows)]).replace(
+            ",55", ",0.55"
+        )
+    )
+    track = read_log(path).track
+    assert np.isfinite(track.throttle).sum() == 99

@@ -15,6 +15,8 @@ from tests.gcs_plugin.logs.tlog_files import (
     written,
 )
 from thrustmargin.gcs_plugin.logs import read_log, read_sorties
+from thrustmargin.gcs_plugin.logs.findings import repeated
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.physics.airframe import load_airframe
@@ -27,7 +29,10 @@ def test_two_vehicles_are_told_apart_and_the_choice_is_said(tmp_path):
     path = written(tmp_path, first + second)
     log = read_log(path)
     assert (log.vehicle, log.vehicles) == (2, (1, 2))
-    assert any("2 vehicles in the log (1, 2): vehicle 2 is read" in n for n in log.track.notes)
+    found = inspect_log(log, load_airframe("topxgun-f16-sitl")).findings
+    (said,) = repeated(found)
+    words = "2 in the log (1, 2), vehicle 2 is read: --vehicle chooses another"
+    assert (said.check, said.words) == ("vehicles", words)
     assert log.track.rotor_speed_rpm[0, 1] == 2501
     assert read_log(path, vehicle=1).track.rotor_speed_rpm[0, 1] == 1901
     with pytest.raises(LogError, match="no vehicle 7; it holds vehicle 1, 2"):

@@ -9,7 +9,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES, esc_silent
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.rules import Rule, decode, quantity
+from thrustmargin.gcs_plugin.mavlink.rules import Rule, decode, in_si, quantity
 from thrustmargin.gcs_plugin.mavlink.text import clean, piece, printable
 
 DTYPES = {layout.name: layout.dtype for layout in layouts().values()}
@@ -345,3 +345,9 @@ def test_texts_end_at_a_zero_byte_and_cannot_steer_a_terminal():
     assert piece(b"\xff\xc3\xa9") == "\ufffd\u00e9"
     assert clean("plain, \u00e9") == "plain, \u00e9"
     assert clean("a\tb\nc\u202e") == "a b c "
+
+
+def test_a_signalling_nan_of_a_damaged_file_is_no_warning():
+    raw = np.array([0x7F800001, 0x3F800000] * 40, dtype=np.uint32).view(np.float32)
+    assert np.isnan(in_si({"x": raw}, "x", "m")[0])
+    assert in_si({"x": raw}, "x", "m")[1] == 1.0

@@ -59,6 +59,7 @@ ADVICE = Advice(
     rotor_names=("front right", "rear left", "front left", "rear right"),
     ends_in_flight=False,
     goes_on=False,
+    predicted_alone=False,
     withheld=False,
 )
 FAULT = RotorFault(kind="propeller", rotor=2, size=0.12, lower=0.11, upper=0.13)

@@ -139,3 +139,40 @@ def test_a_few_rows_say_nothing(rows):
 
 def test_nothing_reported_says_nothing():
     assert motion_units(flight(reported=())) is None
+
+
+def swaying(*, height=1.0, tilt=1.0) -> FlightTrack:
+    """Up and down by 2 m in 12 s, rolling by 0.1 rad in 3 s; each factor is a wrong unit.
+
+    A step of 0.21 rad of the sway is 1.5 % more than the mean of the rates at its ends says.
+    """
+    still, up, sway = np.zeros_like(TIME), 2.0 * np.pi / 12.0, 2.0 * np.pi / 3.0
+    down, sink = -2.0 * np.sin(up * TIME), -2.0 * up * np.cos(up * TIME)
+    roll, rate = 0.1 * np.sin(sway * TIME), 0.1 * sway * np.cos(sway * TIME)
+    return FlightTrack.of(
+        name="sway.csv",
+        time_s=TIME,
+        rotor_count=4,
+        position_ned=np.stack([still, still, down], axis=1) * height,
+        velocity_ned=np.stack([still, still, sink], axis=1),
+        attitude=np.stack([roll, still, still], axis=1) * tilt,
+        angular_rate_frd=np.stack([rate, still, still], axis=1),
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "begins"),
+    [
+        ({"height": -1.0}, "height changes -1 times as much as vertical velocity says"),
+        ({"height": 3.281}, "height changes 3.3 times as much as vertical velocity says"),
+        ({"tilt": 180.0 / np.pi}, "tilt changes 58 times as much as roll and pitch rate says"),
+        ({"tilt": np.pi / 180.0}, "tilt changes 0.018 times as much as roll and pitch rate says"),
+    ],
+)
+def test_height_and_tilt_are_held_against_their_rates(wrong, begins):
+    assert motion_units(swaying()) is None
+    found = motion_units(swaying(**wrong))
+    assert found is not None
+    assert found.startswith(begins)
+    # Roll and pitch that are seen too seldom are off by less than that.
+    assert motion_units(swaying(tilt=5.0)) is None

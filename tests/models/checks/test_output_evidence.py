@@ -130,3 +130,22 @@ def test_a_gauge_that_stands_still_while_the_aircraft_grows_lighter_is_none(sile
     assert without_frozen(carried, F16, SQUARE) is carried
     moving = hover(np.linspace(16.0, 4.0, 900))
     assert without_frozen(moving, F16, SQUARE) is moving
+
+
+@pytest.mark.parametrize(("channel", "what"), [("rotor_speed_rpm", "gauge"), ("tank_kg", "speeds")])
+def test_what_outputs_show_beyond_gauge_or_speeds_lies_within_the_interval(channel, what):
+    # 37.1 kg by the outputs; 30.1 by a gauge stuck at 9 kg, and as much by speeds 10 % low: ln 0.21
+    # and less than the 0.30 or so beyond which nothing would be said. Truth: 37.1 x 9.80665 / 724.
+    wrong = hover(16.0, gauge=9.0) if what == "gauge" else hover(16.0, speeds=np.sqrt(30.1 / 37.1))
+    track = prepared(without(wrong, channel), F16, SQUARE)
+    found = analyse(track, physics_model(F16), claim=claim_of(without(wrong, channel)))
+    assert not found.withheld
+    row = 450
+    use, error = found.utilisation[row, 0], found.utilisation_error[row, 0]
+    assert use == pytest.approx(30.1 * G0 / FULL, rel=0.01)
+    assert 1.0 <= (use + 1.645 * error) / (37.1 * G0 / FULL) < 1.06
+    if what == "gauge":
+        # What holds 30.1 kg so often holds 37.1 kg as much less often.
+        assert np.exp(1.645 * found.redundancy_error[row]) > 37.1 / 30.1
+    sound = analyse(hover(16.0), physics_model(F16), claim=claim_of(hover(16.0)))
+    assert sound.utilisation_error[row, 0] == 0.0

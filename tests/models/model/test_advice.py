@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.wording.advice_words import facts
+from thrustmargin.gcs_plugin.wording.advice_words import facts, headline
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
@@ -30,6 +30,18 @@ def used(analysis: FlightAnalysis, factor: float) -> FlightAnalysis:
 def test_turns_above_the_limit_are_no_flight_above_it(sound):
     assert np.nanmax(sound.utilisation[sound.track.flying]) > 0.6
     assert levels(sound) == (FlightLevel.UNDER,)
+
+
+@pytest.mark.parametrize("silent_from_s", [0.0, 80.0, 190.0])
+def test_what_is_mostly_predicted_is_never_good(sound, silent_from_s):
+    silent = sound.track.time_s[:, None] > silent_from_s
+    alone = replace(sound, utilisation=np.where(silent, np.nan, sound.utilisation))
+    good = FlightLevel.UNDER if silent_from_s == 190.0 else FlightLevel.UNKNOWN
+    assert levels(alone) == (good,)
+    assert advise(alone, planned=True).advice.level is FlightLevel.UNDER
+    # That it would be too much is said by prediction alone too.
+    much = replace(alone, utilisation_predicted=1.3 * alone.utilisation_predicted)
+    assert levels(much)[-1] in (FlightLevel.OVER, FlightLevel.NEAR)
 
 
 def test_what_lasts_above_the_limit_is_above_it(sound):
@@ -84,6 +96,18 @@ def test_a_flight_that_is_none_has_no_answer(sound):
     assert levels(replace(sound, track=replace(sound.track, flying=two_seconds))) == (
         FlightLevel.UNKNOWN,
     )
+
+
+def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
+    track = sound.track
+    gone = track.time_s > 100.0
+    speeds = track.rotor_speed_rpm * np.where(gone, np.sqrt(4.0 / 3.0), 1.0)[:, None]
+    speeds[gone, 2] = np.nan
+    made = advise(replace(sound, track=replace(track, rotor_speed_rpm=speeds))).advice
+    assert made.level is FlightLevel.DAMAGED
+    assert (made.faults[0].fault.kind, made.faults[0].fault.rotor) == ("stopped", 2)
+    assert headline(made).startswith("ROTOR 3, FRONT LEFT: STOOD STILL IN FLIGHT")
+    assert "Rotor 3 front left stands still: land" in dict(facts(made))["alarm"]
 
 
 def test_the_gravest_has_the_smallest_gravity():
