@@ -131,6 +131,10 @@ def fault_history(analysis: FlightAnalysis) -> list[tuple[float, tuple[RotorFaul
     if analysis.withheld:
         return []
     found, track = RotorFaults(analysis.model), analysis.track
+    if not track.reports("rotor_speed_rpm"):  # as of a plan: what the model holds stands
+        return [
+            (float(at), found.standing) for at in track.time_s[track.flying][:1] if found.standing
+        ]
     history: list[tuple[float, tuple[RotorFault, ...]]] = []
     for row, signals in enumerate(fault_signals(analysis, slice(None))):
         time_s = float(track.time_s[row])
