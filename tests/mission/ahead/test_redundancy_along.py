@@ -44,9 +44,7 @@ def test_redundancy_of_every_moment_is_what_a_grid_of_thrusts_gives(heading_kept
     largest = 2.011e-5 * speed**2 * made.flight.density / 1.225
     weight = 9.80665 * (craft.empty_mass + track.tank_kg)
     held = most_held(craft.rotor_position_frd[:, :2], craft.rotor_spin, heading_kept=heading_kept)
-    found = (
-        analysis.redundancy_yaw_kept if heading_kept else analysis.redundancy_yaw_uncontrolled
-    )
+    found = analysis.redundancy_yaw_kept if heading_kept else analysis.redundancy_yaw_uncontrolled
     assert np.ptp(track.tank_kg) > 2.0
     assert found == pytest.approx(held * largest / weight, rel=2e-3, abs=1e-6)
     assert held == (0.0 if heading_kept else 2.0)
