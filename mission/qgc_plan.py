@@ -261,13 +261,8 @@ def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
         radius = _number(circle.get("radius"), where=where, what="radius")
         if not radius > 0.0:
             raise PlanError(f"{where} has a circle of radius {radius:g} m; draw it again")
-        found.append(
-            FenceCircle(
-                inside=entry.get("inclusion", True) is True,
-                centre=(centre[0], centre[1]),
-                radius=radius,
-            )
-        )
+        inside = entry.get("inclusion", True) is True
+        found.append(FenceCircle(inside=inside, centre=(centre[0], centre[1]), radius=radius))
     size = sum(len(a.corners) if isinstance(a, FencePolygon) else CIRCLE for a in found)
     if size > MOST_FENCE:
         raise PlanError(f"{where} has more corners than any vehicle holds; simplify it")
@@ -277,12 +272,11 @@ def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
 def _rally(content: Any, where: str) -> tuple[tuple[float, float, float], ...]:
     if content is None:
         return ()
-    if not isinstance(content, dict) or not isinstance(content.get("points", []), list):
-        raise PlanError(f"{where} are no points; save the plan again from QGroundControl")
+    points = content.get("points", []) if isinstance(content, dict) else None
+    if not isinstance(points, list) or len(points) > MOST_FENCE:
+        raise PlanError(f"{where} are no points, or too many; save the plan again")
     _version_notes(content, _PARTS_VERSIONS, where)
-    if len(content.get("points", [])) > MOST_FENCE:
-        raise PlanError(f"{where} are more than any vehicle holds; leave some out")
-    found = [_numbers(p, 3, where=where, what="point") for p in content.get("points", [])]
+    found = [_numbers(p, 3, where=where, what="point") for p in points]
     for latitude, longitude, _ in found:
         check_place(latitude, longitude, where=f"{where} point")
     return tuple((a, b, c) for a, b, c in found)
@@ -309,7 +303,7 @@ def _named(where: str, what: str) -> str:
 
 def _integer(value: Any, *, where: str, what: str = "") -> int:
     number = _number(value, where=where, what=what)
-    if number != math.floor(number) if math.isfinite(number) else True:
+    if not number.is_integer():
         raise PlanError(f"{_named(where, what)} is {value!r:.40}; it must be a whole number")
     return int(number)
 

@@ -26,6 +26,7 @@ NOT_MIRRORED = {
     "tests/lab/bench": "measurements of speed and memory, run by `make bench`",
     "tests/lab/measured": "the loop on measured data of others, run by `make measured`",
     "tests/lab/mutation": "a count of what fast tests notice, run as its first lines say",
+    "tests/lab/plans": "plans made to break a reader, and one too large to be flown in a day",
     "tests/lab/undeclared": "effects that the code does not know",
     "tests/gcs_plugin/peers": "the programs at the other end of a link",
 }

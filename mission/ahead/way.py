@@ -181,7 +181,7 @@ def _overlap_of(
     level_most, climb_most = gains
     if not longest:
         return 0.0
-    left = TRIED_S * np.arange(longest, 0, -1)
+    left: Floats = TRIED_S * np.arange(longest, 0.0, -1.0)
     flat_one, flat_two = (math.sqrt(max(1.0 - d**2, 0.0)) for d in (down_one, down_two))
     one = np.array([flat_one, 0.0, down_one])
     two = np.array([flat_two * math.cos(bend), flat_two * math.sin(bend), down_two])

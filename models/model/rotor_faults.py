@@ -142,6 +142,10 @@ def fault_history(analysis: FlightAnalysis) -> FaultHistory:
     if analysis.withheld:
         return []
     found, track = RotorFaults(analysis.model), analysis.track
+    if not track.reports("rotor_speed_rpm"):  # as of a plan: what the model holds stands
+        return [
+            (float(at), found.current) for at in track.time_s[track.flying][:1] if found.current
+        ]
     for row, signals in enumerate(fault_signals(analysis, slice(None))):
         if track.flying[row]:
             found.add(float(track.time_s[row]), signals)

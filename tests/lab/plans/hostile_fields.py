@@ -208,7 +208,8 @@ def shapefile_of(rings: list[list[list[float]]]) -> bytes:
     import shapefile
 
     shp, shx, dbf = io.BytesIO(), io.BytesIO(), io.BytesIO()
-    with shapefile.Writer(shp=shp, shx=shx, dbf=dbf, shapeType=shapefile.POLYGON) as writer:
+    made: Any = shapefile.Writer
+    with made(shp=shp, shx=shx, dbf=dbf, shapeType=shapefile.POLYGON) as writer:
         writer.field("n")
         writer.poly([ring[::-1] for ring in rings])
         writer.record("a")
