@@ -106,7 +106,7 @@ def test_every_package_folder_and_every_data_file_is_installed():
     } - {"thrustmargin.gcs_plugin.api"}
     assert set(tools["packages"]) == folders | {"thrustmargin", "thrustmargin.sitl_logs.campaign"}
     for path in (p for package in PACKAGES for p in (ROOT / package).rglob("*") if p.is_file()):
-        if path.suffix in (".py", ".pyc") or path.name == "py.typed":
+        if path.suffix == ".py" or path.name == "py.typed" or "__pycache__" in path.parts:
             continue
         held = [
             (path.relative_to(folder), p)
