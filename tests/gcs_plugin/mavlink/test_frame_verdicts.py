@@ -5,7 +5,6 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from thrustmargin.gcs_plugin.mavlink.frame import (
-    HEADER_PADDING,
     FrameKind,
     Walk,
     examine,
@@ -13,10 +12,13 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     frame_of,
     header,
 )
-from thrustmargin.gcs_plugin.mavlink.layouts import ID_LIMIT, layout_table
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
+from thrustmargin.gcs_plugin.mavlink.layouts import layout_table
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 
+ID_LIMIT = 65536  # of message ids that can have a layout
+PADDING = 512  # bytes behind the data that a scan may look at
+HEADER_PADDING = 10  # bytes behind the data that a header may reach into
 #: HEARTBEAT: id 0, nine bytes, CRC_EXTRA 50 (MAVLink definition).
 BEAT = bytes([1, 2, 3, 4, 5, 6, 7, 8, 3])
 UNKNOWN = 9  # an id that no dialect defines

@@ -10,8 +10,9 @@ from tests.gcs_plugin.peers.cluster import cluster
 from tests.gcs_plugin.store.season import content, files
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.store.season_store import DRAFTS, STAGED, SeasonStore
+from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 
+DRAFTS, STAGED = "_drafts", "_staged"  # folders of a store
 CAMPAIGN = ROOT / "sitl_logs/campaign"
 LOGS = [str(CAMPAIGN / f"v{v}_m{m}_q2.5.tlog") for v in (2, 4) for m in (4, 16)]
 

@@ -21,8 +21,8 @@ from thrustmargin.gcs_plugin.view.scene.aircraft import spin_segments
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import grid_cell
-from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow, enu
-from thrustmargin.gcs_plugin.wording.palette import NO_DATA, seen_for
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu
+from thrustmargin.gcs_plugin.wording.palette import seen_for
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError
 from thrustmargin.models.flight import FlightTrack
@@ -32,6 +32,8 @@ from thrustmargin.models.model.rotor_faults import fault_history
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
+NO_DATA = (165, 165, 165)  # grey
+FRD_FLU = np.diag([1.0, -1.0, -1.0])  # to the axes of the scene
 EVIL = "</script><b>WP</b>"
 
 
