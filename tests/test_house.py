@@ -24,6 +24,7 @@ NOT_MIRRORED = {
     "tests": "this, and what all tests share",
     "tests/lab": "what measures the product, run by `make lab` and by hand",
     "tests/lab/bench": "measurements of speed and memory, run by `make bench`",
+    "tests/lab/fuzz": "damaged files of every kind into their readers, run by `make fuzz`",
     "tests/lab/measured": "the loop on measured data of others, run by `make measured`",
     "tests/lab/mutation": "a count of what fast tests notice, run as its first lines say",
     "tests/lab/undeclared": "effects that the code does not know",

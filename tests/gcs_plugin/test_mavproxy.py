@@ -165,7 +165,7 @@ def mavproxy(one_mavproxy: MavProxy, model: Path) -> Iterator[MavProxy]:
     one_mavproxy.begin()
     one_mavproxy.ask(f'module load {MODULE}:{{"model":"{model}"}}', f"Loaded module {MODULE}")
     yield one_mavproxy
-    one_mavproxy.ask(f"module unload {MODULE}", f"Unloaded module {MODULE}|not loaded")
+    one_mavproxy.ask(f"module unload {MODULE}", f"Un(loaded|able to find) module {MODULE}")
 
 
 def play(flight: list[tuple[int, bytes]], port: int, start: float, stop: float, speed: float):
