@@ -40,7 +40,8 @@ GEOJSON = json.dumps(
 )
 PARTS = (
     "part,aircraft,position,installed_at,removed_at\n"
-    "P1,A,propeller 1,2026-01-02,2026-03-02\nP2,A,propeller 1,2026-03-02,\nM7,A,motor 2,2026-01-02,\n"
+    "P1,A,propeller 1,2026-01-02,2026-03-02\nP2,A,propeller 1,2026-03-02,\n"
+    "M7,A,motor 2,2026-01-02,\n"
 )
 BENCH = "rpm,thrust [N],power [W]\n" + "".join(
     f"{n},{4e-5 * n * n:.3f},{2e-8 * n**3:.2f}\n" for n in range(500, 3000, 250)
