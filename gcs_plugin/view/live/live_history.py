@@ -21,7 +21,8 @@ class LiveHistory:
 
     def add(self, update: Update) -> None:
         """The new rows; a vehicle that restarted, or has other rotors, begins anew."""
-        now = Speeds.of(update.analysis).rows(slice(update.first, None), update.clock_s)
+        rows = Speeds.of(update.analysis).rows(slice(update.first, None), update.clock_s)
+        now = Speeds(*map(np.copy, rows))  # a view would keep its whole window alive
         if not now.time_s.size:
             return
         last = self._parts[-1] if self._parts else now
