@@ -101,8 +101,9 @@ def test_headers_by_hand_one_by_one_and_all_at_once():
 
 
 def test_a_payload_longer_than_its_message_is_no_frame():
-    assert verdict(second(BEAT + b"\1")) is FrameKind.NOTHING
-    assert verdict(first(BEAT + b"\1")) is FrameKind.NOTHING
+    for frame in (second(BEAT + b"\1"), first(BEAT + b"\1")):
+        assert verdict(frame) is FrameKind.NOTHING
+        assert frame_of(frame) is None
 
 
 @pytest.mark.parametrize("number", [ID_LIMIT - 1, ID_LIMIT, ID_LIMIT + 1, 0xFFFFFF])
