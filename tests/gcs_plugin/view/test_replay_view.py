@@ -217,6 +217,7 @@ def test_the_worst_moment_is_pinned_and_one_press_away(view, analysis):
     use = analysis.utilisation.max(axis=1)
     worst = int(np.argmax(use))
     assert f"{100 - 100 * use[worst]:.0f} %" in node(view, "/world/pin").text
+    view.clock.play()
     act(view, "worst")
     settled(view, lambda: view.clock.now() == pytest.approx(analysis.track.time_s[worst]))
     assert not view.clock.playing
