@@ -134,4 +134,5 @@ def _corners(columns: Floats, level: Floats) -> Floats:
     picks = np.array(list(combinations(range(count), size)), dtype=np.int64)
     planes = columns.T[picks]
     meet = np.abs(np.linalg.det(planes)) > ROUNDING
-    return np.linalg.solve(planes[meet], level[picks[meet]][..., None])[..., 0]
+    found = np.linalg.solve(planes[meet], level[picks[meet]][..., None])[..., 0]
+    return np.asarray(found, dtype=np.float64)
