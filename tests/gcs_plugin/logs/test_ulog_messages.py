@@ -94,7 +94,8 @@ def test_time_grows_with_the_size_of_damage_alone(kind):
         "claims": lambda size: struct.pack("<HB", 60_000, ord("A")) * (size // 3),
     }[kind]
     spent = []
-    for size in (50_000, 200_000):
+    # Claims take longest; of fewer random bytes a false header may swallow what follows them.
+    for size in (50_000, 200_000) if kind == "claims" else (200_000, 800_000):
         data = px4_log() + made(size) + px4_log()[HEADER:]
         began = time.process_time()
         found = whole_messages(data, TOPICS)
