@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 # The import name as folders, for pyright: it does not follow an editable install.
 LINKS := $(VENV)/links/thrustmargin
 
-.PHONY: demo fleet-demo test pytest lab check bench measured mutation package screenshots clean
+.PHONY: demo fleet-demo test pytest lab check bench measured mutation fuzz package screenshots clean
 
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
@@ -46,6 +46,11 @@ package: $(VENV)/.test
 	rm -rf dist
 	$(BIN)/python -m build --no-isolation
 	$(BIN)/twine check --strict dist/*
+
+# Damaged files of every kind into their readers, for so many seconds: make fuzz TIME=600
+TIME ?= 600
+fuzz: $(VENV)/.test
+	nice $(BIN)/python -m tests.lab.fuzz.fuzz --seconds $(TIME) $(FUZZ_ARGS)
 
 screenshots: $(VENV)/.test
 	$(BIN)/python docs/screenshots.py

@@ -24,6 +24,7 @@ NOT_MIRRORED = {
     "tests": "this, and what all tests share",
     "tests/lab": "what measures the product, run by `make lab` and by hand",
     "tests/lab/bench": "measurements of speed and memory, run by `make bench`",
+    "tests/lab/fuzz": "damaged files of every kind into their readers, run by `make fuzz`",
     "tests/lab/measured": "the loop on measured data of others, run by `make measured`",
     "tests/lab/mutation": "a count of what fast tests notice, run as its first lines say",
     "tests/lab/plans": "plans made to break a reader, and one too large to be flown in a day",
@@ -107,7 +108,7 @@ def test_every_package_folder_and_every_data_file_is_installed():
     } - {"thrustmargin.gcs_plugin.api"}
     assert set(tools["packages"]) == folders | {"thrustmargin", "thrustmargin.sitl_logs.campaign"}
     for path in (p for package in PACKAGES for p in (ROOT / package).rglob("*") if p.is_file()):
-        if path.suffix in (".py", ".pyc") or path.name == "py.typed":
+        if path.suffix == ".py" or path.name == "py.typed" or "__pycache__" in path.parts:
             continue
         held = [
             (path.relative_to(folder), p)

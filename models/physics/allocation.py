@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 from math import nan
 
 import numpy as np
@@ -65,10 +66,10 @@ def holdable(airframe: Airframe) -> Holdable:
         return Holdable(intact=nan, yaw_kept=np.array([nan]), yaw_uncontrolled=np.array([nan]))
 
     def without(rotor: int, yaw_kept: bool) -> float:
-        return float(_best(airframe, yaw_kept=yaw_kept, lost=rotor).sum())
+        return _largest(airframe, yaw_kept=yaw_kept, lost=rotor)
 
     return Holdable(
-        intact=float(_best(airframe, yaw_kept=True).sum()),
+        intact=_largest(airframe, yaw_kept=True),
         yaw_kept=np.array([without(i, True) for i in rotors]),
         yaw_uncontrolled=np.array([without(i, False) for i in rotors]),
     )
@@ -78,60 +79,60 @@ def holdable(airframe: Airframe) -> Holdable:
 def trim_curve(airframe: Airframe, rotor: int, yaw_kept: bool = True) -> TrimCurve:
     """The least that rotor `rotor` (from 0) must make for each level collective.
 
-    The set of (collective, thrust of the rotor) that can be trimmed is a convex polygon; this is
-    its lower edge, from the collective held without the rotor to the largest one with it. Corners
-    are found one by one: look outwards from an edge until nothing lies beyond it.
+    The least rotor for a collective is the program's dual: the highest of lines in the collective,
+    one a corner of the dual. The curve follows the highest line from the collective held without
+    the rotor to the largest one with it.
     """
-
-    def corner(of_collective: float, of_rotor: float) -> tuple[float, float]:
-        thrust = _best(airframe, yaw_kept=yaw_kept, favour=(of_collective, rotor, of_rotor))
-        return float(thrust.sum()), float(thrust[rotor])
-
-    alone = float(_best(airframe, yaw_kept=yaw_kept, lost=rotor).sum())
-    # A touch of weight on the rotor picks, of all largest collectives, the one that spares it.
-    points = [(alone, 0.0), corner(1.0, -1e-4)]
-    edge = 0
-    while edge < len(points) - 1:
-        (c0, t0), (c1, t1) = points[edge], points[edge + 1]
-        normal = (t1 - t0, c0 - c1)
-        beyond = corner(*normal)
-        gain = normal[0] * (beyond[0] - c0) + normal[1] * (beyond[1] - t0)
-        if gain > ROUNDING and not any(np.allclose(beyond, p, atol=ROUNDING) for p in points):
-            points.insert(edge + 1, beyond)
-        else:
-            edge += 1
-    collective, least = np.array(points).T
-    return TrimCurve(collective=collective, rotor=least)
+    collective, largest = (_largest(airframe, yaw_kept=yaw_kept, lost=r) for r in (rotor, None))
+    moments = _moments(airframe, yaw_kept)
+    turn, size, columns = _independent(np.vstack([np.ones(airframe.rotor_count), moments]))
+    alone = np.eye(airframe.rotor_count)[rotor]
+    corners = np.vstack([np.zeros(size.size), _corners(columns, alone)])
+    slope = corners @ (turn[0] / size)
+    start = -np.maximum(corners @ columns - alone, 0.0) @ airframe.rotor_effectiveness
+    points = [(collective, 0.0)]
+    while collective < largest - ROUNDING:
+        height = start + slope * collective
+        k = int(np.argmax(np.where(height >= points[-1][1] - ROUNDING, slope, -np.inf)))
+        steeper = slope > slope[k] + ROUNDING
+        meets = (start[k] - start[steeper]) / (slope[steeper] - slope[k])
+        collective = float(np.min(meets[meets > collective + ROUNDING], initial=largest))
+        points.append((collective, float(start[k] + slope[k] * collective)))
+    collectives, least = np.array(points).T
+    return TrimCurve(collective=collectives, rotor=least)
 
 
-def _best(
-    airframe: Airframe,
-    *,
-    yaw_kept: bool,
-    lost: int | None = None,
-    favour: tuple[float, int, float] = (1.0, 0, 0.0),
-) -> Floats:
-    """(R,) thrusts that maximise favour[0] x collective + favour[2] x thrust of rotor favour[1]."""
-    from scipy.optimize import linprog
+def _largest(airframe: Airframe, *, yaw_kept: bool, lost: int | None = None) -> float:
+    """Largest level collective, by the program's dual: the least over l of sum of ceiling x
+    max(0, 1 + l . moments) is found at a corner, where as many of its terms as l is long are 0."""
+    works = np.arange(airframe.rotor_count) != (-1 if lost is None else lost)
+    columns = _independent(_moments(airframe, yaw_kept)[:, works])[2]
+    corners = _corners(columns, -np.ones(columns.shape[1]))
+    sums = np.maximum(1.0 + corners @ columns, 0.0) @ airframe.rotor_effectiveness[works]
+    return float(sums.min())
 
+
+def _moments(airframe: Airframe, yaw_kept: bool) -> Floats:
+    """(2 or 3, R) rows that are 0 in trim, scaled to about 1."""
     matrix = mixer(airframe)
-    # Rows are scaled to about 1: zero stays zero, and the solver's tolerance means the same in all.
     arm = float(np.max(np.hypot(matrix[1], matrix[2])))
-    rows = [matrix[1] / arm, matrix[2] / arm]
-    if yaw_kept:
-        rows.append(airframe.rotor_spin)
-    ceiling = airframe.rotor_effectiveness.copy()
-    if lost is not None:
-        ceiling[lost] = 0.0
-    gain = np.full(airframe.rotor_count, favour[0])
-    gain[favour[1]] += favour[2]
-    solution = linprog(
-        -gain,
-        A_eq=np.stack(rows),
-        b_eq=np.zeros(len(rows)),
-        bounds=np.stack([np.zeros_like(ceiling), ceiling], axis=1),
-        method="highs",
-    )
-    if not solution.success:  # zero thrust is always a solution, so this is the solver's own fault
-        raise RuntimeError(f"{airframe.name}: trim of rotors not solved: {solution.message}")
-    return np.asarray(solution.x, dtype=np.float64)
+    rows: Floats = matrix[1:3] / arm
+    return np.vstack([rows, airframe.rotor_spin]) if yaw_kept else rows
+
+
+def _independent(rows: Floats) -> tuple[Floats, Floats, Floats]:
+    """Singular vectors and values of rows (m, R): (m, q), (q,) and (q, R), q those that are none
+    of the others: rotors on a line make one row of nothing."""
+    turn, size, columns = np.linalg.svd(rows, full_matrices=False)
+    rank = int(np.sum(size > ROUNDING))
+    return turn[:, :rank], size[:rank], columns[:rank]
+
+
+def _corners(columns: Floats, level: Floats) -> Floats:
+    """(K, q) points l where q of the planes l . column = level of columns (q, R) meet in one."""
+    size, count = columns.shape
+    picks = np.array(list(combinations(range(count), size)), dtype=np.int64)
+    planes = columns.T[picks]
+    meet = np.abs(np.linalg.det(planes)) > ROUNDING
+    found = np.linalg.solve(planes[meet], level[picks[meet]][..., None])[..., 0]
+    return np.asarray(found, dtype=np.float64)

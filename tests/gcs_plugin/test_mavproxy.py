@@ -77,6 +77,11 @@ class MavProxy:
         for line in self._process.stdout:
             self.printed.append(re.sub(r"^(\w+> )+", "", line.rstrip("\n")))
 
+    def begin(self) -> None:
+        """What was printed so far counts no longer."""
+        self.printed.clear()
+        self._read = 0
+
     def do(self, command: str) -> None:
         assert self._process.stdin is not None
         self._process.stdin.write(command + "\n")
@@ -144,14 +149,23 @@ def flight(sitl_logs: Path) -> list[tuple[int, bytes]]:
     return [(t - start, data) for t, data in found if t - start < 85e6]
 
 
-@pytest.fixture
-def mavproxy(tmp_path: Path, model: Path) -> Iterator[MavProxy]:
-    running = MavProxy(tmp_path, f'module load {MODULE}:{{"model":"{model}"}}')
+@pytest.fixture(scope="module")
+def one_mavproxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MavProxy]:
+    running = MavProxy(tmp_path_factory.mktemp("mavproxy"))
     try:
-        running.wait(f"Loaded module {MODULE}")
         yield running
     finally:
         running.close()
+
+
+@pytest.fixture
+def mavproxy(one_mavproxy: MavProxy, model: Path) -> Iterator[MavProxy]:
+    """The one MAVProxy with the module loaded anew, its model given."""
+    one_mavproxy.ask("forget", "forgotten")
+    one_mavproxy.begin()
+    one_mavproxy.ask(f'module load {MODULE}:{{"model":"{model}"}}', f"Loaded module {MODULE}")
+    yield one_mavproxy
+    one_mavproxy.ask(f"module unload {MODULE}", f"Un(loaded|able to find) module {MODULE}")
 
 
 def play(flight: list[tuple[int, bytes]], port: int, start: float, stop: float, speed: float):
@@ -215,7 +229,7 @@ class TestInMavproxy:
 
     def test_everything_is_computed_off_the_main_thread(self, mavproxy: MavProxy, flight):
         play(flight, mavproxy.port, 40.0, 45.0, 4.0)
-        mavproxy.wait("Thrust margin|online system")
+        mavproxy.ask_until("margin", "vehicle 1", "^margin: no|^vehicle 1")
         mavproxy.ask("spy", "spying")
         play(flight, mavproxy.port, 45.0, 53.0, 4.0)
         seen = mavproxy.probe()

@@ -8,7 +8,7 @@ import pymap3d
 import pytest
 
 from tests.models.made_flights import made_flights
-from thrustmargin.mission.manoeuvre_plan import LOWEST, manoeuvre_plan
+from thrustmargin.mission.manoeuvre_plan import manoeuvre_plan
 from thrustmargin.mission.plan import (
     CHANGE_SPEED,
     RETURN_TO_LAUNCH,
@@ -20,6 +20,7 @@ from thrustmargin.mission.plan import (
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits, manoeuvres
 
+LOWEST = 2.0  # m above home
 LIMITS = replace(FlownLimits.of(made_flights(3)), height=(3.0, 20.0), climb=2.0)
 LIBRARY = {m.name: m for m in manoeuvres(LIMITS)}
 

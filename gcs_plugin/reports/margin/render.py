@@ -105,15 +105,17 @@ def csv_bytes(report: Report) -> bytes:
     the file, so that no spreadsheet can take it for a formula.
     """
     rotors = max((len(f.rotors) for f in report.flights), default=0)
-    lines: list[str] = []
+    heading, lines = "", []
     for k, flight in enumerate(report.flights):
         columns = dict(csv_columns(flight.rows, rotors))
-        if not lines:
-            lines.append(",".join(f'"{name}"' for name in ("flight_number", *columns)))
-        for row in zip(*(values.tolist() for values in columns.values()), strict=True):
-            cells = ("" if v != v else repr(v).removesuffix(".0") for v in row)
-            lines.append(f"{k + 1},{','.join(cells)}")
-    return "".join(f"{line}\n" for line in lines).encode()
+        if not heading:
+            heading = ",".join(f'"{name}"' for name in ("flight_number", *columns))
+        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+        # The tuple's own text is written several times as fast as cell by cell.
+        lines += (f"{k + 1}, {str(row)[1:-1]}, \n" for row in rows)
+    text = "".join(lines).replace("nan", "").replace(".0, ", ", ")
+    text = text.replace(", \n", "\n").replace(", ", ",")
+    return f"{heading}\n{text}".encode() if heading else b""
 
 
 def pdf_bytes(report: Report, written: Written | None) -> bytes:

@@ -12,11 +12,16 @@ import base64
 import gzip
 import hashlib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import cache_from_source
+from pathlib import Path
 from typing import Any
 
 import jinja2
+from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.wording import numbers as words
@@ -38,14 +43,13 @@ def page_text(
     `context` and `functions` are what the template may name; with `own_style` the package's
     page.css follows that of all pages. A page that draws nothing holds no script.
     """
-    library = draw = ""
+    library, draw = b"", ""
     if draws:
-        library, draw = _text(_SHELL, "plotly-basic.min.js"), _text(_SHELL, "draw.js")
+        library, draw = _bytes(_SHELL, "plotly-basic.min.js.gz"), _text(_SHELL, "draw.js")
     style = _text(_SHELL, "page.css") + (_text(package, "page.css") if own_style else "")
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(
-            lambda name: _text(package if name == "page.html" else _SHELL, name)
-        ),
+        loader=jinja2.FunctionLoader(partial(_template, package)),
+        bytecode_cache=_Compiled(str(Path(cache_from_source(__file__)).parent)),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -56,16 +60,20 @@ def page_text(
     environment.filters["spoken"] = say
     return environment.get_template("page.html").render(
         context,
-        policy=content_policy(library, draw),
+        policy=content_policy(gzip.decompress(library).decode() if draws else "", draw),
         style=Markup(style),
-        library=packed(library),
+        library=_in_base64(library),
         draw=Markup(draw),
     )
 
 
 def packed(text: str) -> Markup:
     """The text as base64 of its gzip, in which no character could end an HTML element."""
-    return Markup(base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode())
+    return _in_base64(gzip.compress(text.encode(), mtime=0))
+
+
+def _in_base64(data: bytes) -> Markup:
+    return Markup(base64.b64encode(data).decode())
 
 
 def content_policy(*scripts: str) -> str:
@@ -89,5 +97,23 @@ def software_version() -> str:
         return "not installed"
 
 
+class _Compiled(jinja2.FileSystemBytecodeCache):
+    """Templates as compiled, where Python keeps its own: to compile one takes as long as to fill
+    ten. Where nothing can be written they are compiled each time."""
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        with suppress(OSError):
+            super().dump_bytecode(bucket)
+
+
+def _template(package: str, name: str) -> tuple[str, str, Callable[[], bool]]:
+    place = package if name == "page.html" else _SHELL
+    return _text(place, name), f"{place}/{name}", lambda: True
+
+
 def _text(package: str, name: str) -> str:
-    return (resources.files(package) / name).read_text(encoding="utf-8")
+    return _bytes(package, name).decode()
+
+
+def _bytes(package: str, name: str) -> bytes:
+    return (resources.files(package) / name).read_bytes()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,9 @@ class LiveHistory:
 
     def add(self, update: Update) -> None:
         """The new rows; a vehicle that restarted, or has other rotors, begins anew."""
-        now = Speeds.of(update.analysis).rows(slice(update.first, None), update.clock_s)
+        rows = Speeds.of(update.analysis).rows(slice(update.first, None), update.clock_s)
+        copies: Any = map(np.copy, rows)  # a view would keep its whole window alive
+        now = Speeds(*copies)
         if not now.time_s.size:
             return
         last = self._parts[-1] if self._parts else now

@@ -7,14 +7,16 @@ has no full stop, and no action.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording.numbers import clock, joined, number, within
-from thrustmargin.models.identification.answer.result import Found, Identification
 
-#: m/s at which the climb effect is described
-CLIMB_RATE = 2.0
+if TYPE_CHECKING:
+    from thrustmargin.models.identification.answer.result import Found, Identification
+
+CLIMB_RATE = 2.0  # m/s at which the climb effect is described
 MOST_LISTED = 4
 
 

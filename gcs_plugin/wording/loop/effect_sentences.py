@@ -10,15 +10,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.loop import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import DescribedEffect, rotor_words
-from thrustmargin.models.identification.answer.already_followed import FOLLOWED_WIND
-from thrustmargin.models.identification.answer.result import Found, Identification
-from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.inputs.wind import FOLLOWED_WIND
 from thrustmargin.models.model.rotor_model import RotorModel
+
+if TYPE_CHECKING:
+    from thrustmargin.models.identification.answer.result import Found, Identification
+    from thrustmargin.models.identification.rows.candidates import Term
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +51,7 @@ def action_of(found: Found) -> Action | None:
     return actions.SAME_KIND if gains else action
 
 
-def effect_thing(term: Term, rotor_names: Sequence[str]) -> str:
+def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:
     """What an effect is called in a list: `a weak rotor 1 (front right)`."""
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     return words_of(term).thing.format(rotor=rotor)
@@ -56,11 +60,11 @@ def effect_thing(term: Term, rotor_names: Sequence[str]) -> str:
 def effect_things(model: RotorModel) -> tuple[str, ...]:
     """What the effects of a model are called, each once."""
     names = model.airframe.rotor_names
-    things = (effect_thing(Term(effect=p.effect, rotor=p.rotor), names) for p in model.placed)
+    things = (effect_thing(placed, names) for placed in model.placed)
     return tuple(dict.fromkeys(things))
 
 
-def words_of(term: Term) -> EffectWords:
+def words_of(term: Term | Placed) -> EffectWords:
     """The words of an effect by its key, else by its name, else by its parameters."""
     key, name = term.effect.key, term.effect.name
     spelt = name.replace("_", " ") + ("" if term.rotor is None else " of {rotor}")

@@ -43,8 +43,15 @@ def cable_lengths(airframe: Airframe) -> Floats:
 class SwingState(NamedTuple):
     """Where the loads are at one row, and what drives them."""
 
-    load: Floats  # (2, L, 3) direction and its rate, NED
+    load: Floats  # (6, L) direction and its rate, NED
     force: Floats  # (3,) m/s² NED, the last known
+
+
+class _Cables(NamedTuple):
+    """What L cables do in the equation of motion, (L,) each."""
+
+    shortness: Floats  # 1/m
+    damping: Floats  # 1/s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,59 +91,67 @@ def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) 
     if start is None:
         first = int(np.argmax(known))
         f = force[first]
-        state = _at_rest(f, lengths)
+        state = _at_rest(f, lengths.size)
     else:
         first, (state, f) = 0, start
-    fastest = float(np.sqrt(G0 / lengths.min()))
+    swings = np.sqrt(G0 / lengths)
+    cables, fastest = _Cables(1.0 / lengths, 2.0 * DAMPING * swings), float(swings.max())
     for t in range(first, rows):
-        direction, rate = state
+        direction, rate = state[:3], state[3:]
         if known[t]:
-            tension = lengths * np.sum(rate**2, axis=1) - direction @ f
-            directions[t] = direction
-            pull[t] = np.clip(tension * (direction @ down[t]) / G0, 0.0, MOST_PULL)
+            tension = lengths * _products(rate, rate) - f @ direction
+            directions[t] = direction.T
+            pull[t] = np.clip(tension * (down[t] @ direction) / G0, 0.0, MOST_PULL)
         if t + 1 < rows:
             after = force[t + 1] if known[t + 1] else f
             span = float(track.time_s[t + 1] - track.time_s[t])
             if span > FORGOTTEN:
-                state, f = _at_rest(after, lengths), after
+                state, f = _at_rest(after, lengths.size), after
                 continue
             steps = max(1, int(np.ceil(span * fastest / FINEST)))
             for k in range(steps):
                 part = [f + (after - f) * (k + c) / steps for c in (0.0, 0.5, 1.0)]
-                state = _step(state, part, lengths, span / steps)
+                state = _step(state, part, cables, span / steps)
             f = after
     return Swing(direction_ned=directions, pull=pull, last=SwingState(state, f))
 
 
-def _at_rest(force: Floats, lengths: Floats) -> Floats:
-    """Direction and rate (2, L, 3) of loads that hang along the apparent gravity."""
-    direction = np.tile(-force / np.linalg.norm(force), (lengths.size, 1))
-    return np.stack([direction, np.zeros_like(direction)])
+def _at_rest(force: Floats, count: int) -> Floats:
+    """Direction and rate (6, L) of `count` loads that hang along the apparent gravity."""
+    state = np.zeros((6, count))
+    state[:3] = (-force / np.linalg.norm(force))[:, None]
+    return state
 
 
-def _step(state: Floats, force: list[Floats], lengths: Floats, span: float) -> Floats:
-    """Direction and rate (2, L, 3) `span` s later: Runge-Kutta of order 4, back on the sphere.
+def _step(state: Floats, force: list[Floats], cables: _Cables, span: float) -> Floats:
+    """Direction and rate (6, L) `span` s later: Runge-Kutta of order 4, back on the sphere.
 
     `force` is that at the start, in the middle and at the end of the step.
     """
     start, middle, end = force
-    k1 = _motion(state, start, lengths)
-    k2 = _motion(state + 0.5 * span * k1, middle, lengths)
-    k3 = _motion(state + 0.5 * span * k2, middle, lengths)
-    k4 = _motion(state + span * k3, end, lengths)
-    direction, rate = state + span / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    rate = rate - np.sum(rate * direction, axis=1, keepdims=True) * direction
-    return np.stack([direction, rate])
+    k1 = _motion(state, start, cables)
+    k2 = _motion(state + 0.5 * span * k1, middle, cables)
+    k3 = _motion(state + 0.5 * span * k2, middle, cables)
+    k4 = _motion(state + span * k3, end, cables)
+    after = state + span / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+    after[:3] /= np.sqrt(_products(after[:3], after[:3]))
+    after[3:] -= _products(after[3:], after[:3]) * after[:3]
+    return after
 
 
-def _motion(state: Floats, force: Floats, lengths: Floats) -> Floats:
-    """Time derivative of direction and rate, (2, L, 3)."""
-    direction, rate = state
-    across = force - (direction @ force)[:, None] * direction
-    turning = np.sum(rate**2, axis=1, keepdims=True)
-    damping = 2.0 * DAMPING * np.sqrt(G0 / lengths)[:, None]
-    return np.stack([rate, -across / lengths[:, None] - turning * direction - damping * rate])
+def _motion(state: Floats, force: Floats, cables: _Cables) -> Floats:
+    """Time derivative of direction and rate, (6, L)."""
+    direction, rate = state[:3], state[3:]
+    inward = (force @ direction) * cables.shortness - _products(rate, rate)
+    moved = np.empty_like(state)
+    moved[:3] = rate
+    moved[3:] = inward * direction - force[:, None] * cables.shortness - cables.damping * rate
+    return moved
+
+
+def _products(one: Floats, other: Floats) -> Floats:
+    """(L,) products of vectors (3, L)."""
+    return np.einsum("il,il->l", one, other)
 
 
 def force_ned(track: FlightTrack) -> tuple[Floats, Floats]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
@@ -47,5 +49,8 @@ WIND = Effect(
     apply=_through_air,
     weight=_weight,
 )
+
+#: One beyond that of the training, that the reported airspeed follows.
+FOLLOWED_WIND = replace(WIND, variant="already followed")
 
 EFFECTS = (WIND,)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.effects.inputs.wind import WIND
+from thrustmargin.models.effects.inputs.wind import FOLLOWED_WIND, WIND
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.answer.result import Found
 from thrustmargin.models.identification.rows.candidates import Held, Term, placed
@@ -22,7 +22,6 @@ from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS, Probl
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import ForwardFlight, straight_rows, wind_by_drag
 
-FOLLOWED_WIND = replace(WIND, variant="already followed")
 LEAST_RISE = 0.03  # of the RMSE, without it
 SIGNIFICANCE = 0.02
 LEAST_BLOCKS = 4  # of a flight, for an interval

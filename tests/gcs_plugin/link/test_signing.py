@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from thrustmargin.gcs_plugin.link.signing import (
-    NEW_STREAM_LAG,
     Signer,
     SigningCounts,
     SigningFilter,
@@ -26,6 +25,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.models.errors import LinkError
 
+NEW_STREAM_LAG = 6_000_000  # a minute in ticks of 10 µs
 KEY = bytes(range(32))
 OTHER = bytes(range(1, 33))
 NOW = 3_600_000_000_000  # a time stamp of the year 2026

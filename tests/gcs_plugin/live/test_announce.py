@@ -13,7 +13,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
-from thrustmargin.gcs_plugin.link.sender import COMPONENT, Sender
+from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.alarms.alarm import (
     CRITICAL,
@@ -29,6 +29,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
+COMPONENT = 25  # MAV_COMP_ID_USER1
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 
 

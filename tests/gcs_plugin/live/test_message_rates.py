@@ -6,12 +6,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
-from thrustmargin.gcs_plugin.link.sender import COMPONENT, Sender
+from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.message_rates import RateRequester, wanted
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
+COMPONENT = 25  # MAV_COMP_ID_USER1
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 ATTITUDE, ESCS, PRESSURE = 30, 11030, 29
 

@@ -8,13 +8,14 @@ import pytest
 
 from tests.browser import open_page
 from tests.gcs_plugin.live.live_vehicle import Vehicle
-from thrustmargin.gcs_plugin.live.alarms.alarm import WARNING, Alarm
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
+WARNING = 4  # MAV_SEVERITY
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 
 

@@ -10,8 +10,9 @@ from tests.gcs_plugin.logs.tlog_files import FLIGHT, STAMPED, link
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.anonymous_tlog import NEW_PLACE, anonymous_copy
+from thrustmargin.gcs_plugin.logs.anonymous_tlog import anonymous_copy
 
+NEW_PLACE = (0.0, -30.0)  # in the Atlantic
 SECRET = b"SECRET"
 
 

@@ -13,8 +13,10 @@ from pyulog import ULog
 
 from tests.gcs_plugin.logs.test_ulog import px4_log
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.ulog_messages import HEADER, whole_messages
+from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
 from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS
+
+HEADER = 16  # bytes before the first message of a .ulg
 
 
 def message(kind: str, body: bytes) -> bytes:
@@ -92,13 +94,14 @@ def test_time_grows_with_the_size_of_damage_alone(kind):
         "claims": lambda size: struct.pack("<HB", 60_000, ord("A")) * (size // 3),
     }[kind]
     spent = []
-    for size in (200_000, 800_000):
+    # Claims take longest; of fewer random bytes a false header may swallow what follows them.
+    for size in (50_000, 200_000) if kind == "claims" else (200_000, 800_000):
         data = px4_log() + made(size) + px4_log()[HEADER:]
         began = time.process_time()
         found = whole_messages(data, TOPICS)
         spent.append(time.process_time() - began)
         assert sum(rows_of(found.data).values()) > sum(rows_of(px4_log()).values()) * 1.5
-    assert spent[1] < 12 * spent[0] + 0.2
+    assert spent[1] < 12 * spent[0] + 0.1
 
 
 @pytest.mark.slow

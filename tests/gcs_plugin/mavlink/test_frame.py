@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.mavlink.frame import (
-    HEADER_PADDING,
     FrameKind,
     Header,
     checksum,
@@ -14,10 +13,14 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     frame_of,
     header,
 )
-from thrustmargin.gcs_plugin.mavlink.layouts import ID_LIMIT, layout_table, layouts
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, STAMP, columns, scan
+from thrustmargin.gcs_plugin.mavlink.layouts import layout_table, layouts
+from thrustmargin.gcs_plugin.mavlink.scan import columns, scan
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 
+ID_LIMIT = 65536  # of message ids that can have a layout
+PADDING = 512  # bytes behind the data that a scan may look at
+STAMP = 8  # bytes of time before each frame of a .tlog
+HEADER_PADDING = 10  # bytes behind the data that a header may reach into
 HEARTBEAT_EXTRA = 50
 BODY = bytes([1, 2, 3, 4, 5, 6, 7, 8, 9])
 

@@ -5,7 +5,6 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from thrustmargin.gcs_plugin.mavlink.frame import (
-    HEADER_PADDING,
     FrameKind,
     Walk,
     examine,
@@ -13,10 +12,13 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     frame_of,
     header,
 )
-from thrustmargin.gcs_plugin.mavlink.layouts import ID_LIMIT, layout_table
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
+from thrustmargin.gcs_plugin.mavlink.layouts import layout_table
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 
+ID_LIMIT = 65536  # of message ids that can have a layout
+PADDING = 512  # bytes behind the data that a scan may look at
+HEADER_PADDING = 10  # bytes behind the data that a header may reach into
 #: HEARTBEAT: id 0, nine bytes, CRC_EXTRA 50 (MAVLink definition).
 BEAT = bytes([1, 2, 3, 4, 5, 6, 7, 8, 3])
 UNKNOWN = 9  # an id that no dialect defines
@@ -99,8 +101,9 @@ def test_headers_by_hand_one_by_one_and_all_at_once():
 
 
 def test_a_payload_longer_than_its_message_is_no_frame():
-    assert verdict(second(BEAT + b"\1")) is FrameKind.NOTHING
-    assert verdict(first(BEAT + b"\1")) is FrameKind.NOTHING
+    for frame in (second(BEAT + b"\1"), first(BEAT + b"\1")):
+        assert verdict(frame) is FrameKind.NOTHING
+        assert frame_of(frame) is None
 
 
 @pytest.mark.parametrize("number", [ID_LIMIT - 1, ID_LIMIT, ID_LIMIT + 1, 0xFFFFFF])

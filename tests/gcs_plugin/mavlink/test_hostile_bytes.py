@@ -8,10 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
-from thrustmargin.gcs_plugin.mavlink.frame import HEADER_PADDING, FrameKind, examine
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
+from thrustmargin.gcs_plugin.mavlink.frame import FrameKind, examine
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 
+PADDING = 512  # bytes behind the data that a scan may look at
+HEADER_PADDING = 10  # bytes behind the data that a header may reach into
 GOOD = [frame.data for frame in Vehicle().tick()]
 #: Long frames of unknown id over each other, version 1 and 2; and of a known id, 131.
 UNITS = [bytes.fromhex(unit) for unit in ("FEFFFEFFFE03", "FDFF000000000000FE", "FE83")]

@@ -13,8 +13,10 @@ from pymavlink.generator import mavparse
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
+
+PADDING = 512  # bytes behind the data that a scan may look at
 
 
 def flight(count: int = 40) -> list[bytes]:

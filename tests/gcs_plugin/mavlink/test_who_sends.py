@@ -6,8 +6,10 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.logs.tlog_files import stamped
 from tests.gcs_plugin.mavlink.test_frame_verdicts import second
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 from thrustmargin.gcs_plugin.mavlink.who_sends import FLIGHT_DATA, copies, of_vehicles
+
+PADDING = 512  # bytes behind the data that a scan may look at
 
 
 def found(*frames: tuple[int, int, float]) -> list[int]:

@@ -27,6 +27,11 @@ class Probe(mp_module.MPModule):
         self.analysed_on = set()
         self.add_command("probe", self.cmd_probe, "probe")
         self.add_command("spy", self.cmd_spy, "note which threads analyse")
+        self.add_command("forget", self.cmd_forget, "what was shown so far")
+
+    def cmd_forget(self, _):
+        self.mpstate.console.fields.clear()
+        print("forgotten")
 
     def cmd_spy(self, _):
         from thrustmargin.gcs_plugin.live.watch import vehicle_monitor as watch

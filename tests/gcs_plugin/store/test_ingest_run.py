@@ -121,12 +121,12 @@ def test_a_second_writer_is_refused_with_who_writes(tmp_path: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("after", [1, 4, 9])
+@pytest.mark.parametrize("after", [1, 5])
 def test_killed_and_run_again_it_is_as_if_never_killed(tmp_path: Path, after: int):
     logs, marks = tmp_path / "logs", tmp_path / "marks"
     logs.mkdir()
     marks.mkdir()
-    given = log_files(logs, **{f"log{n}": str(n) for n in range(12)})
+    given = log_files(logs, **{f"log{n}": str(n) for n in range(6)})
     code = tmp_path / "run.py"
     code.write_text(RUN)
     words = [sys.executable, str(code), str(logs), str(tmp_path / "killed"), str(marks)]
@@ -137,7 +137,7 @@ def test_killed_and_run_again_it_is_as_if_never_killed(tmp_path: Path, after: in
             time.sleep(0.01)
         process.send_signal(signal.SIGKILL)
     again = run(tmp_path / "killed", given)
-    assert len(again.flights) + again.already == 12
+    assert len(again.flights) + again.already == 6
     run(tmp_path / "whole", given)
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
     assert staged_partitions(SeasonStore.open(str(tmp_path / "killed"))) == {}
@@ -145,11 +145,11 @@ def test_killed_and_run_again_it_is_as_if_never_killed(tmp_path: Path, after: in
 
 @pytest.mark.slow
 def test_ctrl_c_ends_the_processes_too_and_the_rest_follows(tmp_path: Path):
-    logs = sorted((ROOT / "sitl_logs/campaign").glob("v2*.tlog"))
+    logs = sorted((ROOT / "sitl_logs/campaign").glob("v2*q2.5.tlog"))
     command = [sys.executable, "-m", "thrustmargin.gcs_plugin.cli", "ingest", *map(str, logs)]
     command += ["--store", str(tmp_path), "--workers", "2"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        while len(list(tmp_path.rglob("*.zip"))) < 2:
+        while len(list(tmp_path.rglob("*.zip"))) < 1:
             assert process.poll() is None
             time.sleep(0.01)
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()

@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.logs.tlog_files import link
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 from thrustmargin.gcs_plugin.telemetry.clock import (
     ArrivalClock,
     Clock,
@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.telemetry.clock import (
     vehicle_clocks,
 )
 
+PADDING = 512  # bytes behind the data that a scan may look at
 NAN = float("nan")
 Heard = tuple[float, float | None]  # ground's stamp and, of some, the vehicle's clock, s
 

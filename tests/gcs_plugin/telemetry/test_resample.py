@@ -13,9 +13,11 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     stretches,
     without_leaps,
 )
-from thrustmargin.gcs_plugin.telemetry.resample import ROW_SPACING, sample, thinned
+from thrustmargin.gcs_plugin.telemetry.resample import sample, thinned
 from thrustmargin.gcs_plugin.telemetry.signals import best
 from thrustmargin.models.flight import TRACK_CHANNELS
+
+ROW_SPACING = 0.09  # s, least between two rows
 
 
 def signal(times, values, channel="voltage", source="a") -> Signal:

@@ -12,8 +12,10 @@ from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, process, vehicle
 from tests.gcs_plugin.vehicle.fetching import fetch, fetch_mission
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
 from thrustmargin.gcs_plugin.vehicle.downloads import download_mission
-from thrustmargin.mission.plan import FIRMWARE_ARDUPILOT, FIRMWARE_PX4, read_plan
+from thrustmargin.mission.plan import read_plan
 from thrustmargin.models.errors import LinkError, PlanError
+
+FIRMWARE_ARDUPILOT, FIRMWARE_PX4 = 3, 12  # MAV_AUTOPILOT
 
 
 @pytest.fixture

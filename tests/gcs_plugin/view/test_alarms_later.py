@@ -11,10 +11,11 @@ from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view import replay_view
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
-from thrustmargin.gcs_plugin.wording.view_words import ALARMS_SOUGHT, ALARMS_UNKNOWN
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fault_test import RotorFault
 
+ALARMS_SOUGHT = "alarms still being looked for"
+ALARMS_UNKNOWN = "alarms are not known: this flight could not be searched for them"
 FAULT = RotorFault(kind="propeller", rotor=1, size=0.12, lower=0.09, upper=0.15)
 
 

@@ -11,11 +11,13 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.view.live_flight import AIRFRAME
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-from thrustmargin.gcs_plugin.view.figures.screen import CHARTS
 from thrustmargin.gcs_plugin.view.live_view import LiveView
-from thrustmargin.gcs_plugin.wording.palette import MARGIN, NO_DATA, seen_for
+from thrustmargin.gcs_plugin.wording.palette import MARGIN, seen_for
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
+
+NO_DATA = (165, 165, 165)  # grey
+CHARTS = "/screen/charts.json"
 
 
 class Heard:

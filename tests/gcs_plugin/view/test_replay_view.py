@@ -1,8 +1,12 @@
 """The running view without a browser: it shows the row of its clock and obeys only its controls."""
 
 import _thread
+import json
+import re
 import threading
 import time
+import urllib.error
+import urllib.parse
 import urllib.request
 from dataclasses import replace
 from types import SimpleNamespace
@@ -15,14 +19,17 @@ from scipy.spatial.transform import Rotation
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
+from thrustmargin.gcs_plugin.view import replay_view as replaying
+from thrustmargin.gcs_plugin.view.page import view_page
+from thrustmargin.gcs_plugin.view.page.guard import guarded_server
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView, run_replay
 from thrustmargin.gcs_plugin.view.scene.aircraft import spin_segments
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import grid_cell
-from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow, enu
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
-from thrustmargin.gcs_plugin.wording.palette import NO_DATA, seen_for
+from thrustmargin.gcs_plugin.wording.palette import seen_for
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError
 from thrustmargin.models.flight import FlightTrack
@@ -33,7 +40,23 @@ from thrustmargin.models.model.rotor_faults import fault_history
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
+NO_DATA = (165, 165, 165)  # grey
+FRD_FLU = np.diag([1.0, -1.0, -1.0])  # to the axes of the scene
 EVIL = "</script><b>WP</b>"
+SERVERS: list[Any] = []
+
+
+@pytest.fixture(autouse=True)
+def servers(monkeypatch):
+    """The servers that views open, by which the tests see what is drawn."""
+
+    def kept(**given):
+        SERVERS.append(guarded_server(**given))
+        return SERVERS[-1]
+
+    monkeypatch.setattr(view_page, "guarded_server", kept)
+    yield
+    SERVERS.clear()
 
 
 @pytest.fixture(scope="module")
@@ -50,36 +73,63 @@ def view(analysis):
 
 
 def settled(view: ReplayView, done, timeout: float = 5.0) -> None:
-    """Wait until the worker has done what was asked."""
+    """Wait until the worker has done what was asked, in a view that is open."""
+    assert view.url
     end = time.monotonic() + timeout
     while not done():
         assert time.monotonic() < end, "the view did not get there in time"
         time.sleep(0.02)
-    assert view._thread is not None
-    assert view._thread.is_alive()
 
 
-def route_colours(view: ReplayView) -> np.ndarray:
-    """(S, 3) colours of the route as seen."""
-    line = view._scene._routes.get("1")
-    assert line is not None
-    return seen_for(line.colors[:, 0]).astype(int)
+def asked(view: ReplayView, path: str) -> Any:
+    """What the page is answered."""
+    with urllib.request.urlopen(view.url + path, timeout=5) as answer:
+        return json.load(answer)
+
+
+def act(view: ReplayView, what: str, to: str = "") -> None:
+    """Ask as the page does, with the token that it was given."""
+    with urllib.request.urlopen(view.url, timeout=5) as page:
+        given = re.search(rb'"token": "([^"]+)"', page.read())
+    assert given
+    told = urllib.parse.urlencode({"do": what, "to": to, "token": given[1].decode()})
+    asked(view, f"/screen/act?{told}")
 
 
 def field(view: ReplayView) -> dict[str, Any]:
     """What the page is told of the scene."""
-    return view._screen.state()["field"]
+    return asked(view, "/screen.json")["field"]
+
+
+def vehicle(view: ReplayView) -> dict[str, Any]:
+    """What the page is told of the aircraft."""
+    return asked(view, "/screen.json")["vehicles"][0]
+
+
+def figures(view: ReplayView) -> dict[str, Any]:
+    return vehicle(view)["figures"]
+
+
+def charts(view: ReplayView) -> list[Any]:
+    return asked(view, "/screen/charts.json?vehicle=1")["charts"]
+
+
+def handle(view: ReplayView, name: str) -> Any:
+    """What viser draws under this name, None where it draws nothing."""
+    port = urllib.parse.urlsplit(view.url).port
+    server = next(one for one in SERVERS if one.get_port() == port)
+    return server.scene.get_handle_by_name(name)
 
 
 def node(view: ReplayView, name: str) -> Any:
-    found = view._scene._api.get_handle_by_name(name)
+    found = handle(view, name)
     assert found is not None, name
     return found
 
 
-def figures(view: ReplayView) -> dict[str, Any]:
-    """What the page is told of the aircraft."""
-    return view._screen.state()["vehicles"][0]["figures"]
+def route_colours(view: ReplayView) -> np.ndarray:
+    """(S, 3) colours of the route as seen."""
+    return seen_for(node(view, "/world/route_1").colors[:, 0]).astype(int)
 
 
 @pytest.mark.parametrize("time_s", [0.0, 12.34, 33.3])
@@ -103,14 +153,16 @@ def test_seeking_shows_the_numbers_of_that_row(view, analysis, time_s):
 
 def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
     points = node(view, "/world/route_1").points.copy()
-    seen = {}
-    for overlay in overlays_of(analysis):
+    seen, overlays, track = {}, overlays_of(analysis), analysis.track
+    trail, flown = Trail([overlay.worst for overlay in overlays]), track.flying
+    values = np.column_stack([overlay.values for overlay in overlays])
+    trail.add(track.time_s[flown], track.position_ned[flown], values[flown])
+    for overlay in overlays:
         view.set_overlay(overlay.name)
         wanted_marks = [text for _, text in overlay.scale.marks]
         settled(view, lambda name=overlay.name: field(view)["colour"] == name)
         assert [text for _, text in field(view)["legend"]["marks"]] == wanted_marks
-        values = view._trail.values(view._overlays.index(view._overlay))
-        worst = view._trail.route.worst(values, overlay.worst)
+        worst = trail.route.worst(trail.values(overlays.index(overlay)), overlay.worst)
         wanted = overlay.scale.screen(worst).astype(int)
         settled(view, lambda wanted=wanted: np.abs(route_colours(view) - wanted).max() <= 4)
         seen[overlay.name] = route_colours(view)
@@ -140,7 +192,7 @@ def test_opened_after_its_end_it_rests_on_the_worst_moment_with_the_verdict(anal
         assert view.clock.now() == pytest.approx(analysis.track.time_s[worst])
         least = pytest.approx(float(analysis.margin[worst].min()), abs=1e-4)
         settled(view, lambda: figures(view)["rotors"][figures(view)["worst"]]["left"] == least)
-        state = view._screen.state()
+        state = asked(view, "/screen.json")
         assert (state["first"]["headline"], state["first"]["level"]) == ("ABOVE THE LIMIT", "amber")
         assert state["vehicles"][0]["age"] is None
         assert state["replay"]["worst"] == pytest.approx(analysis.track.time_s[worst])
@@ -148,9 +200,11 @@ def test_opened_after_its_end_it_rests_on_the_worst_moment_with_the_verdict(anal
         view.stop()
 
 
-def test_a_rotor_found_bad_is_marked_on_its_card_and_in_the_scene(view):
+def test_a_rotor_found_bad_is_marked_on_its_card_and_in_the_scene(analysis, monkeypatch):
     fault = RotorFault(kind="propeller", rotor=1, size=0.12, lower=0.09, upper=0.15)
-    view._faults, view._fault_times = [(20.0, (fault,))], np.array([20.0])
+    monkeypatch.setattr(replaying, "fault_history", lambda _: [(20.0, (fault,))])
+    view = ReplayView(analysis, port=0, paused=True)
+    view.start()
     rings = [node(view, f"/world/vehicle_1/fault_{i}") for i in range(1, 5)]
     assert not any(ring.visible for ring in rings)
     view.seek(25.0)
@@ -159,20 +213,22 @@ def test_a_rotor_found_bad_is_marked_on_its_card_and_in_the_scene(view):
     assert node(view, "/world/vehicle_1/label_2").text.startswith("! ")
     view.seek(10.0)
     settled(view, lambda: not any(ring.visible for ring in rings))
+    view.stop()
 
 
 def test_the_worst_moment_is_pinned_and_one_press_away(view, analysis):
     use = analysis.utilisation.max(axis=1)
     worst = int(np.argmax(use))
     assert f"{100 - 100 * use[worst]:.0f} %" in node(view, "/world/pin").text
-    view.ask(view._to_worst)
+    view.clock.play()
+    act(view, "worst")
     settled(view, lambda: view.clock.now() == pytest.approx(analysis.track.time_s[worst]))
     assert not view.clock.playing
 
 
 def test_what_the_vehicle_said_is_told_for_a_while(view):
     def said() -> str:
-        return view._screen.state()["vehicles"][0]["message"]
+        return vehicle(view)["message"]
 
     assert said() == ""
     view.seek(6.0)
@@ -202,8 +258,8 @@ def test_a_page_that_sends_nonsense_changes_nothing(view):
     wrong = {"seek": ("nan", "inf", "x"), "speed": ("3", "0", "nan"), "colour": ("<script>",)}
     for what, texts in {**wrong, "camera": ("<b>",)}.items():
         for text in texts:
-            with pytest.raises((ValueError, DataError)):
-                view._screen._acts[what](text)
+            with pytest.raises(urllib.error.HTTPError, match="400"):
+                act(view, what, text)
     time.sleep(0.3)
     assert (view.clock.now(), view.clock.speed) == (10.0, 1.0)
     np.testing.assert_array_equal(route_colours(view), before)
@@ -238,7 +294,7 @@ def test_the_worst_pin_hides_no_rotor(view):
     assert not node(view, "/world/pin_point").visible
     view.set_camera(Camera.FIELD)
     settled(view, lambda: pin.visible)
-    view.ask(view._to_worst)
+    act(view, "worst")
     settled(view, lambda: not pin.visible)
 
 
@@ -291,7 +347,7 @@ def test_other_layouts_have_a_gauge_a_disc_and_a_chart_for_every_rotor(airframe)
         for i in range(1, rotors + 1):
             assert figures(view)["rotors"][i - 1]["number"] == i
         assert node(view, "/world/vehicle_1/discs").batched_colors.shape == (rotors, 3)
-        assert len(view._drawn_charts(1, 0.0)["charts"]) == rotors
+        assert len(charts(view)) == rotors
     finally:
         view.stop()
 
@@ -437,12 +493,12 @@ def test_without_rotors_told_all_that_needs_none_is_shown(tmp_path):
         view.seek(20.0)
         level = round(float(track.tank_kg[200]), 3)
         settled(view, lambda: figures(view)["tank"]["kg"] == level)
-        assert "NO VERDICT" in view._screen.state()["first"]["headline"]
+        assert "NO VERDICT" in asked(view, "/screen.json")["first"]["headline"]
         assert "this aircraft is not known" in figures(view)["withheld"][0]
         assert figures(view)["height"] == 5.0
-        assert figures(view)["rotors"] == view._drawn_charts(1, 0.0)["charts"] == []
+        assert figures(view)["rotors"] == charts(view) == []
         assert np.allclose(node(view, "/world/vehicle_1").position, enu(track.position_ned[200]))
-        assert view._scene._api.get_handle_by_name("/world/vehicle_1/discs") is None
+        assert handle(view, "/world/vehicle_1/discs") is None
         assert field(view)["colours"] == ["Speed"]
         assert "fastest: 5.0 m/s" in node(view, "/world/pin").text
         assert not (route_colours(view) == NO_DATA).all(axis=1).any()

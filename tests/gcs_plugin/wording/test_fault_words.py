@@ -13,10 +13,11 @@ from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.fault_words import episode_words, fault_words
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.fault_test import MOST, RotorFault
+from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_faults import FaultEpisode, fault_episodes
 
+MOST = 0.6  # the largest fault that is searched for
 FAULT = RotorFault(kind="propeller", rotor=2, size=0.12, lower=0.094, upper=0.153)
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 
+PADDING = 512  # bytes behind the data that a scan may look at
 #: Long frames of unknown id over each other, version 1 and 2; and of a known id, 131.
 UNITS = {"unknown 1": "FEFFFEFFFE03", "unknown 2": "FDFF000000000000FE", "known": "FE83"}
 SIZES = (250_000, 1_000_000)

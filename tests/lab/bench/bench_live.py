@@ -109,7 +109,10 @@ def test_twenty_vehicles_beside_a_bare_pymavlink_loop(benchmark, sitl_logs, tmp_
     """Both hear the same 20 vehicles x 48 messages/s at the same time, each on its own port."""
     seconds = float(os.environ.get("THRUSTMARGIN_LOAD_SECONDS", "30"))
     log = sitl_logs / "campaign" / "v4_m16_q2.5.tlog"
-    environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{os.environ['PYTHONPATH']}"}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
+    }
     told = {}
 
     def measure() -> None:

@@ -11,7 +11,7 @@ from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.fault_test import FAULT_SIZES, LIKE_A_TURN, MOST, FaultTest
+from thrustmargin.models.model.fault_test import FAULT_SIZES, LIKE_A_TURN, FaultTest
 from thrustmargin.models.model.rotor_faults import (
     RotorFaults,
     _motor_test,
@@ -128,7 +128,7 @@ def test_a_fault_is_the_mean_of_its_sizes_with_the_interval_that_holds_95_percen
     )
     growing = named(posterior, begins=True)
     assert growing is not None
-    assert (growing.lower, growing.upper) == (fault.lower, MOST)
+    assert (growing.lower, growing.upper) == (fault.lower, 0.6)
 
 
 @pytest.mark.parametrize(("sound", "bad"), [(0.49, True), (0.51, False)])

@@ -31,11 +31,12 @@ from tests.gcs_plugin.live.monitored import (
     sample_table,
 )
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
-from thrustmargin.gcs_plugin.link.sender import COMPONENT
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import save_model
+
+COMPONENT = 25  # MAV_COMP_ID_USER1
 
 
 @pytest.fixture(scope="module")

@@ -50,6 +50,7 @@ def test_tracks_come_back_as_they_were_in_their_order(tmp_path):
         np.testing.assert_array_equal(found.wind_ned, track.wind_ned)
 
 
+@pytest.mark.slow
 def test_a_search_holds_one_flight_at_a_time_and_answers_as_from_memory(tmp_path):
     tracks, model = made_flights(5, loss=0.08), curve_model()
     aside = on_disk(tmp_path, tracks, Counted)

@@ -35,6 +35,13 @@ def few_logs(sitl_logs):
     return tuple(sitl_logs / "campaign" / f"{name}.tlog" for name in names)
 
 
+def halved(path, folder):
+    """The first part of a recording: a minute and a half of flight."""
+    (folder / "logs").mkdir(exist_ok=True)
+    (folder / "logs" / path.name).write_bytes(path.read_bytes()[:380_000])
+    return folder / "logs" / path.name
+
+
 def rendered(parts) -> str:
     from rich.console import Console
 
@@ -50,6 +57,7 @@ def test_four_flights_make_a_model_with_its_table_and_loss_curves(few_logs, tmp_
     broken = tmp_path / "broken.tlog"
     broken.write_bytes(b"\x00" * 5000)
     short = read_log(few_logs[0]).track
+    few_logs = [halved(path, tmp_path) for path in few_logs]
     begins = int(np.flatnonzero(training_rows(short))[0])
     write_csv(short.rows(slice(0, begins + 60)), tmp_path / "short.csv")
     logs = (*few_logs, broken, tmp_path / "short.csv")
@@ -71,6 +79,7 @@ def test_four_flights_make_a_model_with_its_table_and_loss_curves(few_logs, tmp_
     assert model.training_domain.flights == tuple(path.name for path in few_logs)
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "broken.tlog",
+        "logs",
         "own.loss.csv",
         "own.loss.svg",
         "own.safetensors",

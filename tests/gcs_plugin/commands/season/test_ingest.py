@@ -103,6 +103,7 @@ def test_again_nothing_is_read_or_changed(ingested: tuple[Path, dict, dict], tmp
     }
 
 
+@pytest.mark.slow
 def test_again_under_another_name_it_is_as_if_taken_in_so_at_first(
     ingested: tuple[Path, dict, dict], tmp_path: Path
 ):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, AlarmSettings, Debounce
+from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, Debounce
 from thrustmargin.gcs_plugin.live.alarms.alarm_checks import RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import mass_verdict, pump_verdict, rotor_thrust
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
@@ -21,6 +21,7 @@ from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
+CRITICAL, NOTICE = 2, 5  # MAV_SEVERITY
 AIRFRAME = load_airframe("topxgun-f16-sitl")
 MODEL = physics_model(AIRFRAME)
 

@@ -15,10 +15,10 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavproxy_worker import fields, reading, summary
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
-from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 
+AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
 FILE = ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog"
 LOG = read_log(FILE, airframe=AIRFRAME)
 START = int(np.argmax(LOG.track.flying))

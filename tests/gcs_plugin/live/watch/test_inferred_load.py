@@ -12,9 +12,9 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.model.inferred.load_inference import NINETY
 from thrustmargin.models.provenance import Meaning
 
+NINETY = 1.645  # standard errors to either side of a normal that hold 90 %
 LOG = Path("sitl_logs/campaign/v4_m16_q2.5.tlog")
 
 

@@ -53,28 +53,29 @@ def both():
     return read_log(TWIN), read_log(FLIGHT)
 
 
-def test_every_message_and_field_equals_pymavlinks():
-    data, size = read_bytes(FLIGHT, dataflash_scan.PADDING)
+def test_every_message_and_field_equals_pymavlinks(tmp_path):
+    quarter = written(tmp_path, WHOLE[: len(WHOLE) // 4])  # it has every message; pymavlink is slow
+    data, size = read_bytes(quarter, dataflash_scan.PADDING)
     found = dataflash_scan.scan(data, size)
     tables = {}
     for number, form in found.formats.items():
         rows = np.flatnonzero(found.type == number)
         if rows.size:
             tables[form.name] = iter(found.table(rows, form))
-    log = DFReader.DFReader_binary(str(FLIGHT))
+    log = DFReader.DFReader_binary(str(quarter))
     order, compared = [], 0
     while (message := log.recv_msg()) is not None:
         row = next(tables[message.get_type()])
         order.append(message.fmt.type)
         if len(order) % 7:
-            continue  # every seventh in full: the file has 131 162
+            continue  # every seventh in full: there are 33 000
         for name in row.dtype.names[1:]:
             theirs, ours = message._elements[message.fmt.colhash[name]], row[name]
             theirs = theirs.rstrip(b"\0") if isinstance(theirs, bytes) else theirs
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{message.get_type()}.{name}")
             compared += 1
     assert order == found.type.tolist()
-    assert compared > 100_000
+    assert compared > 25_000
 
 
 def test_scaled_columns_equal_pymavlinks():

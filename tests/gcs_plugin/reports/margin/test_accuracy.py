@@ -7,11 +7,12 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import flight, log, model
 from thrustmargin.gcs_plugin.reports.margin import report_flight
-from thrustmargin.gcs_plugin.reports.margin.accuracy import BLOCK_S, FEWEST_BLOCKS, accuracy
+from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, Prediction, analyse
 from thrustmargin.models.model.model_file import shipped_model
 
+BLOCK_S, FEWEST_BLOCKS = 20.0, 5  # s of a block; of them, for an interval
 NAMES = ("a", "b", "c", "d")
 
 

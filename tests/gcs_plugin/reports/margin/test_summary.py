@@ -9,12 +9,14 @@ from tests.gcs_plugin.reports.margin.report_flight import flight, log, model, wi
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin import build_report, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import end_rows
-from thrustmargin.gcs_plugin.reports.margin.moments import APART_S, doing
+from thrustmargin.gcs_plugin.reports.margin.moments import doing
 from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0
+
+APART_S = 6.0  # s between moments that are shown
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,10 @@ import pytest
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures, rotor_places
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
-from thrustmargin.gcs_plugin.wording.palette import MARGIN, NO_DATA, css
+from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
 from thrustmargin.models.physics.airframe import airframe_from_table, airframe_table, load_airframe
+
+NO_DATA = (165, 165, 165)  # grey
 
 
 def shown(row: int = 10, *, empty_s: float = math.nan, faulty=(), **changes):

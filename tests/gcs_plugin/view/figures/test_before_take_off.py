@@ -7,9 +7,10 @@ import numpy as np
 
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, fill_table
-from thrustmargin.gcs_plugin.view.figures.before_take_off import AIRSPEED, FillAdvice
+from thrustmargin.gcs_plugin.view.figures.before_take_off import FillAdvice
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
 
+AIRSPEED = 5.0  # m/s
 CELSIUS, ALTITUDE = 35.0, 400.0
 
 

@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
     AlarmState,
     Missing,
 )
-from thrustmargin.gcs_plugin.view.figures.screen import ACT, CHARTS, STATE, PageState, finite
+from thrustmargin.gcs_plugin.view.figures.screen import PageState, finite
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary, first_line
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server, stop_server
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
@@ -30,6 +30,7 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 
+STATE, CHARTS, ACT = "/screen.json", "/screen/charts.json", "/screen/act"
 LOW = Alarm("margin", None, CRITICAL, "Margin 12 %, limit 50 %", 40.0)
 TANK = Alarm("tank", None, WARNING, "Tank gauge and pump disagree", 41.0)
 NOTE = Alarm("esc", 2, NOTICE, "ESC 2 silent", 42.0)

@@ -4,7 +4,9 @@ import numpy as np
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.view.figures.charts import timeline_colours
-from thrustmargin.gcs_plugin.wording.palette import MARGIN, NO_DATA, css
+from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
+
+NO_DATA = (165, 165, 165)  # grey
 
 
 def test_one_bad_row_colours_its_stretch_and_no_other():

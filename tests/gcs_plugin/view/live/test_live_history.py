@@ -1,10 +1,15 @@
 """The charts of the last minutes, looked back over while the aircraft flies."""
 
+import gc
+import weakref
+
 import numpy as np
 
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view.figures.charts import Speeds
-from thrustmargin.gcs_plugin.view.live.live_history import KEPT_S, LiveHistory
+from thrustmargin.gcs_plugin.view.live.live_history import LiveHistory
+
+KEPT_S = 600.0  # s of rows that a page can show
 
 
 class _Rows:
@@ -37,6 +42,15 @@ def test_what_is_older_than_ten_minutes_is_dropped_and_a_restart_begins_anew():
     speeds = history.speeds
     assert speeds is not None
     assert speeds.time_s[0] == 5.0 + flight().track.time_s[0]
+
+
+def test_of_a_window_nothing_is_kept_but_its_new_rows():
+    history, update = LiveHistory(), _Rows(395, 0.0)
+    history.add(update)  # type: ignore[arg-type]
+    window = weakref.ref(update.analysis.track.rotor_speed_rpm)
+    del update
+    gc.collect()
+    assert window() is None
 
 
 def test_speeds_of_an_analysis_are_its_own():

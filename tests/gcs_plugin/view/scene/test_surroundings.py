@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.view.scene.surroundings import MOST, SprayedGround, arrow
+from thrustmargin.gcs_plugin.view.scene.surroundings import SprayedGround, arrow
+
+MOST = 6000  # stretches of sprayed ground that are kept
 
 
 def line(count: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.usable_flights import too_little
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.inferred.load_evidence import SPAN, LoadEvidence, load_fit
+from thrustmargin.models.model.inferred.load_evidence import LoadEvidence, load_fit
 from thrustmargin.models.model.inferred.load_inference import (
     LOAD_FROM_SPEEDS,
     NINETY,
@@ -30,6 +30,7 @@ from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import stated
 
+SPAN = 10.0  # s of one mean
 F16 = load_airframe("topxgun-f16-sitl")
 SITL = Path("sitl_logs")
 START = LoadEvidence()

@@ -1,0 +1,95 @@
+"""What each reader is given before it is damaged: small files of every kind, and who reads them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from tests.gcs_plugin.logs.test_ulog import px4_log
+from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.link.signing import read_signing_key
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.bench_table import read_bench
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
+from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
+from thrustmargin.gcs_plugin.logs.plan_source import read_plan
+from thrustmargin.gcs_plugin.reports.fleet.parts import read_parts
+from thrustmargin.mission.coverage.field_file import read_field
+from thrustmargin.mission.plan import write_plan
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.model_file import load_model, save_model
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+ROOT = Path(__file__).resolve().parents[3]
+F16 = physics_model(load_airframe("topxgun-f16-sitl"))
+CORNERS = [[8.0, 47.0], [8.002, 47.0], [8.002, 47.001], [8.0, 47.001], [8.0, 47.0]]
+KML = (
+    '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><name>north</name>'
+    "<Polygon><outerBoundaryIs><LinearRing><coordinates>"
+    + " ".join(f"{x},{y},0" for x, y in CORNERS)
+    + "</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></kml>"
+)
+GEOJSON = json.dumps(
+    {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [CORNERS]}}
+)
+PARTS = (
+    "part,aircraft,position,installed_at,removed_at\n"
+    "P1,A,propeller 1,2026-01-02,2026-03-02\nP2,A,propeller 1,2026-03-02,\n"
+    "M7,A,motor 2,2026-01-02,\n"
+)
+BENCH = "rpm,thrust [N],power [W]\n" + "".join(
+    f"{n},{4e-5 * n * n:.3f},{2e-8 * n**3:.2f}\n" for n in range(500, 3000, 250)
+)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of input: a whole file, its ending, whether it is text, and its reader."""
+
+    ending: str
+    whole: bytes
+    text: bool
+    read: Callable[[Path], Any]
+    every: int = 1  # of so many turns it has one: a flight takes as long as ten plans
+
+
+def _flown(path: Path) -> Any:
+    return analyse(read_log(path, airframe=F16.airframe).track, F16)
+
+
+def _made(write: Callable[[Path], Any], name: str) -> bytes:
+    with TemporaryDirectory() as folder:
+        write(path := Path(folder) / name)
+        return path.read_bytes()
+
+
+def kinds() -> Iterator[tuple[str, Kind]]:
+    """Name -> each kind."""
+    tlog = (ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog").read_bytes()
+    yield "tlog", Kind(".tlog", tlog[:90_000], False, _flown, 10)
+    binary = (ROOT / "sitl_logs/formats/v4_m10_q2.5.BIN").read_bytes()
+    yield "bin", Kind(".BIN", binary[:150_000], False, _flown, 10)
+    yield "ulg", Kind(".ulg", px4_log(), False, _flown, 10)
+    track = read_log(ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog").track.rows(slice(400, 460))
+    yield "csv", Kind(".csv", _made(partial(write_csv, track), "a.csv"), True, _flown, 10)
+    plan = plan_of(*TWO_LINES)
+    yield "plan", Kind(".plan", _made(partial(write_plan, plan), "a.plan"), True, read_plan)
+    table = _made(partial(write_plan, plan), "a.waypoints")
+    yield "waypoints", Kind(".waypoints", table, True, read_plan)
+    for name, text in (("kml", KML), ("geojson", GEOJSON)):
+        yield name, Kind(f".{name}", text.encode(), True, read_field)
+    airframe = (ROOT / "models/airframes/topxgun-f16.toml").read_bytes()
+    yield "airframe", Kind(".toml", airframe, True, load_airframe)
+    model = _made(lambda path: save_model(F16, path), "a.safetensors")
+    yield "model", Kind(".safetensors", model, False, load_model)
+    param = b"MOT_PWM_MIN,1000\nSERVO1_FUNCTION 33\n# why\nBATT_CAPACITY=16000\n"
+    yield "parameters", Kind(".param", param, True, read_parameters)
+    yield "bench", Kind(".csv", BENCH.encode(), True, read_bench)
+    yield "parts", Kind(".csv", PARTS.encode(), True, lambda p: read_parts(p.read_bytes(), p.name))
+    yield "key", Kind(".key", b"ab" * 32, True, read_signing_key)
