@@ -1,14 +1,11 @@
-"""Slopes, means and medians of channels, some with gaps.
-
-`scipy.ndimage` has such filters too; loading it takes as long as the rest of a report does.
-"""
+"""Slopes and means of channels that have gaps."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
+from scipy.ndimage import convolve1d, uniform_filter1d
 
 from thrustmargin.models.flight import Floats
 
@@ -31,40 +28,12 @@ def known_median(values: Floats) -> float:
     return float(known[low] + known[high]) / 2.0
 
 
-def convolved(
-    values: Floats, weights: Floats, *, beyond: Literal["edge", "symmetric", "constant"]
-) -> Floats:
-    """Of the shape of `values`, their convolution along time with `weights` (W,), the middle one
-    (of an even number the later) at the row itself. Beyond the ends the last value goes on, the
-    rows are mirrored, or there are zeros; `values` must hold a row."""
-    before = weights.size // 2
-    ends = [(before, weights.size - 1 - before)] + [(0, 0)] * (values.ndim - 1)
-    padded = np.pad(values, ends, mode=beyond)
-    columns = padded.reshape(len(padded), -1).T
-    found = np.stack([np.convolve(column, weights, "valid") for column in columns], axis=-1)
-    return found.reshape(values.shape)
-
-
-def running_mean(
-    values: Floats, width: int, *, beyond: Literal["edge", "symmetric", "constant"] = "symmetric"
-) -> Floats:
-    """Mean of `width` rows around each of `values` (T, ...); beyond the ends as `convolved`."""
-    return convolved(values, np.full(width, 1.0 / width), beyond=beyond)
-
-
-def median_of_five(values: Floats) -> Floats:
-    """(n,) median of each value and two on either side; the first and the last go on."""
-    a, b, c, d, e = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, mode="edge"), 5).T
-    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
-    return np.maximum(np.minimum(e, low), np.minimum(np.maximum(e, low), high))
-
-
 @lru_cache(maxsize=64)
 def _slope_weights(window: int, step: float) -> Floats:
     """(window,) that a local quadratic's slope is the convolution with, s⁻¹, `window` odd.
 
-    Savitzky and Golay (1964): k over the sum of k².
+    Savitzky and Golay (1964): k over the sum of k². `scipy.signal` would take as long to import as
+    all else.
     """
     place = np.arange(window // 2, -(window // 2) - 1.0, -1.0)
     return place / (step * np.sum(place**2))
@@ -77,7 +46,7 @@ def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
     step = row_step(time_s)
     window = max(3, 2 * int(span / step / 2) + 1)
     window = min(window, time_s.size - (time_s.size + 1) % 2)
-    slope: Floats = convolved(values, _slope_weights(window, step), beyond="edge")
+    slope: Floats = convolve1d(values, _slope_weights(window, step), axis=0, mode="nearest")
     gap = np.flatnonzero(np.abs(np.diff(time_s) - step) > 0.5 * step)
     half = window // 2 + 1
     near = (gap[:, None] + np.arange(-half, half + 1)).ravel()
@@ -92,6 +61,6 @@ def moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
         return values
     width = max(1, round(span / row_step(time_s)))
     known = np.isfinite(values)
-    total = running_mean(np.where(known, values, 0.0), width, beyond="constant")
-    share = running_mean(known.astype(float), width, beyond="constant")
+    total = uniform_filter1d(np.where(known, values, 0.0), width, mode="constant")
+    share = uniform_filter1d(known.astype(float), width, mode="constant")
     return np.where(share > 0.5 / width, total / np.maximum(share, 1e-9), np.nan)

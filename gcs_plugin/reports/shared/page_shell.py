@@ -12,16 +12,11 @@ import base64
 import gzip
 import hashlib
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from functools import partial
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
-from importlib.util import cache_from_source
-from pathlib import Path
 from typing import Any
 
 import jinja2
-from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.wording import numbers as words
@@ -48,8 +43,9 @@ def page_text(
         library, draw = _bytes(_SHELL, "plotly-basic.min.js.gz"), _text(_SHELL, "draw.js")
     style = _text(_SHELL, "page.css") + (_text(package, "page.css") if own_style else "")
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(partial(_template, package)),
-        bytecode_cache=_Compiled(str(Path(cache_from_source(__file__)).parent)),
+        loader=jinja2.FunctionLoader(
+            lambda name: _text(package if name == "page.html" else _SHELL, name)
+        ),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -95,20 +91,6 @@ def software_version() -> str:
         return version("thrustmargin")
     except PackageNotFoundError:
         return "not installed"
-
-
-class _Compiled(jinja2.FileSystemBytecodeCache):
-    """Templates as compiled, where Python keeps its own: to compile one takes as long as to fill
-    ten. Where nothing can be written they are compiled each time."""
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        with suppress(OSError):
-            super().dump_bytecode(bucket)
-
-
-def _template(package: str, name: str) -> tuple[str, str, Callable[[], bool]]:
-    place = package if name == "page.html" else _SHELL
-    return _text(place, name), f"{place}/{name}", lambda: True
 
 
 def _text(package: str, name: str) -> str:

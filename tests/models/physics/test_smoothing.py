@@ -2,16 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy import ndimage
 
 from thrustmargin.models.physics.smoothing import (
-    convolved,
     derivative,
     known_median,
-    median_of_five,
     moving_mean,
     row_step,
-    running_mean,
 )
 
 STEP = 0.1
@@ -165,23 +161,3 @@ def test_a_median_is_that_of_what_is_known(shape):
     values.flat[0] = np.nan
     expected = np.nanmedian(values) if values.size > 1 else np.nan
     assert known_median(values) == pytest.approx(expected, nan_ok=True)
-
-
-@pytest.mark.parametrize("width", [1, 4, 5, 31])
-@pytest.mark.parametrize("beyond", ["symmetric", "constant"])
-@pytest.mark.parametrize("shape", [(12,), (40, 3)])
-def test_filters_are_those_of_scipy(width, beyond, shape):
-    values = np.random.default_rng(width).normal(size=shape)
-    mode = {"symmetric": "reflect", "constant": "constant"}[beyond]
-    expected = ndimage.uniform_filter1d(values, width, axis=0, mode=mode)
-    np.testing.assert_allclose(running_mean(values, width, beyond=beyond), expected, atol=1e-12)
-    slope = np.linspace(-1.0, 1.5, width | 1)
-    expected = ndimage.convolve1d(values, slope, axis=0, mode="nearest")
-    np.testing.assert_allclose(convolved(values, slope, beyond="edge"), expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("rows", [1, 2, 5, 200])
-def test_a_median_of_five_is_that_of_scipy(rows):
-    values = np.random.default_rng(rows).normal(size=rows)
-    expected = ndimage.median_filter(values, 5, mode="nearest")
-    np.testing.assert_array_equal(median_of_five(values), expected)
