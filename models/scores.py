@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
 

@@ -139,7 +139,7 @@ def hierarchical_quantile(scores: Floats, flight: Rows, level: float) -> float:
     return float(scores[order[index]]) if index < scores.size else math.inf
 
 
-def studenstdtrit(scores: Floats, flight: Rows, level: float) -> float:
+def student_quantile(scores: Floats, flight: Rows, level: float) -> float:
     """Size that a row of a new flight stays below with probability `level`, from few flights.
 
     scores (N,) of rows that belong to `flight` (N,), any labels. Infinite with fewer flights than
