@@ -31,7 +31,7 @@ FILES = "thrustmargin.gcs_plugin"
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _Shown:
     figures: dict[str, float]
     answer: FlightAnswer | None
     stamp_us: int  # ground's clock when the row's report came
@@ -45,16 +45,16 @@ class PilotBar(Subscriber):
 
     def __init__(self, clock: Callable[[], int], *, limit: float, port: int, host: str) -> None:
         self._clock, self._limit, self._address = clock, limit, (host, port)
-        self._told: dict[int, _Told] = {}
+        self._shown: dict[int, _Shown] = {}
         self._server: ThreadingHTTPServer | None = None
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:  # noqa: ARG002
-        told = {}
+        shown = {}
         for number, watch in fleet.vehicles.items():
             if watch.last is not None:
                 found = figures(watch.last) | what_to_do(watch.alarms.listed.values())
-                told[number] = _Told(found, watch.last.answer, int(watch.last.stamp_us[-1]))
-        self._told = told
+                shown[number] = _Shown(found, watch.last.answer, int(watch.last.stamp_us[-1]))
+        self._shown = shown
 
     @property
     def port(self) -> int:
@@ -94,9 +94,9 @@ class PilotBar(Subscriber):
     def content(self) -> dict[str, Any]:
         """The figures of each vehicle; margins are null once they are older than FRESH."""
         now_us, vehicles = self._clock(), []
-        for number, told in sorted(self._told.items()):
-            age_s = max(0.0, (now_us - told.stamp_us) * 1e-6)
-            live, found = age_s <= FRESH, told.figures
+        for number, shown in sorted(self._shown.items()):
+            age_s = max(0.0, (now_us - shown.stamp_us) * 1e-6)
+            live, found = age_s <= FRESH, shown.figures
             margin, predicted = found.get("MARGIN"), found.get("MARGIN_PRE")
             vehicles.append(
                 {
@@ -107,7 +107,7 @@ class PilotBar(Subscriber):
                     "last_margin": margin,
                     "rotor": int(found["MARGIN_ROT"]) if live and "MARGIN_ROT" in found else None,
                     "action": say(ASKED[int(found["MARGIN_DO"])]) if live else "",
-                    "flight": None if told.answer is None else told.answer.json,
+                    "flight": None if shown.answer is None else shown.answer.json,
                 }
             )
         return {"schema": "thrustmargin.bar/1", "limit": 100.0 * self._limit, "vehicles": vehicles}

@@ -85,8 +85,8 @@ def test_all_that_flies_live_says_at_the_end_what_the_report_says(
         assert (page["flight"]["level"], page["flight"]["headline"]) == (level, first)
         assert (page["flight"]["action"], page["flight"]["fill_kg"]) == (do, fill_kg)
         assert page["flight"]["rotors"] == rotors
-        (told,) = bar.content()["vehicles"]
-        assert told["flight"] == {k: v for k, v in page["flight"].items() if k != "line"}
+        (heard,) = bar.content()["vehicles"]
+        assert heard["flight"] == {k: v for k, v in page["flight"].items() if k != "line"}
         shown = io.StringIO()
         Console(file=shown, width=4000).print(Screen(monitor))
         assert f"{first}: {do}" in plain(shown.getvalue())

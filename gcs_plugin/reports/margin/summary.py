@@ -103,7 +103,7 @@ def report_flight(
     check = None if analysis.withheld else margin_check(analysis)
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
     against = plan_beside(analysis, log, plan) if plan and not analysis.withheld else None
-    told = (
+    lines = (
         *((Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
         *look_facts(found),
         *(answer if contact is None else contact_facts(contact)),
@@ -111,7 +111,7 @@ def report_flight(
         *((Fact("prediction", checked),) if checked else ()),
         *((Fact("plan", against["words"]),) if against else ()),
     )
-    verdict = _verdict(made, worst, told, basis, measured_share)
+    verdict = _verdict(made, worst, lines, basis, measured_share)
     if contact is not None and advice.level is FlightLevel.UNKNOWN:
         verdict = replace(verdict, headline=contact_headline(contact))
     return FlightReport(
@@ -156,7 +156,7 @@ def _basis(made: Advised) -> tuple[str, float]:
 def _verdict(
     made: Advised,
     worst: Moment | None,
-    told: tuple[Fact, ...],
+    lines: tuple[Fact, ...],
     basis: str,
     measured_share: float,
 ) -> MarginVerdict:
@@ -165,7 +165,7 @@ def _verdict(
         level=advice.level,
         headline=headline(advice),
         action=action(advice),
-        facts=told,
+        facts=lines,
         limit=advice.limit,
         one_rotor_out_use=one_rotor_out_use(made.analysis.model.airframe),
         worst=worst,

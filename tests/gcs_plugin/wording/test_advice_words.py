@@ -125,7 +125,7 @@ def test_what_to_do_follows_the_same_order():
         "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
         "for the load: fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
     )
-    # While it flies it is to land, and the fill waits; without a damage nobody is told to land.
+    # While it flies it is to land, and the fill waits; without a damage nobody is asked to land.
     flying = action(with_fault(FlightLevel.CRITICAL, goes_on=True))
     assert flying.startswith("land; do not fly it before propeller, motor and ESC of rotor 3")
     assert "kg" not in flying

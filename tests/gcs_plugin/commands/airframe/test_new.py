@@ -74,8 +74,8 @@ def test_of_several_logs_in_the_folder_one_is_to_be_named(tmp_path, monkeypatch,
         (tmp_path / name).write_bytes(b"")
     monkeypatch.chdir(tmp_path)
     assert run(["airframe", "new"]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("thrustmargin: 2 logs in this folder, none named (--from a.BIN says")
+    printed = capsys.readouterr().err
+    assert printed.startswith("thrustmargin: 2 logs in this folder, none named (--from a.BIN says")
 
 
 def test_the_number_of_rotors_that_the_vehicle_reports_is_said(made):
