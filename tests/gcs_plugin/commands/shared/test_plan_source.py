@@ -1,5 +1,7 @@
 """`read_plan`: a plan by what the file holds, the last whole mission of a log among them."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -107,3 +109,23 @@ def test_a_field_is_no_plan_and_what_makes_one_is_said(tmp_path: Path, name: str
     (tmp_path / name).write_text("<kml/>")
     with pytest.raises(PlanError, match=f"{name} is a field, not a plan; .*thrustmargin cover"):
         read_plan(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["forecast", "--fill", "5"], ["report", "flight.tlog", "--plan"], ["monitor", "--plan"]],
+    ids=["forecast", "report", "monitor"],
+)
+def test_what_is_no_plan_is_refused_before_the_rest_is_loaded(tmp_path: Path, words: list[str]):
+    (tmp_path / "north.plan").write_text("{}")
+    line = [*words, "north.plan"] if words[-1] == "--plan" else [words[0], "north.plan", *words[1:]]
+    code = (
+        "import sys; from thrustmargin.gcs_plugin.cli import run; code = run(sys.argv[1:]); "
+        "sys.exit(code if 'scipy' not in sys.modules else 77)"
+    )
+    made = subprocess.run(
+        [sys.executable, "-c", code, *line], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert made.returncode == 1, made.stderr
+    assert made.stderr.count("\n") == 1
+    assert 'north.plan has no "fileType": "Plan"' in made.stderr
