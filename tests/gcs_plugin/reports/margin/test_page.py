@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.reports.margin.render import (
     json_text,
     write_report,
 )
-from thrustmargin.gcs_plugin.reports.shared import UnusedLog, page_shell
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed
 from thrustmargin.gcs_plugin.reports.shared.plot_style import keep_extremes, keep_worst, single
 from thrustmargin.gcs_plugin.reports.shared.route_map import plotly_scale
@@ -98,18 +98,6 @@ def report():
 @pytest.fixture(scope="module")
 def page(report, tmp_path_factory):
     return page_of(report, tmp_path_factory.mktemp("page"))
-
-
-def test_a_page_is_the_same_compiled_before_or_now_or_where_nothing_can_be_kept(
-    report, page, tmp_path, monkeypatch
-):
-    (tmp_path / "kept").mkdir()
-    for folder in ("kept", "kept", "absent"):
-        place = str(tmp_path / folder / "x.pyc")
-        monkeypatch.setattr(page_shell, "cache_from_source", lambda _, place=place: place)
-        assert page_of(report, tmp_path).text == page.text
-    assert len(list((tmp_path / "kept").iterdir())) == 3  # shell, macros and the page
-    assert not (tmp_path / "absent").exists()
 
 
 def test_page_json_and_csv_say_the_same_numbers(report, page):
