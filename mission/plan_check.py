@@ -89,7 +89,7 @@ def check_plan(
     if flown and flown[0].kind != "take-off":
         found["take-off missing"].append(flown[0].item)
     areas = [(area.inside, _shape(area, plan.home)) for area in plan.fence]
-    sound = [(inside, shape) for inside, shape in areas if shape.is_valid]
+    sound = [(inside, shape) for inside, shape in areas if shapely.is_valid(shape)]
     found["fence crosses itself"] += [0] * (len(areas) - len(sound))
     found["fence crossed"] += _crossed(plan, legs, sound)
     length = np.linalg.norm(legs.end - legs.start, axis=1)

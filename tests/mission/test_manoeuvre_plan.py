@@ -9,16 +9,15 @@ import pytest
 
 from tests.models.made_flights import made_flights
 from thrustmargin.mission.manoeuvre_plan import manoeuvre_plan
-from thrustmargin.mission.plan import (
-    CHANGE_SPEED,
-    RETURN_TO_LAUNCH,
-    TAKEOFF,
-    WAYPOINT,
-    read_plan,
-    write_plan,
-)
+from thrustmargin.mission.plan import read_plan, write_plan
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits, manoeuvres
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+CHANGE_SPEED = 178
+RETURN_TO_LAUNCH = 20
+TAKEOFF = 22
+WAYPOINT = 16
 
 LOWEST = 2.0  # m above home
 LIMITS = replace(FlownLimits.of(made_flights(3)), height=(3.0, 20.0), climb=2.0)

@@ -86,7 +86,8 @@ def first_line(one: VehicleSummary, whole: FlightAnswer | None = None) -> tuple[
         reasons = ([first.line] if first.line != first.text else []) + [a.line for a in grave]
         level = level_of(first.severity)
         if so_far is not None and of_verdict(so_far) == "red":
-            reasons.append(_sentence(so_far.action))
+            # Short while it flies: what to do at a desk stands whole further down.
+            reasons += [so_far.brief] if so_far.brief else []
             level = "red"
         return first.text, " · ".join(reasons), level
     if whole is not None:
@@ -99,7 +100,7 @@ def first_line(one: VehicleSummary, whole: FlightAnswer | None = None) -> tuple[
     if row is None or one.problem or one.pending or one.old:
         return "", one.pending, "grey"
     if so_far is not None and of_verdict(so_far) in ("red", "amber"):
-        return so_far.headline, _sentence(so_far.action), of_verdict(so_far)
+        return so_far.headline, so_far.brief or _sentence(so_far.action), of_verdict(so_far)
     calm = row.survives and (not row.flying or row.coloured_margin >= colours.ENOUGH)
     return "", one.pending, "green" if calm else "grey"
 

@@ -186,9 +186,9 @@ def _of_no_less_than_none(reduced: Reduced, effect: Effect) -> Effect:
         float(item.values["drag_area"]) for item in model.placed if item.effect.name == effect.name
     )
     if flight is not None:
-        mass, density = (float(np.nanmedian(of)) for of in (x.total_mass, x.density))
-        force = mass * float(steady_slowing(flight, known, mass, density))
-        own += force / (0.5 * density * known**2)
+        mass, density = np.nanmedian(x.total_mass), float(np.nanmedian(x.density))
+        force = mass * steady_slowing(flight, np.array(known), mass, density)
+        own += float(force) / (0.5 * density * known**2)
     (area,) = effect.parameters
     return replace(effect, parameters=(replace(area, lower=-max(own, 0.0)),))
 

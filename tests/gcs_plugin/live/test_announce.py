@@ -15,19 +15,17 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
-from thrustmargin.gcs_plugin.live.alarms.alarm import (
-    CRITICAL,
-    WARNING,
-    Alarm,
-    AlarmEvent,
-    AlarmState,
-)
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent, AlarmState
 from thrustmargin.gcs_plugin.live.announce import Announcer
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+CRITICAL = 2
+WARNING = 4
 
 COMPONENT = 25  # MAV_COMP_ID_USER1
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))

@@ -12,14 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from rich.console import Console
 
 from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
-from thrustmargin.gcs_plugin.live.alarms.alarm import (
-    CRITICAL,
-    NOTICE,
-    WARNING,
-    Alarm,
-    AlarmEvent,
-    AlarmState,
-)
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent, AlarmState
 from thrustmargin.gcs_plugin.live.console import (
     Bell,
     EventPrinter,
@@ -34,6 +27,11 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+CRITICAL = 2
+NOTICE = 5
+WARNING = 4
 
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 

@@ -8,8 +8,6 @@ import pytest
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.recording import (
-    BACKWARD,
-    FORWARD,
     longest,
     pauses,
     restarts,
@@ -17,8 +15,6 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     without_leaps,
 )
 from thrustmargin.gcs_plugin.telemetry.resample import (
-    GRID,
-    ROW_SPACING,
     coverage,
     first_known,
     in_time_order,
@@ -31,6 +27,12 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
 from thrustmargin.gcs_plugin.telemetry.signals import best, by_index, collected, speed_through_air
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+BACKWARD = 1.0
+FORWARD = 5.0
+GRID = 0.1
+ROW_SPACING = 0.09
 
 NAN = float("nan")
 

@@ -13,7 +13,6 @@ from thrustmargin.gcs_plugin.telemetry.power import spraying_sources
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
 from thrustmargin.gcs_plugin.telemetry.signals import collected
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
-    AGREEMENT,
     TankContext,
     first_level,
     flight_battery,
@@ -21,6 +20,9 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
 )
 from thrustmargin.models.flight import FlyingBy
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+AGREEMENT = 1.5
 
 NAN = float("nan")
 #: A tank of 10 L of a liquid of 1.2 kg/L, and a pump of at most 6 L/min: 0.12 kg/s.

@@ -68,12 +68,12 @@ def test_from_nothing_heard_to_an_alarm_that_is_known_and_back(opened, tmp_path)
         for width, height in SIZES:
             page.set_viewport_size({"width": width, "height": height})
             page.wait_for_timeout(400)
+            page.screenshot(path=folder / f"live-{width}x{height}.png", timeout=LONG_MS)
             for selector, box in page.evaluate(BOXES):
                 assert min(box["left"], box["top"]) >= 0, (width, selector)
                 assert box["right"] <= width, (width, selector)
                 assert box["bottom"] <= height, (width, selector)
                 assert box["height"] >= (44 if "button" in selector else 10), (width, selector)
-            page.screenshot(path=folder / f"live-{width}x{height}.png", timeout=LONG_MS)
         page.set_viewport_size({"width": 390, "height": 844})
         page.click("#tm-ack")
         page.wait_for_selector("#tm-ack", state="hidden")
@@ -92,9 +92,14 @@ def test_from_nothing_heard_to_an_alarm_that_is_known_and_back(opened, tmp_path)
         says(page, "#tm-charts-state", "NOT LIVE: nothing new for")
         page.wait_for_selector(".tm-old")
         throttle.rpm = 1700
-        says(page, "#tm-headline", "No alarm")
+        says(page, "#tm-headline", "A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN")  # the flight so far
         page.click("#tm-tabs [data-pane=aircraft]")
         says(page, "[data-left='3']", left(1700))
+        page.set_viewport_size({"width": 390, "height": 664})
+        page.wait_for_timeout(400)
+        page.screenshot(path=folder / "live-so-far-390x664.png", timeout=LONG_MS)
+        (lost,) = [box for one, box in page.evaluate(BOXES) if one == "[data-card=lost]"]
+        assert lost["bottom"] <= 664
 
 
 def test_of_two_vehicles_the_gravest_is_named_and_each_can_be_looked_at(opened):

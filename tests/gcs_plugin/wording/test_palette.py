@@ -7,7 +7,6 @@ from thrustmargin.gcs_plugin.wording.palette import (
     GROUND_SPEED,
     LOAD,
     MARGIN,
-    NO_DATA,
     REDUNDANCY,
     css,
     ink_on,
@@ -17,6 +16,9 @@ from thrustmargin.gcs_plugin.wording.palette import (
     seen_for,
     sent_for,
 )
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+NO_DATA = (165, 165, 165)
 
 SCALES = [LOAD, MARGIN, REDUNDANCY, residual_scale(300.0)]
 # Machado, Oliveira and Fernandes 2009, severity 1.0, on linear RGB.

@@ -10,7 +10,6 @@ from scipy.ndimage import uniform_filter1d
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.checks.motor_order import (
-    DECISIVE,
     _correlations,
     _decided,
     _likelihood,
@@ -20,6 +19,9 @@ from thrustmargin.models.checks.motor_order import (
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
 from thrustmargin.models.physics.allocation import mixer
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+DECISIVE = 10.0
 
 ROOT = Path(__file__).resolve().parents[3]
 F16 = load_airframe("topxgun-f16-sitl")

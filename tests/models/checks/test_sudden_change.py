@@ -7,16 +7,18 @@ import pytest
 from scipy.stats import norm
 
 from thrustmargin.models.checks.sudden_change import (
-    MEMORY,
-    SELDOM,
-    SETTLE,
     SIZES,
-    WINDOW,
     Prior,
     SuddenChange,
     log_likelihood,
     log_own,
 )
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+MEMORY = 300.0
+SELDOM = 60.0
+SETTLE = 2
+WINDOW = 10.0
 
 BLOCK = 0.7
 NOTHING = np.zeros((2, 0))

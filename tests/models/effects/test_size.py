@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
-from thrustmargin.models.effects.base import USUAL_ARM, Placed
+from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.effects.moments.flow_moment import FLOW_MOMENT
@@ -15,6 +15,9 @@ from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.atmosphere import G0
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+USUAL_ARM = 0.9595439
 
 
 def by_key(catalogue):

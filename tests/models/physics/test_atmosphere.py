@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from tests.made_sources import sent
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.atmosphere import (
-    SEA_LEVEL_DENSITY,
     air_density,
     isa_density,
     isa_pressure,
@@ -20,6 +19,9 @@ from thrustmargin.models.physics.atmosphere import (
 )
 from thrustmargin.models.provenance import Meaning
 from thrustmargin.models.provenance import stated as stated_words
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+SEA_LEVEL_DENSITY = 1.225
 
 
 def track_density(track, temperature_offset: float = 0.0):

@@ -33,6 +33,8 @@ from tests.gcs_plugin.live.monitored import (
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
+from thrustmargin.gcs_plugin.wording.answer import brief
+from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import save_model
 
@@ -177,7 +179,7 @@ def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says
     texts = {m.text for m in ours if m.get_type() == "STATUSTEXT"}
     assert texts <= {line[20:].removeprefix("vehicle 1: ") for line in told.splitlines()} | {
         text for text in texts if text.startswith("Over: ")
-    }
+    } | {brief(advise(expected).advice)}
 
 
 def listen(station: Any, ours: list[Any], ended: threading.Event) -> None:

@@ -22,7 +22,6 @@ from thrustmargin.gcs_plugin.reports.identify.identify_result import (
 )
 from thrustmargin.gcs_plugin.reports.identify.page import html_text
 from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
-    MOST_CHANNELS,
     Rows,
     channels_figures,
     map_figure,
@@ -36,6 +35,9 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+MOST_CHANNELS = 4
 
 HOSTILE = "</script><img src=x onerror=alert(1)>\u2028{{ 7*7 }}&amp;\"'.tlog"
 

@@ -24,10 +24,13 @@ from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.loop import identify_checked
 from thrustmargin.models.identification.rows.candidates import Held, Term, predicted
 from thrustmargin.models.identification.rows.modes import modes
-from thrustmargin.models.identification.sets.nuisance import CONSTANT_FACTOR, LEVELS
+from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+CONSTANT_FACTOR = 2.0
 
 MODEL = curve_model()
 DIRECTIONS = modes(F16).directions

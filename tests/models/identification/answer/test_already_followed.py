@@ -10,7 +10,6 @@ from scipy import stats
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.identification.answer import already_followed
 from thrustmargin.models.identification.answer.already_followed import (
-    LEVEL_ERROR,
     _half_widths,
     _winds,
     _worse,
@@ -19,6 +18,9 @@ from thrustmargin.models.identification.answer.already_followed import (
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.physics.atmosphere import G0
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+LEVEL_ERROR = np.radians(0.5)
 
 MODEL = shipped_model()
 FLIGHT: Any = MODEL.forward_flight

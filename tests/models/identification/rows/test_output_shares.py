@@ -23,7 +23,10 @@ from thrustmargin.models.identification.rows.output_shares import (
     spread_of_flights,
     steepness_of,
 )
-from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+STEEPNESS_ASSUMED = 0.3
+STEEPNESS_SET = 0.15
 
 TRIM = 0.006  # of rotor speed, by which each rotor of sound flights differs
 ROLL = np.array([1.0, -1.0, -1.0, 1.0])

@@ -13,9 +13,6 @@ from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.problem import (
-    BLOCK_SECONDS,
-    LEAST_ROWS,
-    MOST_ROWS,
     airspeed_is_ground_speed,
     assemble,
     assemble_flight,
@@ -25,6 +22,11 @@ from thrustmargin.models.identification.rows.problem import (
 )
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import Meaning
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+BLOCK_SECONDS = 10.0
+LEAST_ROWS = 100
+MOST_ROWS = 9000
 
 MODEL = curve_model()
 BESIDE_AN_END = 14  # rows of a flight that lack what lies around them, 0.7 s at either end

@@ -16,11 +16,13 @@ from thrustmargin.models.identification.rows.reduced import reduce_flights
 from thrustmargin.models.identification.sets import set_search
 from thrustmargin.models.identification.sets.discrepancy import form_columns
 from thrustmargin.models.identification.sets.effect_forms import cancel, forms_of
-from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.network.records import GoodFlights
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+IMPOSSIBLE = -1000000000.0
 
 SPACE = search_space(
     curve_model(),

@@ -10,13 +10,10 @@ from scipy.stats import norm
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
 from thrustmargin.models.identification.rows.candidates import Candidate, Held, Term
-from thrustmargin.models.identification.sets.evidence import (
-    IMPOSSIBLE,
-    is_shape,
-    prior_of,
-    score,
-    scores,
-)
+from thrustmargin.models.identification.sets.evidence import is_shape, prior_of, score, scores
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+IMPOSSIBLE = -1000000000.0
 
 MAIN = Parameter(name="a", unit="1", lower=-2.0, upper=2.0, scale=0.5, smallest=0.01)
 SHAPE = shaping("b", "1", start=0.3, lower=-5.0, upper=5.0, scale=0.4)

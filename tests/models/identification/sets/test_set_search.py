@@ -13,11 +13,14 @@ from thrustmargin.models.effects import effects_for
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets import set_search
-from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE, prior_of
+from thrustmargin.models.identification.sets.evidence import prior_of
 from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+IMPOSSIBLE = -1000000000.0
 
 FEW = ["extra_mass", "cg_offset", "yaw_trim"]
 MORE = [*FEW, "rotor_degradation", "tank_scale"]

@@ -19,12 +19,7 @@ from thrustmargin.models.effects.coefficient.rotor_degradation import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
 )
-from thrustmargin.models.identification.rows.candidates import (
-    EFFECT_PRIOR,
-    ROTOR_PRIOR,
-    Term,
-    candidate,
-)
+from thrustmargin.models.identification.rows.candidates import Term, candidate
 from thrustmargin.models.identification.sets.discrepancy import (
     form_columns,
     free_columns,
@@ -46,6 +41,10 @@ from thrustmargin.models.identification.sets.search_space import (
 )
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
+
+#: As the code has them, written down by hand: a change there is to be seen here.
+EFFECT_PRIOR = 0.02
+ROTOR_PRIOR = 0.005
 
 MASS = candidate(Term(effect=BY_KEY["extra_mass"]), 2)
 LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=1), 2)
