@@ -61,13 +61,17 @@ ALONG: Mapping[str, Along] = {
     "yaw_rate": _plain("yaw_rate", "rad/s", 0.1),
     "spraying": _plain("spraying", "1", 0.5),
     "air_temperature": _plain("air_temperature", "K", 1.0),
+    "load": Along("kg", 0.5, ("load_factor",), lambda x: x.total_mass * x.load_factor),
 }
+#: that of one rotor, and the channels along which its loss may go: what it carries, where it meets
+#: another's wake, and what gets warm; the first is not one of a mode
+ROTOR, OF_ROTOR, ONLY_ROTORS = "rotor", ("load", "airspeed", "time_s"), ("load",)
 CONSTANT = "constant"  # along nothing: the same all the time
 
 
 def _values(count: int) -> tuple[Parameter, ...]:
     return tuple(
-        Parameter(name=f"at_{k + 1}", unit="1", lower=-MOST, upper=MOST, scale=USUAL, smallest=1e-3)
+        Parameter(name=f"at_{k + 1}", unit="1", lower=-MOST, upper=MOST, scale=0.02, absent=None)
         for k in range(count)
     )
 
@@ -103,7 +107,10 @@ def _made(mode: str, channel: str) -> Effect:
         turning = curve(p, x) * thrust * x.arm
         return tuple(turning if of == mode else 0.0 * thrust for of in MODES[1:])
 
-    collective = mode == MODES[0]
+    def kappa(p: Values, x: Channels) -> Any:
+        return 1.0 - curve(p, x)
+
+    collective = mode in (MODES[0], ROTOR)
     return Effect(
         name=NAME,
         variant=f"{mode} along {channel}",
@@ -112,11 +119,20 @@ def _made(mode: str, channel: str) -> Effect:
         needs=() if along is None else along.needs,
         neutral={} if along is None else dict.fromkeys(along.needs, float("nan")),
         source="what flights left out show again, and no effect of the table explains",
-        apply=(lambda p, x: 1.0 - curve(p, x)) if collective else moments,
+        apply=kappa if collective else moments,
+        torque=kappa if mode == ROTOR else None,
+        of_one_rotor=mode == ROTOR,
         seen=None if along is None else seen,
     )
 
 
 UNNAMED: Mapping[tuple[str, str], Effect] = {
-    (mode, channel): _made(mode, channel) for mode in MODES for channel in (CONSTANT, *ALONG)
+    **{(mode, channel): _made(mode, channel) for mode in MODES for channel in (CONSTANT, *ALONG)},
+    **{(ROTOR, channel): _made(ROTOR, channel) for channel in (CONSTANT, *OF_ROTOR)},
 }
+_PLACES = {effect.key: place for place, effect in UNNAMED.items()}
+
+
+def place_of(effect: Effect) -> tuple[str, str]:
+    """The mode, or "rotor", and the channel of a cause without a name."""
+    return _PLACES[effect.key]

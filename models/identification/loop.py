@@ -89,13 +89,13 @@ def identify_checked(
     if problem.of_outputs:
         catalogue = effects_on_shares(catalogue)
     space = search_space(model, fit, catalogue, means)
-    search = Search(space.reduced, space.nuisance, space.candidates)
+    search = Search(space.reduced, space.nuisance, (*space.candidates, *space.unnamed))
     search.run(progress)
     steps = onset_candidates(search, search.best) if not problem.of_outputs else []
     if steps and search.add(steps, without_rotors(search, search.best.key)):
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
-    accepted = accepted_names(space, search, problem, steepness=steepness, progress=progress)
+    accepted = accepted_names(space, search, problem, steepness=steepness)
     answer = accepted.answer
     left_out, estimates = by_rows(accepted.left_out, accepted.estimates)
     if progress:

@@ -8,10 +8,9 @@ from types import MappingProxyType
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
-from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, chance, channel_name, number
+from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, chance, number
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.unnamed import CONSTANT
-from thrustmargin.models.identification.answer.adequacy import OWN_THRUST
+from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
 from thrustmargin.models.identification.answer.result import Identification, OpenCause
 from thrustmargin.models.identification.rows.candidates import Term
 
@@ -23,6 +22,7 @@ ALONG_WORDS = MappingProxyType(
         "side_speed": ("speed to the right", "m/s", 1.0),
         "along_acceleration": ("speeding up", "m/s²", 1.0),
         "air_temperature": ("air temperature", "K", 1.0),
+        "load": ("the thrust that all rotors make", "kg", 1.0),
     }
 )
 
@@ -33,7 +33,7 @@ def unexplained(found: Identification) -> str:
     if left["mode"] is None:
         return ""
     share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
-    along = f"goes with {channel_name(left['channel'])}"
+    along = f"goes with {' or '.join(ALONG_WORDS[one][0] for one in left['channels'])}"
     action = actions.COMPARE_SOUND.text
     if not found.open_causes:
         action = f"nothing was added for it; {action}"
@@ -42,7 +42,7 @@ def unexplained(found: Identification) -> str:
         action = f"{actions.LOOK_FOR_ICE.text}; {actions.COMPARE_WIND.text}"
     names = found.model.airframe.rotor_names
     if left.get("rotor"):
-        goes = "goes with its own thrust" if left["channel"] == OWN_THRUST else along
+        goes = "goes with its own thrust" if left["channel"] in ONLY_ROTORS else along
         return (
             f"{rotor_words(left['rotor'] - 1, names).capitalize()} does not lose the same share of "
             f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "

@@ -8,19 +8,12 @@ or where by itself it may be nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.adequacy import (
-    Unexplained,
-    beside,
-    closest_to,
-    unexplained,
-    with_free,
-)
 from thrustmargin.models.identification.answer.borne_out import LEAST_FALL, borne_out
 from thrustmargin.models.identification.answer.left_out import LeftOut
 from thrustmargin.models.identification.answer.posterior import (
@@ -29,14 +22,15 @@ from thrustmargin.models.identification.answer.posterior import (
     posterior_of,
 )
 from thrustmargin.models.identification.answer.result import Mentioned, OneOf
-from thrustmargin.models.identification.answer.uneven_loss import (
-    uneven_loss,
-    unexplained_loss,
+from thrustmargin.models.identification.answer.unexplained import (
+    Unexplained,
+    closest_to,
+    unexplained,
 )
 from thrustmargin.models.identification.costs import COSTS
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.sets.search_space import SearchSpace
-from thrustmargin.models.identification.sets.set_search import Progress, Search
+from thrustmargin.models.identification.sets.set_search import Search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,42 +58,12 @@ def accepted_names(
     problem: Problem,
     *,
     steepness: float = 0.0,
-    progress: Progress | None = None,
 ) -> AcceptedNames:
     """The names of a search that has run; `steepness` is that of `posterior_of`."""
-    first_named = posterior_of(search, steepness).named()
     answer, left_out = borne_out(problem, posterior_of(search, steepness))
     named = answer.named()
-    first, any_name = answer, bool(named)
-    uneven = uneven_loss(search, answer.best)
-    nearly_steady = uneven if uneven is not None and uneven.instead and uneven.slight else None
-    uneven = None if nearly_steady is not None else uneven
-    if uneven is None:
-        left = unexplained(space, search, answer.best, named=any_name)
-    else:
-        left = unexplained_loss(uneven, answer.best)
-    closest = closest_to(left, named, search, answer.best)
-    if left is not None and any_name and not left.wanders:
-        # What no effect explains may have lent its weight to a name: who stands beside it?
-        free = with_free(space, left) if uneven is None else beside(space, uneven.columns)
-        again = Search(space.reduced, free, search.candidates)
-        again.run(progress)
-        second = posterior_of(again, steepness)
-        if lost := set(named) - {*closest, *second.named()}:
-            # What it had lent its weight to may have hidden what is there.
-            answer, named = second, second.named()
-            left_out = LeftOut.of(problem, again, answer.best)
-            closest = [*closest_to(left, named, again, answer.best), *closest, *sorted(lost)]
-            closest = list(dict.fromkeys(closest))
-        elif not closest and uneven is None:
-            left = unexplained(space, search, answer.best)  # every name stands beside it
-    if left is None and nearly_steady is not None:
-        # Nothing is left, but for a name that stands for how a loss goes: who stands beside that?
-        space = replace(space, nuisance=beside(space, nearly_steady.columns))
-        search = Search(space.reduced, space.nuisance, search.candidates)
-        search.run(progress)
-        answer, left_out = borne_out(problem, posterior_of(search, steepness))
-        first, named = answer, answer.named()
+    left = unexplained(space, answer)
+    closest = closest_to(left, named, answer)
 
     def error(some: Sequence[int]) -> float:
         return size(left_out.with_set(some))
@@ -109,21 +73,11 @@ def accepted_names(
     firsts = {one.terms[0].key for one in one_of}
     either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
     estimates = answer.estimates(matter, either)
-    reported = {*either, *(e.candidate for e in estimates)}
-    quiet = any_name and not estimates and uneven is None
-    if left is not None and quiet and not that_matter(error, named):
-        left = unexplained(space, search, first.best)  # good flights may leave as much
-        closest = closest if left is not None else []
-    if left is None and (silent := sorted(answer.best.key - reported)):
-        # What is likely but not reported explains nothing of what it does.
-        left = unexplained(space, search, first.of_alone(reported))
-        closest = closest_to(left, silent, search, answer.best)
-        left = left if closest else None
     members = [e.candidate for e in estimates]
     return AcceptedNames(
         answer=answer,
         left_out=left_out,
-        named=tuple(sorted({*first_named, *named})),
+        named=tuple(named),
         estimates=tuple(estimates),
         one_of=one_of,
         left=left,

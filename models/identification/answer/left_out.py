@@ -54,13 +54,13 @@ class LeftOutPart:
     def _posterior(self, search: Search, keys: Iterable[frozenset[int]]) -> Posterior:
         linear, sets = self.linear, []
         for key in keys:
-            levels = linear.scores(key)
+            scored = linear.score(key)
             sets.append(
                 FittedSet(
                     key=key,
                     held=tuple(linear.held[c] for c in sorted(key)),
-                    levels=levels,
-                    log_evidence=np.array([s.log_evidence for s in levels]) + linear.marginalised,
+                    scored=scored,
+                    total=scored.log_evidence + linear.marginalised,
                     residual=linear.about.residual,
                 )
             )

@@ -29,12 +29,17 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.borne_out import LEAST_FALL
 from thrustmargin.models.identification.answer.left_out import MOST_FOLDS
 from thrustmargin.models.identification.answer.result import OpenCause
-from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, derivatives
+from thrustmargin.models.identification.rows.candidates import (
+    RANGE,
+    Held,
+    Term,
+    candidate,
+    derivatives,
+)
 from thrustmargin.models.identification.rows.problem import Problem, thinned
 
 ROWS = 3_000  # of all flights, from which curves are learnt
 MOST_CAUSES = 4
-RANGE = (0.02, 0.98)  # quantiles of a channel, between which it was seen
 CONFIDENCE = 0.95
 
 Choice = tuple[int, ...]  # of the curves

@@ -1,7 +1,7 @@
 """From sets and their evidence to an answer: named, one of, not seen and excluded above.
 
 An effect is named when nearly all the weight of all sets holds it. Where only together several do,
-it is one of them. Values and intervals are averaged over the sets and the levels that have weight,
+it is one of them. Values and intervals are averaged over the sets that have weight,
 so that what cannot be distinguished is in them.
 """
 
@@ -87,14 +87,18 @@ class Posterior:
         A rotor that is surely weak is named though it may be so from the start or from a moment on:
         by the likeliest of these.
         """
-        seen = sorted({c for s in self.sets for c in s.key})
+        seen = sorted({c for s in self.sets for c in s.key if not self._unnamed(c)})
         likely = [c for c in seen if self.probability([c]) >= NAMED]
         for c in seen:
             alike = self._alike(c)
-            first = max(alike, key=lambda c: self.probability([c]))
+            names = [k for k in alike if not self._unnamed(k)]
+            first = max(names, key=lambda c: self.probability([c]))
             if c == first and not {*likely} & alike and self.probability(alike) >= NAMED:
                 likely.append(c)
         return [c for c in sorted(likely) if _clear(self.estimate(c))]
+
+    def _unnamed(self, candidate: int) -> bool:
+        return self.search.candidates[candidate].unnamed
 
     def _alike(self, candidate: int) -> set[int]:
         """The candidate, of an effect on one rotor all that have it on that rotor."""
@@ -106,11 +110,11 @@ class Posterior:
             for s in self.sets
             for c in s.key
             if self.search.candidates[c].term.rotor == term.rotor
-            and self.search.candidates[c].term.effect.name == term.effect.name
+            and (self._unnamed(c) or self.search.candidates[c].term.effect.name == term.effect.name)
         }
 
     def estimate(self, candidate: int) -> EffectEstimate:
-        """Mean and standard error over sets and levels of the values of one candidate."""
+        """Mean and standard error over sets of the values of one candidate."""
         term = self.search.candidates[candidate].term
         total, mean, square = 0.0, 0.0, 0.0
         for one in self.sets:
@@ -119,16 +123,15 @@ class Posterior:
             of = sorted(one.key).index(candidate)
             before = sum(len(h.candidate.free) for h in one.held[:of])
             held = one.held[of]
-            for scored, evidence in zip(one.levels, one.log_evidence, strict=True):
-                weight = float(np.exp(evidence - self.sets[0].total))
-                values, errors = held.values.copy(), np.zeros_like(held.values)
-                for k, (parameter, flight) in enumerate(held.candidate.free):
-                    rows = slice(None) if flight is None else flight
-                    values[rows, parameter] += scored.step[before + k]
-                    errors[rows, parameter] = scored.variance[before + k]
-                total += weight
-                mean = mean + weight * values
-                square = square + weight * (errors + values**2)
+            weight = float(np.exp(one.total - self.sets[0].total))
+            values, errors = held.values.copy(), np.zeros_like(held.values)
+            for k, (parameter, flight) in enumerate(held.candidate.free):
+                rows = slice(None) if flight is None else flight
+                values[rows, parameter] += one.scored.step[before + k]
+                errors[rows, parameter] = one.scored.variance[before + k]
+            total += weight
+            mean = mean + weight * values
+            square = square + weight * (errors + values**2)
         mean, square = np.asarray(mean) / total, np.asarray(square) / total
         return EffectEstimate(
             candidate=candidate,
@@ -182,7 +185,7 @@ class Posterior:
         An effect that is likely by itself, at a size that may be nothing, is no such group, nor are
         effects that mostly come together: one stands in for another, else it is no choice.
         """
-        rest = {c for s in self.sets for c in s.key} - set(named)
+        rest = {c for s in self.sets for c in s.key if not self._unnamed(c)} - set(named)
         by_weight = sorted(
             (c for c in rest if self.probability([c]) >= MENTION),
             key=lambda c: -self.probability([c]),
@@ -224,7 +227,10 @@ class Posterior:
             probability = self.probability(members)
             if probability <= MENTION:
                 continue
-            likeliest = max(members, key=lambda c: self.probability([c]))
+            named_ones = [c for c in members if not self._unnamed(c)]
+            if not named_ones:
+                continue
+            likeliest = max(named_ones, key=lambda c: self.probability([c]))
             estimate = self.estimate(likeliest)
             largest = int(np.argmax(np.abs(estimate.value[:, 0])))
             loss, half = (float(v[largest, 0]) for v in (estimate.value, estimate.half_width))
@@ -236,8 +242,7 @@ class Posterior:
 
     def excluded(self, linear: Linear, named: Sequence[int]) -> tuple[Excluded, ...]:
         """Sizes above which effects of one main value are excluded, beside the best set."""
-        best, level = self.best, self.best.best_level
-        found = []
+        best, found = self.best, []
         for c, candidate in enumerate(self.search.candidates):
             main = [
                 k
@@ -249,7 +254,7 @@ class Posterior:
             if self.probability([c]) > MENTION:
                 continue
             key = best.key | {c}
-            scored = linear.score(key, level)
+            scored = linear.score(key)
             at = sum(len(self.search.candidates[k].free) for k in sorted(key) if k < c) + main[0]
             p = candidate.parameters[main[0]]
             value = linear.held[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)

@@ -12,7 +12,6 @@ from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.effects.unnamed import CONSTANT
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.adequacy import Unexplained
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import Problem
@@ -54,6 +53,20 @@ class Mentioned:
     probability: float
     loss: float
     ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unexplained:
+    """What no name explains: the mode that has most of it, and every mode that has some."""
+
+    mode: int
+    modes: tuple[int, ...]
+    channel: str
+    channels: tuple[str, ...]  # this one first, then others along which it would go as well
+    share: float  # of the variance of what is left
+    rms_rpm: float
+    wanders: bool = False  # within flights, along no channel but time
+    rotor: int | None = None  # of which the loss is not steady: all modes are its own
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -268,6 +281,7 @@ class Identification:
             "fraction_of_variance": left.share if left else 0.0,
             "mode": self.problem.modes.names[left.mode] if left else None,
             "channel": left.channel if left else None,
+            "channels": list(left.channels) if left else [],
             "wanders": bool(left) and left.wanders,
             "rms_rpm": left.rms_rpm if left else 0.0,
             "rotor": None if left is None or left.rotor is None else left.rotor + 1,

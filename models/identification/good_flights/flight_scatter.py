@@ -18,7 +18,6 @@ from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.answer.adequacy import discrepancy_rms
 from thrustmargin.models.identification.good_flights.standard_effects import gain_and_error
 from thrustmargin.models.identification.rows.candidates import (
     Held,
@@ -79,7 +78,7 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     over = {name: np.concatenate(values) for name, values in channels.items()}
     apart = WANDER * froude_time_scale(left_out[0].model.airframe)
     by_mode = np.array(means)  # (F, 2, R)
-    shown = GoodFlights(
+    return GoodFlights(
         flights=len(means),
         scatter=_pooled(estimates),
         mode_scatter_rpm=tuple(
@@ -95,12 +94,6 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
             for k, mode in enumerate(names)
         },
     )
-    free_form = [
-        discrepancy_rms(replace(fold.model, good_flights=shown), fold.tracks, catalogue)
-        for fold, catalogue in zip(left_out, catalogues, strict=True)
-    ]
-    together = np.sqrt(np.mean(np.square(free_form), axis=0))
-    return replace(shown, free_form_rpm=tuple(together.tolist()))
 
 
 def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.bool_]) -> Floats:

@@ -13,6 +13,18 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Parameter, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS
 from thrustmargin.models.effects.demand.parasite_drag import PARASITE_DRAG
+from thrustmargin.models.effects.unnamed import (
+    ALONG,
+    CONSTANT,
+    MODES,
+    NAME,
+    OF_ROTOR,
+    ONLY_ROTORS,
+    ROTOR,
+    UNNAMED,
+    curve_columns,
+    place_of,
+)
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.identification.rows.reduced import Reduced
@@ -28,6 +40,8 @@ EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005
 EVEN = 1.0  # odds of what every aircraft has, where no flight of this one has taught the model
 #: a propeller of the next size: 5 % of diameter more makes (1.05)^4, a fifth more thrust at a speed
 MOST_GAIN = 0.15
+LEAST_SEEN = 5.0  # means at a knot of such a cause, for its value to be looked for
+RANGE = (0.02, 0.98)  # quantiles of a channel, between which a cause without a name was seen
 STEP = 1e-3  # of a parameter's usual size, of the central difference
 
 
@@ -61,6 +75,11 @@ class Candidate:
     @property
     def key(self) -> str:
         return self.term.key
+
+    @property
+    def unnamed(self) -> bool:
+        """True for a cause without a name."""
+        return self.term.effect.name == NAME
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -127,6 +146,41 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
             term = Term(effect=effect, rotor=rotor)
             if not reduced.lacks(effect) and _would_show(reduced, effect):
                 found.append(candidate(term, reduced.flights, taught=taught))
+    return found
+
+
+def unnamed_candidates(reduced: Reduced) -> list[Candidate]:
+    """Causes without a name: each mode, and the loss of each rotor, along each channel that the
+    flights report and that varies.
+
+    That something without a name acts in a mode, or bends the loss of a rotor, is as likely as that
+    an effect is there, along any channel as along another. What stands all the time has a name in
+    every mode. One flight shows nothing again.
+    """
+    if reduced.flights < 2:
+        return []
+    x, rotors = reduced.channels, reduced.measured_rpm.shape[1]
+    ranges: dict[str, tuple[float, float]] = {}
+    for name, along in ALONG.items():
+        values = np.asarray(along.read(x), dtype=np.float64)
+        if values.shape == x.time_s.shape and np.isfinite(values).all():
+            low, high = (float(v) for v in np.quantile(values, RANGE))
+            if high - low > along.least:
+                ranges[name] = low, high
+    of_modes = [name for name in ranges if name not in ONLY_ROTORS]
+    # How a motor output goes with thrust is known no better than a loss would bend.
+    of_rotors = [name for name in OF_ROTOR if name in ranges and not reduced.of_outputs]
+    places = [(mode, name, None) for mode in MODES[:rotors] for name in of_modes]
+    places += [(ROTOR, name, r) for r in range(rotors) for name in of_rotors]
+    found = []
+    for mode, name, rotor in places:
+        one = candidate(Term(effect=UNNAMED[mode, name], rotor=rotor), reduced.flights)
+        start = one.start.copy()
+        start[:, -2:] = ranges[name]
+        seen = curve_columns(np.asarray(ALONG[name].read(x)), *ranges[name]).sum(axis=0)
+        free = tuple((k, None) for k in np.flatnonzero(seen >= LEAST_SEEN).tolist())
+        prior = EFFECT_PRIOR / len(of_modes) if rotor is None else ROTOR_PRIOR / len(of_rotors)
+        found.append(replace(one, start=start, free=free, log_prior=float(np.log(prior))))
     return found
 
 
@@ -250,6 +304,9 @@ def slopes(
     """
     one = held[of]
     parameters = one.candidate.term.effect.parameters
+    if one.candidate.unnamed and place_of(one.candidate.term.effect)[1] != CONSTANT:
+        knots = _of_curve(rows, held, of)
+        return knots if wanted is None else knots[:, :, list(wanted)]
     columns = [np.zeros((*rows.measured_rpm.shape, 0))]
     for k in range(len(parameters)) if wanted is None else wanted:
         p = parameters[k]
@@ -263,3 +320,20 @@ def slopes(
         width = np.where(up == down, np.inf, up - down)[rows.flight]
         columns.append(((above - below) / width[:, None])[:, :, None])
     return np.concatenate(columns, axis=2)
+
+
+def _of_curve(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
+    """(T, R, K) rpm in modes by the knots of a cause without a name: what the same all the time
+    would do, in the proportion in which each row has the knot."""
+    one, rest = held[of], [*held[:of], *held[of + 1 :]]
+    mode, channel = place_of(one.candidate.term.effect)
+    term = Term(effect=UNNAMED[mode, CONSTANT], rotor=one.candidate.term.rotor)
+    flat = candidate(term, rows.flights)
+    (p,) = flat.parameters
+    ends = []
+    for sign in (1.0, -1.0):
+        values = flat.start + sign * STEP * p.scale
+        ends.append(predicted(rows, [*rest, Held(candidate=flat, values=values)]))
+    slope = (ends[0] - ends[1]) / (2.0 * STEP * p.scale)
+    shape = curve_columns(np.asarray(ALONG[channel].read(rows.channels)), *one.values[0, -2:])
+    return slope[:, :, None] * shape[:, None, :]

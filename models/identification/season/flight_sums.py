@@ -33,7 +33,6 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
 from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flights
-from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -102,9 +101,9 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
     residual = reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ())
     last = [np.stack([*bends, residual], axis=2)]
     whole = np.nan_to_num(np.concatenate([*columns, *last], axis=2))
-    solved = space.nuisance.solved(levels=LEVELS[:1])
+    solved = space.nuisance.solved()
     sums = space.nuisance.sums(whole)
-    gram = solved.reduce(sums)[0]
+    gram = solved.reduce(sums)
     gram = (gram + gram.T) / 2.0
     if not np.isfinite(gram).all():
         raise DataError(f"{track.name}: its residuals are not finite; see thrustmargin inspect")

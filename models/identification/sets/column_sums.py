@@ -7,7 +7,7 @@ common with themselves and with the nuisances stays; only the residual's own pro
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,8 +18,8 @@ from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved, S
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Remainder:
-    """P asked columns without what is known and without their forms, which have size one: all that
-    does not go with the level. The discrepancy has X columns."""
+    """P asked columns without what is known and without their forms, which have size one. The
+    discrepancy has X columns."""
 
     solved: Solved
     own: Floats  # (P, P)
@@ -27,7 +27,7 @@ class Remainder:
     gram: Floats  # (X, X) of the discrepancy itself
     root: Floats  # (Q, Q) of the covariance of the forms
     crossed: Floats  # (Q, P + X) what the forms take, of both
-    evidence: Floats  # (levels,) log evidence of the marginalised
+    evidence: float  # log evidence of the marginalised, but for the discrepancy
 
     @classmethod
     def of(cls, solved: Solved, sums: Sums, asked: Sequence[int]) -> Remainder:
@@ -49,15 +49,11 @@ class Remainder:
             evidence=solved.of_known - 0.5 * determinant,
         )
 
-    def at_levels(self) -> tuple[Floats, Floats]:
-        """(levels, P, P) with the discrepancy marginalised too, and (levels,) the log evidence."""
-        grams, determinants = [], []
-        for level in self.solved.levels:
-            root, determinant = level.root(self.gram, 0, self.solved.hats)
-            moved = root @ self.free
-            grams.append(self.own - moved.T @ moved)
-            determinants.append(determinant)
-        return np.stack(grams), self.evidence - 0.5 * np.array(determinants)
+    def marginalised(self) -> tuple[Floats, float]:
+        """(P, P) with the discrepancy marginalised too, and the log evidence."""
+        root, determinant = self.solved.root_of_free(self.gram)
+        moved = root @ self.free
+        return self.own - moved.T @ moved, self.evidence - 0.5 * determinant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,20 +65,19 @@ class Prepared:
     drawn: Floats  # (draws of all flights, q) what the scatter takes of them
     known: Floats  # (D, q) what is known takes
     rest: Remainder
-    level: Floats  # (X, X) root of the discrepancy's covariance at one level
-    moved: Floats  # (X, P) what it takes there
+    root: Floats  # (X, X) of the discrepancy's covariance
+    moved: Floats  # (X, P) what it takes
+    marginalised: float  # log evidence of all that is not asked
     left: Floats  # (P, P) of the asked, with all that is not asked marginalised
 
     @classmethod
-    def of(
-        cls, nuisance: Nuisance, solved: Solved, columns: ValueColumns, asked: int, level: int
-    ) -> Prepared:
+    def of(cls, nuisance: Nuisance, solved: Solved, columns: ValueColumns, asked: int) -> Prepared:
         """Columns (N, R, q) rpm in modes, of which the first are `asked`."""
         z = nuisance.filtered(columns)
         drawn, (shared, own) = nuisance.drawn(z), nuisance.products(z)
         sums = shared - nuisance.crossed.T @ drawn, own - drawn.T @ drawn
         rest = Remainder.of(solved, sums, range(asked))
-        root, _ = solved.levels[level].root(rest.gram, 0, solved.hats)
+        root, determinant = solved.root_of_free(rest.gram)
         moved = root @ rest.free
         return cls(
             nuisance=nuisance,
@@ -90,8 +85,9 @@ class Prepared:
             drawn=drawn,
             known=solved.less_known(sums[0])[0],
             rest=rest,
-            level=root,
+            root=root,
             moved=moved,
+            marginalised=rest.evidence - 0.5 * determinant,
             left=rest.own - moved.T @ moved,
         )
 
@@ -101,24 +97,12 @@ class Prepared:
         return self.left.shape[0]
 
     def gram(self, residual: Floats) -> Floats:
-        """(P + 1, P + 1) of the asked columns and a residual (N, R) rpm in modes, at the level,
-        with all that is not asked marginalised."""
+        """(P + 1, P + 1) of the asked columns and a residual (N, R) rpm in modes, with all
+        that is not asked marginalised."""
         along, free, own = self._of_residual(residual)
-        moved = self.level @ free
+        moved = self.root @ free
         along = along - self.moved.T @ moved
         return _bordered(self.left, along, own - float(moved @ moved))
-
-    def at_levels(self, residual: Floats) -> tuple[Floats, Floats]:
-        """(levels, P + 1, P + 1) the same at every level, and (levels,) the log evidence of what
-        was marginalised."""
-        along, free, own = self._of_residual(residual)
-        rest = self.rest
-        both = replace(
-            rest,
-            own=_bordered(rest.own, along, own),
-            free=np.concatenate([rest.free, free[:, None]], axis=1),
-        )
-        return both.at_levels()
 
     def _of_residual(self, residual: Floats) -> tuple[Floats, Floats, float]:
         """z'r (P,), F'r (X,) and r'r with the scatter, what is known and the forms marginalised."""

@@ -42,7 +42,7 @@ def forms_of(reduced: Reduced, slow: Floats, held: Sequence[Held]) -> ValueColum
     base = predicted(reduced, held)
     for k in range(len(held)):
         effect = held[k].candidate.term.effect
-        if effect.delays or effect.kept_as:
+        if effect.delays or effect.kept_as or held[k].candidate.unnamed:
             continue
         without = predicted(reduced, [*held[:k], *held[k + 1 :]])
         change = np.nan_to_num(base - without)

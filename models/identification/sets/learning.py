@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.sets.nuisance import (
-    LEVELS,
+    USUAL,
     FlightScatter,
-    Level,
     Nuisance,
     root_of,
+    root_of_shared,
 )
 
 STEPS = 20
@@ -39,7 +39,7 @@ def learn(
     residual: Floats,
     groups: tuple[str, ...],
     numbers: NDArray[np.intp],
-    level: int = 0,
+    factor: float = USUAL,
 ) -> Learnt:
     """Variance components of a residual (N, R) rpm in modes.
 
@@ -52,8 +52,8 @@ def learn(
     scatter = np.ones(nuisance.scatter.shape[2])
     free = np.ones((modes, len(names)))
     sums = _Sums.of(nuisance, residual)
-    if level and len(sums.flights) == 1:
-        sums = _of_draws_alone(sums, LEVELS[level])
+    if factor != USUAL and len(sums.flights) == 1:
+        sums = _of_draws_alone(sums, factor)
     known, hats = sums.known, sums.hats
     of = of[:hats]
     acts = np.concatenate([one.acts for one in sums.flights])
@@ -68,11 +68,11 @@ def learn(
             spread.append(np.sum(root**2, axis=0))
         crossed, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
         left = size[:, None] * sums.shared * size - crossed.T @ crossed
-        root, _ = LEVELS[level].root(left, known, hats)
+        root, _ = root_of_shared(left, known, hats, factor)
         mean = root.T @ (root @ (size[:, None] * sums.along - crossed.T @ drawn))
         square = (mean[:, 0] ** 2 + np.sum(root**2, axis=0))[known:].reshape(modes, hats)
         for g in range(len(names)):
-            free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if level == 0 else 1.0
+            free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if factor == USUAL else 1.0
         shift, at = np.split(np.concatenate(moved), [size.size], axis=1)
         draws = (at - shift @ mean)[:, 0] ** 2 + np.concatenate(spread)
         draws += np.sum((shift @ root.T) ** 2, axis=1)
@@ -111,11 +111,11 @@ class _Sums:
         )
 
 
-def _of_draws_alone(sums: _Sums, level: Level) -> _Sums:
+def _of_draws_alone(sums: _Sums, factor: float) -> _Sums:
     """A single flight, what flights share marginalised once, for it keeps its size: the steps then
     solve for the draws alone, a fifth of all."""
     (one,), (seen,) = sums.flights, sums.seen
-    root, _ = level.root(sums.shared, sums.known, sums.hats)
+    root, _ = root_of_shared(sums.shared, sums.known, sums.hats, factor)
     moved = one.crossed @ root.T
     alone = replace(one, gram=one.gram - moved @ moved.T, crossed=one.crossed[:, :0])
     return _Sums(

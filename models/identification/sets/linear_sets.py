@@ -16,8 +16,13 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.sets.column_sums import Remainder
-from thrustmargin.models.identification.sets.evidence import Scored, is_shape, prior_of, scores
-from thrustmargin.models.identification.sets.nuisance import EVERY, Solved, Sums
+from thrustmargin.models.identification.sets.evidence import (
+    Scored,
+    is_shape,
+    prior_of,
+    score,
+)
+from thrustmargin.models.identification.sets.nuisance import Solved, Sums
 
 TINY = 1e-9  # keeps the matrix of a value that moves nothing solvable
 
@@ -30,14 +35,9 @@ class FittedSet:
 
     key: Key
     held: tuple[Held, ...]
-    levels: tuple[Scored, ...]  # at each level
-    log_evidence: Floats  # (levels,) with the level's own
+    scored: Scored
+    total: float  # log evidence, with that of what was marginalised
     residual: Floats  # (N, R) rpm in modes
-
-    @property
-    def total(self) -> float:
-        """Log evidence over all levels."""
-        return float(np.logaddexp.reduce(self.log_evidence))
 
     @property
     def possible(self) -> Key:
@@ -50,14 +50,10 @@ class FittedSet:
                 kept.append(c)
         return frozenset(kept)
 
-    @property
-    def best_level(self) -> int:
-        return int(np.argmax(self.log_evidence))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Linear:
-    """All candidates about a fitted set: `gram` (levels, q, q) of [derivatives, changes, residual].
+    """All candidates about a fitted set: `gram` (q, q) of [derivatives, changes, residual].
 
     `columns` are the places of each candidate's values; a change is what a candidate adds to the
     prediction by coming in at its start or by going out.
@@ -67,28 +63,25 @@ class Linear:
     held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
     columns: tuple[slice, ...]
     gram: Floats
-    marginalised: Floats  # (levels,) its log evidence
+    marginalised: float  # its log evidence
+    temperature: float  # times the noise, that sets are weighed with
 
-    def score(self, key: Iterable[int], level: int) -> Scored:
+    def score(self, key: Iterable[int]) -> Scored:
         """A set about this one."""
-        return self.scores(key, slice(level, level + 1))[0]
-
-    def scores(self, key: Iterable[int], levels: slice = EVERY) -> tuple[Scored, ...]:
-        """The same at several levels."""
         members = sorted(key)
-        grams, where = self.gram[levels], self._where(members)
+        where = self._where(members)
         residual = self._residual(frozenset(members))
-        along = grams @ residual
-        whole = np.empty((len(grams), where.size + 1, where.size + 1))
-        whole[:, :-1, :-1] = grams[:, where[:, None], where]
-        whole[:, :-1, -1] = whole[:, -1, :-1] = along[:, where]
-        whole[:, -1, -1] = along @ residual
-        return scores(prior_of([self.held[c] for c in members]), whole)
+        along = self.gram @ residual
+        whole = np.empty((where.size + 1, where.size + 1))
+        whole[:-1, :-1] = self.gram[where[:, None], where]
+        whole[:-1, -1] = whole[-1, :-1] = along[where]
+        whole[-1, -1] = along @ residual
+        return score(prior_of([self.held[c] for c in members]), whole, self.temperature)
 
-    def gains(self, key: Key, level: int, pool: Sequence[int]) -> Floats:
+    def gains(self, key: Key, pool: Sequence[int]) -> Floats:
         """Roughly how much each candidate of a pool would add to the log likelihood of a set."""
         members = sorted(key)
-        gram, where, residual = self.gram[level], self._where(members), self._residual(key)
+        gram, where, residual = self.gram, self._where(members), self._residual(key)
         prior = prior_of([self.held[c] for c in members])
         system = gram[np.ix_(where, where)] + np.diag(prior.weight + TINY)
         left = gram - gram[:, where] @ np.linalg.solve(system, gram[where])
@@ -123,8 +116,8 @@ class Linear:
             columns.append(slice(len(kept), len(kept) + len(mine)))
             kept += [places.start + k for k in mine]
         first = self.columns[-1].stop if self.columns else 0
-        kept += range(first, self.gram.shape[1])
-        gram = self.gram[:, kept][:, :, kept]
+        kept += range(first, self.gram.shape[0])
+        gram = self.gram[np.ix_(kept, kept)]
         return replace(self, held=tuple(held), columns=tuple(columns), gram=gram)
 
     def _where(self, members: Sequence[int]) -> NDArray[np.intp]:
@@ -151,14 +144,16 @@ class ColumnsAbout:
     columns: tuple[slice, ...]
     asked: int  # q
     whole: ValueColumns
+    temperature: float
 
     def linear(self, solved: Solved, sums: Sums) -> Linear:
         """By the sums of the flights that are `solved`."""
-        gram, marginalised = Remainder.of(solved, sums, range(self.asked)).at_levels()
+        gram, marginalised = Remainder.of(solved, sums, range(self.asked)).marginalised()
         return Linear(
             about=self.about,
             held=self.held,
             columns=self.columns,
             gram=gram,
             marginalised=marginalised,
+            temperature=self.temperature,
         )

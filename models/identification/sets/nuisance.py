@@ -5,16 +5,13 @@
 y are whitened mode residuals, J the derivatives by what is asked. S_f are the derivatives by every
 effect's scatter from flight to flight, one draw a flight; B what the base model is unsure of; F the
 discrepancy. s, b and c are normal, so they leave as Schur complements: what is left of [J y]'[J y]
-is as if they had been measured with their priors. The size of the discrepancy is a hypothesis
-(`Level`), each with its own matrix and its own evidence.
+is as if they had been measured with their priors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +25,7 @@ from thrustmargin.models.identification.rows.value_columns import (
 )
 from thrustmargin.models.identification.rows.whitening import Whitening
 
-#: times the size that the discrepancy has on a sound aircraft, and how likely each is beforehand:
-#: an aircraft is usually what its good flights say
-FREEDOMS, FREEDOM_PRIORS = (1.0, 4.0, 16.0), (0.6, 0.25, 0.15)
-#: the same of a constant under every hypothesis: 0.2 % of rotor speed, by which sound propellers
+#: times what a curve has, of a constant: 0.2 % of rotor speed, by which sound propellers
 #: scatter (0.4 % of thrust). A constant beyond that is an effect: the table has one for each mode
 CONSTANT_FACTOR = 2.0
 
@@ -50,33 +44,23 @@ def root_of(system: Floats) -> tuple[Floats, float]:
     return root.astype(np.float64), 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Level:
-    """One hypothesis: factors of the discrepancy of the collective and of the other modes."""
+def root_of_shared(gram: Floats, known: int, hats: int, factor: float) -> tuple[Floats, float]:
+    """(X, X) the root G of the covariance G'G of the shared columns with the `gram` (X, X), and ln
+    of the determinant; of X the first are `known`, then come so many `hats` a mode, which are
+    `factor` times their size on a sound aircraft.
 
-    collective: float
-    moments: float
-    log_prior: float
-
-    def root(self, gram: Floats, known: int, hats: int) -> tuple[Floats, float]:
-        """(X, X) the root G of the covariance G'G of the shared columns with the `gram` (X, X), and
-        ln of the determinant; of X the first are `known`, then come so many `hats` a mode.
-
-        The first hat of a mode is its constant.
-        """
-        mode = np.arange(gram.shape[0] - known) // max(hats, 1)
-        of_modes = np.where(mode == 0, self.collective, self.moments)
-        of_modes[:: max(hats, 1)] = CONSTANT_FACTOR
-        size = np.concatenate([np.ones(known), of_modes])
-        root, determinant = root_of(np.eye(size.size) + size[:, None] * gram * size)
-        return root * size, determinant
+    The first hat of a mode is its constant.
+    """
+    size = np.full(gram.shape[0], factor)
+    size[:known] = 1.0
+    size[known :: max(hats, 1)] = CONSTANT_FACTOR
+    root, determinant = root_of(np.eye(size.size) + size[:, None] * gram * size)
+    return root * size, determinant
 
 
-LEVELS = tuple(
-    Level(collective=c, moments=m, log_prior=float(np.log(p * q)))
-    for (c, p), (m, q) in product(zip(FREEDOMS, FREEDOM_PRIORS, strict=True), repeat=2)
-)
-
+#: times the size that the discrepancy has on a sound aircraft: what sets are weighed with, and what
+#: noise is learnt beside
+USUAL, WIDE = 1.0, 16.0
 
 EVERY = slice(None)
 #: of each mode, which of the columns act in it, and these (k, n): most act in one mode alone
@@ -87,15 +71,12 @@ Sums = tuple[Floats, Floats]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solved:
-    """The nuisances of flights eliminated, at every level.
-
-    Only the discrepancy goes with the level, so `known` columns are marginalised once for all.
-    """
+    """The nuisances of flights eliminated."""
 
     gram: Floats  # (X, X) X'X of the shared columns, the scatter of flights marginalised
     known: int  # of X, those before the hats of the discrepancy
     hats: int  # of each mode
-    levels: tuple[Level, ...]
+    factor: float  # times the size that the discrepancy has on a sound aircraft
     of_draws: float  # ln of the scatter's determinant
 
     @cached_property
@@ -113,38 +94,41 @@ class Solved:
         """(X - D, X - D) F'F of the discrepancy, what is known marginalised."""
         return self.gram[self.known :, self.known :] - self.crossed.T @ self.crossed
 
-    @cached_property
-    def _roots(self) -> tuple[tuple[Floats, float], ...]:
-        return tuple(level.root(self.free_gram, 0, self.hats) for level in self.levels)
+    def root_of_free(self, gram: Floats | None = None) -> tuple[Floats, float]:
+        """`root_of_shared` of the discrepancy alone; `gram` in place of its own."""
+        return root_of_shared(self.free_gram if gram is None else gram, 0, self.hats, self.factor)
 
     @cached_property
-    def of_known(self) -> Floats:
-        """(levels,) log evidence of what is known and of the scatter, with the levels' priors."""
-        priors = np.array([level.log_prior for level in self.levels])
-        return priors - 0.5 * (self.of_draws + self._of_known[1])
+    def _root(self) -> tuple[Floats, float]:
+        return self.root_of_free()
 
     @cached_property
-    def log_evidence(self) -> Floats:
-        """(levels,) of the determinants, with the levels' priors."""
-        return self.of_known - 0.5 * np.array([determinant for _, determinant in self._roots])
+    def of_known(self) -> float:
+        """Log evidence of what is known and of the scatter."""
+        return -0.5 * (self.of_draws + self._of_known[1])
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Of the determinants."""
+        return self.of_known - 0.5 * self._root[1]
 
     @cached_property
     def shared(self) -> Floats:
-        """(levels, X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c."""
-        roots = [level.root(self.gram, self.known, self.hats)[0] for level in self.levels]
-        return np.stack([root.T @ root for root in roots])
+        """(X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c."""
+        root, _ = root_of_shared(self.gram, self.known, self.hats, self.factor)
+        return root.T @ root
 
     def less_known(self, shared: Floats) -> tuple[Floats, Floats]:
         """Of X'z (X, q): the root (D, q) of what is known of z, and F'z (X - D, q) without it."""
         known = self._of_known[0] @ shared[: self.known]
         return known, shared[self.known :] - self.crossed.T @ known
 
-    def reduce(self, sums: Sums, levels: slice = EVERY) -> Floats:
-        """(levels, q, q): z'z with the nuisances marginalised."""
+    def reduce(self, sums: Sums) -> Floats:
+        """(q, q): z'z with the nuisances marginalised."""
         known, free = self.less_known(sums[0])
         own = sums[1] - known.T @ known
-        moved = [root @ free for root, _ in self._roots[levels]]
-        return np.stack([own - one.T @ one for one in moved])
+        moved = self._root[0] @ free
+        return own - moved.T @ moved
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -218,7 +202,7 @@ class Nuisance:
             whole[part, part] = free.T @ free
         return whole
 
-    def solved(self, levels: Sequence[Level] = LEVELS, less: Nuisance | None = None) -> Solved:
+    def solved(self, factor: float = USUAL, less: Nuisance | None = None) -> Solved:
         """The nuisances eliminated from all flights but those of `less`."""
         left = self.shared_gram - self.crossed.T @ self.crossed
         own = sum(determinant for _, determinant in self._roots)
@@ -229,7 +213,7 @@ class Nuisance:
             gram=left,
             known=self.uncertainty.shape[2],
             hats=self.free.shape[2],
-            levels=tuple(levels),
+            factor=factor,
             of_draws=own,
         )
 

@@ -50,9 +50,13 @@ KINDS = {
 
 
 def without_rotors(search: Search, key: Key) -> Key:
-    """A set without its bad rotors."""
+    """A set without its bad rotors and causes without a name, which take what begins at a time for
+    a curve along time."""
     return frozenset(
-        c for c in key if search.candidates[c].term.effect.name != ROTOR_DEGRADATION.name
+        c
+        for c in key
+        if not search.candidates[c].unnamed
+        and search.candidates[c].term.effect.name != ROTOR_DEGRADATION.name
     )
 
 
@@ -139,7 +143,6 @@ class _LossSums:
 
     search: Search
     columns: Floats  # (N, R, 2) rpm in modes: the loss throughout, and the residual
-    level: int
     shared: Sequence[Floats]  # (X, 2) of each flight
     own: Sequence[Floats]  # (2, 2)
 
@@ -151,15 +154,13 @@ class _LossSums:
         return cls(
             search=search,
             columns=columns,
-            level=fitted.best_level,
             shared=[p[0] for p in parts],
             own=[p[1] for p in parts],
         )
 
     def throughout(self) -> Floats:
         """(2, 2) of the loss in all flights from their beginning, and of the residual."""
-        level = slice(self.level, self.level + 1)
-        return self.search.solved.reduce(self.search.nuisance.sums(self.columns), level)[0]
+        return self.search.solved.reduce(self.search.nuisance.sums(self.columns))
 
     def spans(self) -> Iterator[tuple[str, float, int, tuple[float, ...]]]:
         """Of a loss in some flights in a row, by their clock: the best that lasts to the end, and
@@ -174,7 +175,7 @@ class _LossSums:
         loss = np.concatenate([np.zeros_like(shared[:1, :, 0]), np.cumsum(shared[:, :, 0], axis=0)])
         power = np.concatenate([[0.0], np.cumsum(own[:, 0, 0])])
         along = np.concatenate([[0.0], np.cumsum(own[:, 0, 1])])
-        inside = self.search.solved.shared[self.level]
+        inside = self.search.solved.shared
         residual = inside @ shared[:, :, 1].sum(axis=0)
         best: dict[str, tuple[float, int, int]] = {}
         for i in range(flights):
@@ -211,7 +212,7 @@ class _LossSums:
             elif g != f:
                 shared[:, -1] += self.shared[g][:, 1]
                 own[-1, -1] += self.own[g][1, 1]
-        return own - shared.T @ self.search.solved.shared[self.level] @ shared
+        return own - shared.T @ self.search.solved.shared @ shared
 
     def _from(self, times: Floats, means: slice) -> Floats:
         """(n, R, S + 1) the loss from each time on, and the residual."""

@@ -19,6 +19,7 @@ from thrustmargin.models.identification.rows.candidates import (
     candidates_of,
     derivatives,
     predicted,
+    unnamed_candidates,
 )
 from thrustmargin.models.identification.rows.output_shares import spread_of_flights
 from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flights
@@ -32,7 +33,7 @@ from thrustmargin.models.identification.sets.discrepancy import (
     wander_columns,
 )
 from thrustmargin.models.identification.sets.learning import learn
-from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
+from thrustmargin.models.identification.sets.nuisance import WIDE, Nuisance
 from thrustmargin.models.identification.sets.unreported_wind import unreported_wind
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thermometer import needs_thermometer
@@ -62,6 +63,7 @@ class SearchSpace:
 
     reduced: Reduced
     candidates: tuple[Candidate, ...]
+    unnamed: tuple[Candidate, ...]  # causes without a name, which compete with them
     nuisance: Nuisance
     groups: tuple[str, ...]  # (H,) the channel of each hat of the discrepancy
     hats: Floats  # (N, H)
@@ -107,7 +109,7 @@ def search_space(
     )
     anywhere = filter_.apply(FREE_EFFECTS * anything)
     open_ = replace(nuisance, uncertainty=np.concatenate([nuisance.uncertainty, anywhere], axis=2))
-    size = learn(open_, residual, groups, own, level=len(LEVELS) - 1).scatter
+    size = learn(open_, residual, groups, own, WIDE).scatter
     usual = USUAL_SHARE * speed
     if model.good_flights is not None and model.good_flights.slow_rpm:
         slow = np.array(model.good_flights.slow_rpm) / usual
@@ -116,6 +118,7 @@ def search_space(
     return SearchSpace(
         reduced=reduced,
         candidates=candidates,
+        unnamed=tuple(unnamed_candidates(reduced)),
         nuisance=replace(
             nuisance,
             whitening=replace(filter_, scale=filter_.scale * noise),
@@ -151,7 +154,7 @@ def _left_noise(open_: Nuisance, residual: Floats) -> Floats:
     """
     z = open_.whitening.apply(residual)
     shared, _ = open_.sums(residual[:, :, None])
-    mean = open_.solved(LEVELS[-1:]).shared[0] @ shared[:, 0]
+    mean = open_.solved(WIDE).shared @ shared[:, 0]
     known = open_.uncertainty.shape[2]
     free = mean[known:].reshape(open_.free.shape[0], -1)
     left = z - open_.uncertainty @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)

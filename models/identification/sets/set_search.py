@@ -29,8 +29,9 @@ from thrustmargin.models.identification.sets.discrepancy import form_columns
 from thrustmargin.models.identification.sets.effect_forms import cancel, forms_of
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
+    TEMPERATURE,
     prior_of,
-    scores,
+    score,
 )
 from thrustmargin.models.identification.sets.linear_sets import (
     ColumnsAbout,
@@ -38,7 +39,7 @@ from thrustmargin.models.identification.sets.linear_sets import (
     Key,
     Linear,
 )
-from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance, Solved
+from thrustmargin.models.identification.sets.nuisance import Nuisance
 
 BEAM = 12  # sets that are grown at each size
 FITTED = 6  # sets that are fitted in full in each round
@@ -46,7 +47,6 @@ NEXT = 4  # the same of those one effect away, however they rank: far from it a 
 ROUNDS = 6
 MOST_EFFECTS = 10
 HOPELESS = 500.0  # the same, from which a set takes no more steps: a lag alone may bring 200
-STEPPED = 0  # the level at which values are found: a discrepancy of the usual size
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 FAR = 3 * NEAR  # the same, from which a set is left as it is once its steps promise no more
 
@@ -68,12 +68,15 @@ class Search:
         reduced: Reduced,
         nuisance: Nuisance,
         candidates: Sequence[Candidate],
-        solved: Solved | None = None,
     ) -> None:
-        self.reduced, self.nuisance = reduced, nuisance
+        filter_ = nuisance.whitening
+        # How outputs of flights differ is taken with Student's t already.
+        self.temperature = 1.0 if reduced.of_outputs else TEMPERATURE
+        tempered = replace(filter_, scale=self.temperature * filter_.scale)
+        self.reduced, self.nuisance = reduced, replace(nuisance, whitening=tempered)
         self.slow = form_columns(reduced.channels)
         self.candidates = list(candidates)
-        self.solved = solved or nuisance.solved()
+        self.solved = self.nuisance.solved()
         self.fitted: dict[Key, FittedSet] = {}
         self.start = [Held(candidate=c, values=c.start) for c in self.candidates]
 
@@ -114,11 +117,10 @@ class Search:
         """Fit sets anew from the values of the best, where about it they promise to be likelier
         than they were found from elsewhere: a delay has more than one likely value."""
         best = self.fitted[linear.about.key]
-        level = best.best_level
         for key in self.possible:
             found = self.fitted[key]
-            promised = linear.score(key, level).log_evidence + linear.marginalised[level]
-            if promised > max(found.log_evidence[level] + STALE, best.total - NEAR):
+            promised = linear.score(key).log_evidence + linear.marginalised
+            if promised > max(found.total + STALE, best.total - NEAR):
                 other = self._fit(key, [linear.held[c] for c in sorted(key)], 8, best.total)
                 self.fitted[key] = max(found, other, key=lambda one: one.total)
 
@@ -190,49 +192,45 @@ class Search:
             columns=tuple(places),
             asked=first + both.shape[2],
             whole=whole.without_nan(),
+            temperature=self.temperature,
         )
 
     def promising(self, linear: Linear) -> list[Key]:
         """Sets that are not fitted yet and would be likely, by the linear problem."""
         found: dict[Key, float] = {}
         best = self.fitted[linear.about.key]
-        levels = sorted({best.best_level, 0, len(LEVELS) // 2})
 
         @cache
-        def look(key: Key, level: int) -> float:
-            value = linear.score(key, level).log_evidence + linear.marginalised[level]
-            found[key] = max(found.get(key, IMPOSSIBLE), value)
-            return value
+        def look(key: Key) -> float:
+            found[key] = linear.score(key).log_evidence + linear.marginalised
+            return found[key]
 
         about = linear.about.key
-        for level in levels:
-            self._grow(linear, level, [about, *(about - {member} for member in about)], look)
+        self._grow(linear, [about, *(about - {member} for member in about)], look)
         if about:  # others may stand in the place of all
-            self._grow(linear, best.best_level, [frozenset()], look)
+            self._grow(linear, [frozenset()], look)
         ranked = sorted(found, key=lambda k: -found[k])
         top = max(found[ranked[0]], best.total)
         near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
         more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
         return list(dict.fromkeys([*near[:FITTED], *more[:NEXT], *self._other_rotors(best.key)]))
 
-    def _grow(
-        self, linear: Linear, level: int, starts: Sequence[Key], look: Callable[[Key, int], float]
-    ) -> None:
+    def _grow(self, linear: Linear, starts: Sequence[Key], look: Callable[[Key], float]) -> None:
         """Look at sets that grow from some, the likeliest of each size, until they get no
         likelier."""
         everything = range(len(self.candidates))
-        beam = {key: look(key, level) for key in starts}
+        beam = {key: look(key) for key in starts}
         while True:
             grown: dict[Key, float] = {}
             for key in sorted(beam, key=lambda k: -beam[k])[:BEAM]:
                 pool = [c for c in everything if c not in key and not self._twice(key, c)]
                 if len(key) >= MOST_EFFECTS or not pool:
                     continue
-                gains = linear.gains(key, level, pool)
+                gains = linear.gains(key, pool)
                 for i in np.argsort(-gains)[:BEAM]:
                     new = key | {pool[i]}
                     if new not in grown:
-                        grown[new] = look(new, level)
+                        grown[new] = look(new)
             if not grown or max(grown.values()) < max(beam.values()) - NEAR:
                 break
             beam = grown
@@ -278,7 +276,7 @@ class Search:
             other = self._fit(key, usual, 0)
             found = other if other.total > found.total + STALE else found
         if found.total > best - FAR and cancel(self.reduced, found.held):
-            found = replace(found, log_evidence=np.full_like(found.log_evidence, IMPOSSIBLE))
+            found = replace(found, total=IMPOSSIBLE)
         self.fitted[key] = found
         if found.possible != key:
             self.fit(found.possible, near)  # what cannot be may hide what is beside it
@@ -299,7 +297,7 @@ class Search:
                 if (number and promised < best - HOPELESS) or promised + 2 * change < best - FAR:
                     return found
             prior = prior_of(held)
-            taken = scores(prior, gram[None])[0].step
+            taken = score(prior, gram).step
             gained = 0.0
             for shrink in (1.0, 0.3, 0.1):
                 parts = zip(held, prior.groups, strict=True)
@@ -331,18 +329,15 @@ class Search:
     def _scored(
         self, key: Key, columns: Prepared, held: Sequence[Held], residual: Floats
     ) -> FittedSet:
-        """A set as it stands, with all that the derivatives promise, at every level."""
-        grams, marginalised = columns.at_levels(residual)
-        levels = scores(prior_of(held), grams)
-        evidence = np.array([s.log_evidence for s in levels]) + marginalised
-        return FittedSet(
-            key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual
-        )
+        """A set as it stands, with all that the derivatives promise."""
+        scored = score(prior_of(held), columns.gram(residual), self.temperature)
+        total = scored.log_evidence + columns.marginalised
+        return FittedSet(key=key, held=tuple(held), scored=scored, total=total, residual=residual)
 
     def stepped(self, best: FittedSet) -> Floats:
         """(N, R) rpm in modes by which a set's prediction moves to its likeliest values."""
         moved, first = np.zeros_like(best.residual), 0
-        step = best.levels[best.best_level].step
+        step = best.scored.step
         for k in range(len(best.held)):
             columns = value_columns(self.reduced, best.held, k).without_nan()
             last = first + columns.count
@@ -355,4 +350,4 @@ class Search:
         parts = [value_columns(self.reduced, held, k) for k in range(len(held))]
         whole = side_by_side([*parts, forms_of(self.reduced, self.slow, held)]).without_nan()
         asked = sum(p.count for p in parts)
-        return Prepared.of(self.nuisance, self.solved, whole, asked, STEPPED)
+        return Prepared.of(self.nuisance, self.solved, whole, asked)

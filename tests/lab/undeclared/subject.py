@@ -130,7 +130,7 @@ def told_the_names(
         for i in implants
     ]
     found = search.fit(frozenset(c for c in places if c is not None), ())
-    error = np.sqrt(found.levels[found.best_level].variance)
+    error = np.sqrt(found.scored.variance)
     sizes, first = {}, 0
     for c, held in zip(sorted(found.key), found.held, strict=True):
         truth = implants[places.index(c)].truth

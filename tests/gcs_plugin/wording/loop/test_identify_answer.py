@@ -239,7 +239,8 @@ class _Left:
 
     def unexplained(self):
         usual = {"fraction_of_variance": 0.34, "mode": "pitch", "channel": "tank_kg"}
-        return {**usual, "rms_rpm": 21.4, "wanders": False, **self._left}
+        left = {**usual, "rms_rpm": 21.4, "wanders": False, **self._left}
+        return {"channels": [left["channel"]], **left}
 
 
 def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound):
@@ -257,11 +258,13 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
     twice = _Left(sound, closest=["cg_offset", "extra_mass", "cg_offset:tank"])
     things = "a shifted centre of gravity or hidden mass"
     assert f"closest in the table: {things}: " in unexplained(twice)  # type: ignore[arg-type]
+    either = _Left(sound, channels=["tank_kg", "voltage"])
+    assert "that goes with tank level or battery voltage: " in unexplained(either)  # type: ignore[arg-type]
     slow = _Left(sound, channel="time_s", wanders=True)
     assert "and goes with no channel: with the battery off, look at ice" in unexplained(slow)  # type: ignore[arg-type]
     warm = _Left(sound, channel="time_s", rotor=1)
     assert "all along: the loss goes with time in the log (" in unexplained(warm)  # type: ignore[arg-type]
-    bends = _Left(sound, channel="rotor_thrust", rotor=2)
+    bends = _Left(sound, channel="load", rotor=2)
     assert unexplained(bends) == (  # type: ignore[arg-type]
         "Rotor 2 (rear left) does not lose the same share of its thrust all along: the loss goes "
         "with its own thrust (21 rpm), and no effect of the table does that, so none was added; "

@@ -15,7 +15,6 @@ from thrustmargin.models.effects.coefficient.rotor_degradation import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
 )
-from thrustmargin.models.identification.answer.adequacy import Unexplained
 from thrustmargin.models.identification.answer.model_update import _background, _interval
 from thrustmargin.models.identification.answer.result import (
     Excluded,
@@ -23,6 +22,7 @@ from thrustmargin.models.identification.answer.result import (
     Mentioned,
     OneOf,
     SetWeight,
+    Unexplained,
 )
 from thrustmargin.models.identification.answer.unseen_errors import Errors
 from thrustmargin.models.identification.rows.candidates import Term
@@ -32,7 +32,7 @@ from thrustmargin.models.network.validity import calibrate, measure_coverage
 MASS = Term(effect=BY_KEY["extra_mass"])
 WORN = Term(effect=ROTOR_DEGRADATION, rotor=2)
 LEFT = Unexplained(
-    mode=1, modes=(1,), channel="airspeed", share=0.6, rms_rpm=7.0, curve_rpm=np.zeros(1)
+    mode=1, modes=(1,), channel="airspeed", channels=("airspeed",), share=0.6, rms_rpm=7.0
 )
 
 
@@ -111,6 +111,7 @@ def test_the_json_of_an_answer():
         "wanders": False,
         "mode": "roll",
         "channel": "airspeed",
+        "channels": ["airspeed"],
         "rms_rpm": 7.0,
         "rotor": None,
         "closest": ["rotor_degradation of rotor 3"],

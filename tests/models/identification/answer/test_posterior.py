@@ -24,7 +24,7 @@ ALL = [MASS, GAUGE, CG, LOSS, LAST, SINCE]
 
 
 def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
-    """A set at one level: the first value of each effect and its standard error by name."""
+    """A set: the first value of each effect and its standard error by name."""
     names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3, "last": 4, "since": 5}
     key = frozenset(names[n] for n in values)
     held, errors = [], []
@@ -38,8 +38,8 @@ def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
     return FittedSet(
         key=key,
         held=tuple(held),
-        levels=(scored,),
-        log_evidence=np.array([np.log(weight)]),
+        scored=scored,
+        total=float(np.log(weight)),
         residual=np.zeros((1, 4)),
     )
 
@@ -100,14 +100,13 @@ def test_values_are_averaged_over_the_sets_with_what_lies_between_them():
     assert estimate.error[0, 0] ** 2 == pytest.approx(0.07 + 0.1875)
 
 
-def test_each_level_counts_by_its_evidence_with_its_own_step_from_the_values():
+def test_a_value_is_a_step_away_from_where_its_set_was_linearised():
     one = a_set(1.0, mass=(1.0, 0.2))
-    levels = tuple(replace(one.levels[0], step=np.array([s])) for s in (0.5, -0.3))
-    one = replace(one, levels=levels, log_evidence=np.log([0.75, 0.25]))
+    one = replace(one, scored=replace(one.scored, step=np.array([0.5])))
     search: Any = SimpleNamespace(fitted={one.key: one}, candidates=ALL)
     estimate = posterior_of(search, 0.15).estimate(0)
-    assert estimate.value[0, 0] == pytest.approx(1.0 + 0.75 * 0.5 - 0.25 * 0.3)
-    assert estimate.error[0, 0] ** 2 == pytest.approx(0.04 + 0.75 * 0.25 * 0.8**2)
+    assert estimate.value[0, 0] == pytest.approx(1.5)
+    assert estimate.error[0, 0] == pytest.approx(0.2)
     assert (estimate.steepness, posterior_of(search).estimate(0).steepness) == (0.15, 0.0)
     plain = replace(posterior_of(search).estimate(0), steepness=0.0)
     finest = BY_KEY["extra_mass"].parameters[0]
@@ -227,7 +226,7 @@ def test_a_twentieth_of_the_weight_is_mentioned(weight, listed):
 def excluded(value: float, error: float, *sets: FittedSet, named=()):
     """What is excluded where each effect alone beside the best set would have this value."""
 
-    def score(key: frozenset[int], _level: int) -> Scored:
+    def score(key: frozenset[int]) -> Scored:
         free = sum(len(ALL[c].free) for c in key)
         first = np.zeros(free)
         first[0] = value
@@ -274,7 +273,7 @@ def test_a_detail_is_no_size_and_a_value_that_is_never_absent_neither():
     assert (one.parameter, one.above) == ("mass", pytest.approx(0.3 + norm.ppf(0.95) * 0.2))
     held = Held(candidate=made, values=np.array([[0.1, 9.0, 9.0]]))
     still = replace(scored, step=np.zeros(3))
-    sure = replace(a_set(1.0), key=frozenset({0}), held=(held,), levels=(still,))
+    sure = replace(a_set(1.0), key=frozenset({0}), held=(held,), scored=still)
     search.fitted = {sure.key: sure}
     assert posterior_of(search).named() == []
 
@@ -317,8 +316,8 @@ def test_values_of_single_flights_are_averaged_flight_by_flight():
         return FittedSet(
             key=frozenset(key),
             held=tuple(held),
-            levels=(scored,),
-            log_evidence=np.array([np.log(weight)]),
+            scored=scored,
+            total=float(np.log(weight)),
             residual=np.zeros((1, 4)),
         )
 
@@ -339,8 +338,8 @@ def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
     rare = FittedSet(
         key=frozenset({0}),
         held=(Held(candidate=onset, values=values),),
-        levels=(scored,),
-        log_evidence=np.log([0.2]),
+        scored=scored,
+        total=float(np.log(0.2)),
         residual=np.zeros((1, 4)),
     )
     sets = [rare, a_set(0.8)]
@@ -356,7 +355,7 @@ def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
 def test_what_is_excluded_beside_a_set_is_read_at_its_own_place():
     """Beside mass (one value) and a shifted load (two) a loss is the fourth value."""
 
-    def score(key: frozenset[int], _level: int) -> Scored:
+    def score(key: frozenset[int]) -> Scored:
         count = sum(len(ALL[c].free) for c in key)
         places = np.arange(1.0, count + 1.0, dtype=np.float64)
         return Scored(log_evidence=0.0, step=0.01 * places, variance=(0.001 * places) ** 2)

@@ -175,15 +175,6 @@ def test_slow_noise_of_a_small_aircraft_has_knots_nearer_together(monkeypatch):
     assert asked == [12.5]  # of 25 s
 
 
-def test_the_free_form_of_all_parts_is_the_root_mean_square_of_each_mode(monkeypatch):
-    tracks = made_flights(4, duration=60.0)
-    sizes = iter([np.array([3.0, 1.0, 0.0, 2.0]), np.array([4.0, 7.0, 1.0, 2.0])])
-    monkeypatch.setattr(flight_scatter, "discrepancy_rms", lambda *_: next(sizes))
-    parts = [LeftOutFlights(model=curve_model(), tracks=tuple(tracks[k : k + 2])) for k in (0, 2)]
-    shown = good_flights(parts).free_form_rpm
-    assert shown == pytest.approx([12.5**0.5, 5.0, 0.5**0.5, 2.0])
-
-
 def test_chance_and_a_curve_of_one_flight_are_not_confirmed():
     rng = np.random.default_rng(1)
     confirmed = 0

@@ -19,7 +19,6 @@ from thrustmargin.models.identification.season.flight_sums import (
 )
 from thrustmargin.models.identification.season.season_changes import SeasonChanges, season_changes
 from thrustmargin.models.identification.season.season_sums import SeasonSums, season_sums
-from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
 
 LOSS, SHARE = "rotor_degradation.loss@1", "rotor_degradation.torque_share@1"
@@ -202,7 +201,7 @@ def test_columns_of_a_rotor_are_its_loss_how_that_bends_and_how_torque_goes_with
     residual = space.reduced.in_modes(space.reduced.measured_rpm) - done(0.0, 1.0)
     columns = [slope(1.0), (slope(1.75) - slope(1.0)) / 0.75, bend, residual]
     sums = space.nuisance.sums(np.stack(columns, axis=2))
-    expected = space.nuisance.solved(levels=LEVELS[:1]).reduce(sums)[0]
+    expected = space.nuisance.solved().reduce(sums)
     loss, share = (
         evidence.names.index(f"rotor_degradation.{of}@3") for of in ("loss", "torque_share")
     )

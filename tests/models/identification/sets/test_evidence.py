@@ -10,7 +10,8 @@ from scipy.stats import norm
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
 from thrustmargin.models.identification.rows.candidates import Candidate, Held, Term
-from thrustmargin.models.identification.sets.evidence import is_shape, prior_of, score, scores
+from thrustmargin.models.identification.sets import evidence as weighed
+from thrustmargin.models.identification.sets.evidence import Scored, ValuePrior, is_shape, prior_of
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 IMPOSSIBLE = -1000000000.0
@@ -31,6 +32,12 @@ def held(*parameters: Parameter, prior: float = 0.0, at=None) -> Held:
     free = tuple((k, None) for k in range(len(parameters)))
     one = Candidate(term=Term(effect=effect), start=start, free=free, log_prior=prior)
     return Held(candidate=one, values=start if at is None else np.array([at]))
+
+
+def score(prior: ValuePrior, hessian: np.ndarray, gradient: np.ndarray, cost: float) -> Scored:
+    """By J'J (P, P), J'r (P,) and r'r."""
+    gram = np.block([[hessian, gradient[:, None]], [np.append(gradient, cost)[None]]])
+    return weighed.score(prior, gram)
 
 
 def test_nothing_has_the_likelihood_of_its_cost():
@@ -280,18 +287,3 @@ def test_values_that_no_rows_tell_apart_have_no_evidence():
     found = score(prior_of([held(MAIN, MAIN)]), -same, np.zeros(2), 0.0)
     assert found.log_evidence == IMPOSSIBLE
     np.testing.assert_array_equal(found.step, 0.0)
-
-
-def test_levels_are_scored_together_as_each_alone_though_one_cannot_be_solved():
-    prior = prior_of([held(MAIN, SHAPE, at=[0.4, 0.5]), held(MAIN)])
-    size = np.array([5.0, 9.0, 20.0])[:, None, None]
-    rows = size * np.random.default_rng(4).normal(size=(3, 30, 4))
-    grams = rows.transpose(0, 2, 1) @ rows
-    grams[1, :-1, :-1] -= 1e5 * np.eye(3)  # by rounding a matrix may lose its sign
-    for some in (grams, grams[[0, 2]]):
-        for together, gram in zip(scores(prior, some), some, strict=True):
-            alone = score(prior, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]))
-            assert together.log_evidence == pytest.approx(alone.log_evidence)
-            np.testing.assert_allclose(together.step, alone.step)
-            np.testing.assert_allclose(together.variance, alone.variance)
-    assert scores(prior, grams)[1].log_evidence == IMPOSSIBLE

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.models.identification.sets.test_evidence import MAIN, SHAPE, held
+from tests.models.identification.sets.test_evidence import MAIN, SHAPE, held, score
 from thrustmargin.models.identification.sets.column_sums import Remainder
-from thrustmargin.models.identification.sets.evidence import Scored, prior_of, score
-from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear
-from thrustmargin.models.identification.sets.nuisance import LEVELS, Solved
+from thrustmargin.models.identification.sets.evidence import prior_of
+from thrustmargin.models.identification.sets.linear_sets import Linear
+from thrustmargin.models.identification.sets.nuisance import Solved
 
 RNG = np.random.default_rng(8)
 #: Of a main value; of a main value and a shape that is off its start; of a shape.
@@ -21,40 +21,40 @@ HELD = (
     held(SHAPE, at=[0.1]),
 )
 PLACES = (slice(0, 1), slice(1, 3), slice(3, 4))
-COLUMNS = RNG.normal(size=(2, 50, 8))  # of each level: four values, three changes, the residual
-COLUMNS[..., -1] += 3.0
+COLUMNS = RNG.normal(size=(50, 8))  # four values, three changes, the residual
+COLUMNS[:, -1] += 3.0
 
 
 def linear(about: set[int]) -> Linear:
-    gram = COLUMNS.transpose(0, 2, 1) @ COLUMNS
+    gram = COLUMNS.T @ COLUMNS
     fitted: Any = SimpleNamespace(key=frozenset(about))
-    return Linear(about=fitted, held=HELD, columns=PLACES, gram=gram, marginalised=np.zeros(2))
+    return Linear(
+        about=fitted, held=HELD, columns=PLACES, gram=gram, marginalised=0.0, temperature=1.25
+    )
 
 
-def parts(about: set[int], key: set[int], level: int) -> tuple[np.ndarray, np.ndarray]:
+def parts(about: set[int], key: set[int]) -> tuple[np.ndarray, np.ndarray]:
     """Columns of the values of a set, and its residual: what comes in or goes out is taken off."""
-    columns = COLUMNS[level]
-    residual = columns[:, -1] - columns[:, [4 + c for c in about ^ key]].sum(axis=1)
-    return columns[:, [k for c in sorted(key) for k in range(4)[PLACES[c]]]], residual
+    residual = COLUMNS[:, -1] - COLUMNS[:, [4 + c for c in about ^ key]].sum(axis=1)
+    return COLUMNS[:, [k for c in sorted(key) for k in range(4)[PLACES[c]]]], residual
 
 
-@pytest.mark.parametrize("level", [0, 1])
 @pytest.mark.parametrize("key", [set(), {0}, {0, 1}, {2}, {0, 1, 2}])
-def test_a_set_has_the_evidence_of_its_own_columns_and_residual(key, level):
+def test_a_set_has_the_evidence_of_its_own_columns_and_residual(key):
     about = {0, 2}
-    values, residual = parts(about, key, level)
+    values, residual = parts(about, key)
     prior = prior_of([HELD[c] for c in sorted(key)])
     by_hand = score(prior, values.T @ values, values.T @ residual, float(residual @ residual))
-    found = linear(about).score(key, level)
+    found = linear(about).score(key)
     assert found.log_evidence == pytest.approx(by_hand.log_evidence)
     np.testing.assert_allclose(found.step, by_hand.step)
-    np.testing.assert_allclose(found.variance, by_hand.variance)
+    np.testing.assert_allclose(found.variance, by_hand.variance / 1.25**2)  # of the noise itself
 
 
-def cost(about: set[int], key: set[int], level: int, pulled: set[int]) -> float:
+def cost(about: set[int], key: set[int], pulled: set[int]) -> float:
     """The least of squares and normal priors of all values of a set; of those in `pulled` the
     prior is about where it stands, of the others about the values themselves."""
-    values, residual = parts(about, key, level)
+    values, residual = parts(about, key)
     prior = prior_of([HELD[c] for c in sorted(key)])
     pull = np.concatenate([prior_of([HELD[c]]).pull * (c in pulled) for c in sorted(key)] or [[]])
     root = np.sqrt(prior.weight)
@@ -65,12 +65,11 @@ def cost(about: set[int], key: set[int], level: int, pulled: set[int]) -> float:
     return float(left @ left - centre @ centre)
 
 
-@pytest.mark.parametrize("level", [0, 1])
-def test_what_a_candidate_gains_is_half_of_what_squares_and_prior_fall_by(level):
+def test_what_a_candidate_gains_is_half_of_what_squares_and_prior_fall_by():
     about, key = {0, 2}, frozenset({2})
-    found = linear(about).gains(key, level, [0, 1])
-    before = cost(about, {2}, level, set())
-    by_hand = [0.5 * (before - cost(about, {2, c}, level, {c})) for c in (0, 1)]
+    found = linear(about).gains(key, [0, 1])
+    before = cost(about, {2}, set())
+    by_hand = [0.5 * (before - cost(about, {2, c}, {c})) for c in (0, 1)]
     np.testing.assert_allclose(found, by_hand, rtol=1e-6)
 
 
@@ -78,7 +77,7 @@ def test_values_of_some_candidates_alone_keep_their_places():
     shorter = linear({0}).only({1, 2}, ())
     assert shorter.columns == (slice(0, 0), slice(0, 2), slice(2, 3))
     kept = [1, 2, 3, 4, 5, 6, 7]
-    np.testing.assert_array_equal(shorter.gram, linear({0}).gram[:, kept][:, :, kept])
+    np.testing.assert_array_equal(shorter.gram, linear({0}).gram[np.ix_(kept, kept)])
     assert [len(one.candidate.free) for one in shorter.held] == [0, 2, 1]
     # Values of flights that are left out go too.
     one = HELD[1].candidate
@@ -87,7 +86,7 @@ def test_values_of_some_candidates_alone_keep_their_places():
     without = both.only({0, 1}, {3})
     assert without.columns == (slice(0, 1), slice(1, 2), slice(2, 2))
     kept = [0, 2, 4, 5, 6, 7]
-    np.testing.assert_array_equal(without.gram, both.gram[:, kept][:, :, kept])
+    np.testing.assert_array_equal(without.gram, both.gram[np.ix_(kept, kept)])
     assert without.held[1].candidate.free == ((1, None),)
     assert both.only({0, 1}, {2}).held[1].candidate.free == of_flights.candidate.free
 
@@ -97,34 +96,9 @@ def test_what_forms_may_do_is_marginalised_as_noise_of_size_one(forms):
     columns = RNG.normal(size=(30, 5))
     asked = [4, 0, 2] if forms else [0, 1, 2, 3, 4]
     noise = np.delete(columns, asked, axis=1)
-    nothing = Solved(gram=np.zeros((0, 0)), known=0, hats=0, levels=LEVELS, of_draws=3.0)
+    nothing = Solved(gram=np.zeros((0, 0)), known=0, hats=0, factor=1.0, of_draws=3.0)
     sums = np.zeros((0, 5)), columns.T @ columns
-    grams, evidence = Remainder.of(nothing, sums, asked).at_levels()
+    gram, evidence = Remainder.of(nothing, sums, asked).marginalised()
     covariance, wanted = np.eye(30) + noise @ noise.T, columns[:, asked]
-    for level, gram, found in zip(LEVELS, grams, evidence, strict=True):
-        np.testing.assert_allclose(gram, wanted.T @ np.linalg.solve(covariance, wanted))
-        by_hand = level.log_prior - 0.5 * (3.0 + np.linalg.slogdet(covariance)[1])
-        assert found == pytest.approx(by_hand)
-
-
-def test_a_set_at_all_levels_is_that_at_each():
-    about = linear({0, 2})
-    for key in (frozenset(), frozenset({1}), frozenset({0, 1, 2})):
-        for level, one in enumerate(about.scores(key)):
-            other = about.score(key, level)
-            assert one.log_evidence == pytest.approx(other.log_evidence, rel=1e-12)
-            np.testing.assert_allclose(one.step, other.step, rtol=1e-12)
-            np.testing.assert_allclose(one.variance, other.variance, rtol=1e-12)
-
-
-def test_a_sets_evidence_is_that_of_all_its_levels():
-    scored = Scored(log_evidence=0.0, step=np.zeros(0), variance=np.zeros(0))
-    found = FittedSet(
-        key=frozenset(),
-        held=(),
-        levels=(scored,) * 3,
-        log_evidence=np.log([0.2, 0.5, 0.1]),
-        residual=np.zeros((1, 4)),
-    )
-    assert found.total == pytest.approx(np.log(0.8))
-    assert found.best_level == 1
+    np.testing.assert_allclose(gram, wanted.T @ np.linalg.solve(covariance, wanted))
+    assert evidence == pytest.approx(-0.5 * (3.0 + np.linalg.slogdet(covariance)[1]))

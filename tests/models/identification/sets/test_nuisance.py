@@ -7,7 +7,7 @@ from thrustmargin.models.identification.rows.value_columns import ValueColumns, 
 from thrustmargin.models.identification.rows.whitening import Whitening
 from thrustmargin.models.identification.sets.column_sums import Prepared
 from thrustmargin.models.identification.sets.learning import learn
-from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
+from thrustmargin.models.identification.sets.nuisance import Nuisance
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 ALL_FLIGHTS = -1
@@ -37,8 +37,9 @@ def made(seed=0, rows=ROWS, uncertainty=2):
     return nuisance, rng
 
 
-def dense(nuisance: Nuisance, level) -> np.ndarray:
-    """The covariance of all (means x modes) by the definition of the model."""
+def dense(nuisance: Nuisance, factor: float = 1.0) -> np.ndarray:
+    """The covariance of all (means x modes) by the definition of the model, with curves that are
+    `factor` times their size on a sound aircraft."""
     n = nuisance.scatter.shape[0]
     covariance = np.eye(n * MODES)
     for part in nuisance.flights:
@@ -49,7 +50,6 @@ def dense(nuisance: Nuisance, level) -> np.ndarray:
     flat = nuisance.uncertainty.reshape(n * MODES, -1)
     covariance += flat @ flat.T
     for mode in range(MODES):
-        factor = level.collective if mode == 0 else level.moments
         hats = np.zeros((n, MODES, 4))
         sizes = [2.0, factor, factor, factor]  # the first is a constant
         hats[:, mode] = nuisance.free[mode] * sizes
@@ -64,17 +64,17 @@ def columns_of(rng, count=3, rows=ROWS):
     )
 
 
-@pytest.mark.parametrize("k", [0, 4, 8])
-def test_the_gram_matrix_and_the_evidence_are_those_of_the_dense_model(k):
+@pytest.mark.parametrize("factor", [1.0, 4.0, 16.0])
+def test_the_gram_matrix_and_the_evidence_are_those_of_the_dense_model(factor):
     nuisance, rng = made()
     z = columns_of(rng)
-    solved = nuisance.solved()
-    gram = solved.reduce(nuisance.sums(z))[k]
-    covariance = dense(nuisance, LEVELS[k])
+    solved = nuisance.solved(factor)
+    gram = solved.reduce(nuisance.sums(z))
+    covariance = dense(nuisance, factor)
     flat = z[2:].reshape(-1, 3)
     assert gram == pytest.approx(flat.T @ np.linalg.solve(covariance, flat), rel=1e-9)
     determinant = -0.5 * np.linalg.slogdet(covariance)[1]
-    assert solved.log_evidence[k] - LEVELS[k].log_prior == pytest.approx(determinant, rel=1e-9)
+    assert solved.log_evidence == pytest.approx(determinant, rel=1e-9)
 
 
 def test_a_flight_left_out_is_not_in_the_answer():
@@ -97,12 +97,11 @@ def test_a_flight_left_out_is_not_in_the_answer():
 
 def test_without_doubt_or_hats_nothing_breaks():
     nuisance, rng = made(uncertainty=0)
-    assert nuisance.solved().reduce(nuisance.sums(columns_of(rng))).shape == (len(LEVELS), 3, 3)
+    assert nuisance.solved().reduce(nuisance.sums(columns_of(rng))).shape == (3, 3)
 
 
-def test_levels_are_a_prior():
-    assert np.logaddexp.reduce([level.log_prior for level in LEVELS]) == pytest.approx(0.0)
-    assert LEVELS[0].collective == LEVELS[0].moments == 1.0
+def test_sets_are_weighed_with_curves_as_large_as_on_a_sound_aircraft():
+    assert made()[0].solved().factor == 1.0
 
 
 def test_sizes_are_learnt_from_what_was_drawn():
@@ -148,10 +147,10 @@ def test_a_value_of_one_flight_is_summed_there_alone_and_fits_in_among_the_other
     wide = columns.wide(flight)
     assert not wide[flight == 1, :, 1].any()
     assert not wide[flight == 0, :, 4].any()
-    solved, level = nuisance.solved(), 3
+    solved = nuisance.solved(4.0)
     flat = wide[2:].reshape(-1, 5)
-    expected = flat.T @ np.linalg.solve(dense(nuisance, LEVELS[level]), flat)
-    np.testing.assert_allclose(solved.reduce(sums)[level], expected, rtol=1e-8, atol=1e-9)
+    expected = flat.T @ np.linalg.solve(dense(nuisance, 4.0), flat)
+    np.testing.assert_allclose(solved.reduce(sums), expected, rtol=1e-8, atol=1e-9)
 
 
 def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
@@ -161,19 +160,17 @@ def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
         columns_of(rng, 2), np.array([0, 1, 1]), mode=np.array([0, 0, 1])
     )
     columns = side_by_side([columns, of_modes])
-    solved, asked = nuisance.solved(), 5
+    asked = 5
     both = side_by_side([columns, ValueColumns.of_all(residual)])
     flight = np.repeat([0, 0, 1], [2, ROWS, ROWS])
     flat = both.wide(flight)[2:].reshape(-1, columns.count + 1)
     kept, uncertainty = flat[:, [*range(asked), -1]], flat[:, asked:-1]
-    grams, evidence = Prepared.of(nuisance, solved, columns, asked, 0).at_levels(residual[:, :, 0])
-    for k, level in enumerate(LEVELS):
-        covariance = dense(nuisance, level) + uncertainty @ uncertainty.T
+    for factor in (1.0, 4.0):
+        covariance = dense(nuisance, factor) + uncertainty @ uncertainty.T
         expected = kept.T @ np.linalg.solve(covariance, kept)
-        np.testing.assert_allclose(grams[k], expected, rtol=1e-8, atol=1e-9)
-        by_hand = level.log_prior - 0.5 * np.linalg.slogdet(covariance)[1]
-        assert evidence[k] == pytest.approx(by_hand, rel=1e-9)
-        prepared = Prepared.of(nuisance, solved, columns, asked, k)
+        prepared = Prepared.of(nuisance, nuisance.solved(factor), columns, asked)
+        by_hand = -0.5 * np.linalg.slogdet(covariance)[1]
+        assert prepared.marginalised == pytest.approx(by_hand, rel=1e-9)
         np.testing.assert_allclose(prepared.gram(residual[:, :, 0]), expected, rtol=1e-8, atol=1e-9)
 
 
@@ -194,5 +191,5 @@ def test_sums_of_some_means_are_those_of_a_nuisance_of_them():
     some = nuisance.of_means(kept)
     assert [f.stop - f.start for f in some.flights] == [ROWS - 30, ROWS]
     flat = columns[2:][kept].reshape(-1, 3)
-    expected = flat.T @ np.linalg.solve(dense(some, LEVELS[0]), flat)
-    np.testing.assert_allclose(some.solved().reduce(some.sums(columns))[0], expected, rtol=1e-8)
+    expected = flat.T @ np.linalg.solve(dense(some), flat)
+    np.testing.assert_allclose(some.solved().reduce(some.sums(columns)), expected, rtol=1e-8)

@@ -11,7 +11,6 @@ from thrustmargin.models.effects.coefficient.rotor_degradation import ONSETS
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.candidates import Candidate, derivatives
 from thrustmargin.models.identification.sets import onsets
-from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.onsets import onset_candidates
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
@@ -40,11 +39,9 @@ def loss_of(search: Search, rotor: int, size: float, when: Bools) -> Floats:
     return size * derivatives(search.reduced, [search.start[rotor]], 0)[:, :, 0] * when[:, None]
 
 
-def steps(search: Search, residual: Floats, level: int = 0) -> list[Candidate]:
-    """What is found about a set without effects that leaves a residual, at a level."""
-    nothing = search.fit(frozenset(), ())
-    likeliest = np.where(np.arange(len(LEVELS)) == level, 0.0, -50.0)
-    about = replace(nothing, residual=residual, log_evidence=likeliest)
+def steps(search: Search, residual: Floats) -> list[Candidate]:
+    """What is found about a set without effects that leaves a residual."""
+    about = replace(search.fit(frozenset(), ()), residual=residual)
     search.fitted[frozenset()] = about
     return onset_candidates(search, about)
 
@@ -71,12 +68,12 @@ def acts(search: Search, one: Candidate) -> Bools:
     return later & (flight == mine)
 
 
-def gain_of(search: Search, one: Candidate, residual: Floats, level: int = 0) -> float:
+def gain_of(search: Search, one: Candidate, residual: Floats) -> float:
     """What a loss of any size in these means takes of half the squares: g²/2h."""
     both = np.stack(
         [loss_of(search, one.term.rotor or 0, 1.0, acts(search, one)), residual], axis=2
     )
-    gram = search.solved.reduce(search.nuisance.sums(both))[level]
+    gram = search.solved.reduce(search.nuisance.sums(both))
     return float(gram[0, 1] ** 2 / gram[0, 0] / 2.0)
 
 
@@ -152,16 +149,15 @@ def test_the_prior_of_a_step_is_a_bad_rotors_shared_by_kinds_and_all_that_was_tr
     assert all(one.log_prior == pytest.approx(np.log(0.005 / 5 / (9 + 36))) for one in found)
 
 
-@pytest.mark.parametrize("level", [0, 5])
-def test_a_step_counts_when_it_gains_3_more_than_the_choice_among_all_times(level):
+def test_a_step_counts_when_it_gains_3_more_than_the_choice_among_all_times():
     search = searched([61.6])
     residual = loss_of(search, 1, 0.1, search.reduced.channels.time_s >= 30.0)
-    best = steps(search, residual, level)[0]
+    best = steps(search, residual)[0]
     least = 3.0 + np.log(9 + 36)
-    just = np.sqrt(least / gain_of(search, best, residual, level))
-    assert steps(search, 1.01 * just * residual, level)
-    assert not steps(search, 0.99 * just * residual, level)
-    assert not steps(search, -1.01 * just * residual, level)  # what gains thrust is no damage
+    just = np.sqrt(least / gain_of(search, best, residual))
+    assert steps(search, 1.01 * just * residual)
+    assert not steps(search, 0.99 * just * residual)
+    assert not steps(search, -1.01 * just * residual)  # what gains thrust is no damage
 
 
 def test_the_ten_steps_that_gain_most_are_kept_the_largest_first():
@@ -184,7 +180,7 @@ def test_what_a_rotors_loss_from_the_beginning_says_far_better_is_no_step(monkey
     whole = []
     for rotor in range(4):
         both = np.stack([loss_of(search, rotor, 1.0, always), residual], axis=2)
-        gram = search.solved.reduce(search.nuisance.sums(both))[0]
+        gram = search.solved.reduce(search.nuisance.sums(both))
         whole.append(max(gram[0, 1], 0.0) ** 2 / gram[0, 0] / 2.0)
     kept = [one.key for one in steps(search, residual)]
     monkeypatch.setattr(onsets, "FAR", np.inf)

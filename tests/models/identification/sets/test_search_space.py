@@ -15,7 +15,6 @@ from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.discrepancy import form_columns, slowly
-from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import (
     _answers,
     _left_noise,
@@ -39,7 +38,7 @@ def test_more_than_noise_is_what_a_dense_model_leaves_of_each_flight_and_mode():
     y[:ROWS, 1] *= 7.0
     y[ROWS:, 0] *= 0.3
     residual = np.concatenate([np.zeros((2, MODES)), y])
-    noise = np.linalg.solve(dense(nuisance, LEVELS[-1]), y.ravel()).reshape(y.shape)
+    noise = np.linalg.solve(dense(nuisance, 16.0), y.ravel()).reshape(y.shape)
     found = _left_noise(nuisance, residual)
     sizes = []
     for rows in nuisance.flights:

@@ -176,7 +176,7 @@ def test_what_gusts_make_a_controller_do_is_no_sign_of_how_rotors_share_the_thru
         uncertainty=np.concatenate([space.nuisance.uncertainty, answer], axis=2),
     )
     residual = columns.sum(axis=2)[:, :, None]
-    left, before = (n.solved().reduce(n.sums(residual))[0, 0, 0] for n in (made, space.nuisance))
+    left, before = (n.solved().reduce(n.sums(residual))[0, 0] for n in (made, space.nuisance))
     assert left < 0.05 * before
 
 
@@ -203,7 +203,7 @@ def test_a_set_is_also_tried_with_another_rotor_in_the_place_of_a_bad_one():
 
 
 def test_a_set_that_is_far_below_the_best_is_left_soon_and_ranks_as_if_fitted_to_the_end():
-    flights = made_flights(2, loss=0.08, hidden_mass=2.0)
+    flights = made_flights(2, loss=0.08, hidden_mass=4.0)
     space = search_space(curve_model(), flights, effects_for(F16, table(SOME)))
     keys = [c.key for c in space.candidates]
     true = frozenset({keys.index("extra_mass"), keys.index("rotor_degradation@1")})
@@ -267,8 +267,7 @@ def test_a_loss_from_a_moment_on_is_summed_as_if_over_all_flights(kind):
     whole = np.concatenate(
         [column[:, :, None] * later[:, None, :], nothing.residual[:, :, None]], axis=2
     )
-    level = slice(nothing.best_level, nothing.best_level + 1)
-    expected = search.solved.reduce(search.nuisance.sums(whole), level)[0]
+    expected = search.solved.reduce(search.nuisance.sums(whole))
     np.testing.assert_allclose(gram, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
 
 
