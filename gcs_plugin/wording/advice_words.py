@@ -99,9 +99,9 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
         if not advice.rotor_names:
             return f"{say(f'A {part}')}: {say(does)}"
         return f"{part} {which}: {say(does)}"
-    name = place_words(advice.rotor_names[fault.rotor]).upper()
+    place = f", {place_words(advice.places[fault.rotor]).upper()}" if advice.places else ""
     amount = "" if fault.kind == "stopped" else f"{fault_amount(fault).upper()} "
-    return f"{part} {fault.rotor + 1}, {name}: {amount}{say(does)}"
+    return f"{part} {fault.rotor + 1}{place}: {amount}{say(does)}"
 
 
 def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:
@@ -240,4 +240,4 @@ def sound_again(fault: RotorFault) -> str:
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
     """The fault in the words of its alarm, and when; not of which rotor where that is not known."""
     unsure = "" if advice.rotor_names else f": {say(WHICH_ROTOR)}"
-    return f"{episode_words(episode, advice.rotor_names)}{unsure}"
+    return f"{episode_words(episode, advice.places)}{unsure}"
