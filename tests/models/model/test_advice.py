@@ -112,7 +112,7 @@ def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
     # It needs no airframe, and of one that is not known it has no place.
     unknown = replace(sound, claim=AirframeClaim(withheld=("another battery",)))
     made = advise(replace(unknown, track=replace(track, rotor_speed_rpm=speeds))).advice
-    assert made.levels == (FlightLevel.DAMAGED,)
+    assert made.level is FlightLevel.DAMAGED
     assert headline(made).startswith("ROTOR 3: STOOD STILL IN FLIGHT")
 
 
