@@ -85,6 +85,7 @@ class MarginVerdict:
     basis: str  # what the utilisation rests on, in words
     speed_basis: str  # "measured", or what stands in for a rotor's speed
     measured_share: float  # of the airborne time
+    predicted_alone: bool  # no margin in it was measured, nor shown by motor outputs
     lasting_use: float  # the most of what lasts, a running median over 15 s
     lasting_use_low: float  # ends of its 90 % interval
     lasting_use_high: float

@@ -116,7 +116,7 @@ def cells(one: AircraftSeason) -> tuple[str, ...]:
         one.level,
         str(len(one.flights)),
         number(one.hours, "", 1),
-        percent(worst["worst_margin"]) if worst else "unknown",
+        percent(worst["worst_margin"]) if worst else "none measured",
         str(len(one.above_limit)),
         top.sentence if top else one.no_changes or words.HEALTHY,
         top.action if top else "",
