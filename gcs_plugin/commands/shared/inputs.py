@@ -186,7 +186,7 @@ def read_flights(
     from thrustmargin.models.model.inferred.prepared import prepared
     from thrustmargin.models.model.predict import flown_airframe
 
-    keywords = {**reading_keywords(reading), "any_vehicle": any_vehicle}
+    keywords = {**reading_keywords(reading), "any_vehicle": any_vehicle, "sought": given}
     craft = flown_airframe(model)
 
     def claims_of(logs: Iterable[FlightLog]) -> list[AirframeClaim]:
