@@ -87,6 +87,7 @@ def inspect_log(
     that is not known is compared with nothing.
     """
     findings = [*loss_findings(log), *event_findings(log.events)]
+    findings += [Finding("units", Severity.WARNING, words) for words in log.other_units]
     findings += [*_vehicles(log), _whole(log.quality), _continuous(log)]
     order = scale = None
     found = comparisons(log.track, airframe, log.facts, log.parameters)

@@ -131,9 +131,10 @@ def read_logs(
 
 
 def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
-    """Remarks on the log of a sortie that holds others, or stretches that are none."""
+    """Remarks on the log of a sortie that holds others, stretches that are none, or columns that
+    are left out."""
     several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
-    return (*several, *log.unflown.words)
+    return (*several, *log.unflown.words, *log.other_units)
 
 
 def unnamed(error: Exception, path: Path) -> str:
