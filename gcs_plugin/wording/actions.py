@@ -91,6 +91,12 @@ LOOK_BELOW = Action("load", "look at what hangs below", When.BATTERY_OFF, "a loo
 LOOK_FOR_ICE = Action(
     "airframe", "look at ice, dirt and a load that moves", When.BATTERY_OFF, "a look in flight"
 )
+AFTER_A_JOLT = Action(
+    "airframe",
+    "look at frame, arms and propellers before it flies again",
+    When.BATTERY_OFF,
+    "a flight to try it out",
+)
 ARMS_CARRY = Action(
     "airframe",
     "look at what arms and booms carry; keep it in the model with --out",

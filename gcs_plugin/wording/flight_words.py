@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from math import degrees
 from types import MappingProxyType
 
+from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack, FlyingBy
@@ -47,6 +48,11 @@ def too_short(seconds: float) -> str:
 def loss_words(losses: Sequence[LossOfControl]) -> str:
     """What showed that control was lost, in order of time."""
     return ", ".join(f"{_sign(one)} at {clock(one.time_s)}" for one in losses)
+
+
+def recovered_words(signs: Sequence[LossOfControl]) -> str:
+    """What it came back from, or how hard it landed, and what to do."""
+    return f"{loss_words(signs)}, and it went on or landed: {actions.AFTER_A_JOLT.text}"
 
 
 def lost_rows(losses: Sequence[LossOfControl]) -> str:
