@@ -130,7 +130,7 @@ class LiveMonitor:
                 watch = replace(watch, link=str(self.recorder.telemetry))
         # Of a recording all may have been read before any is analysed.
         self.fleet = Fleet(model, watch, heard_us=self.listener.heard_us if self.live else {})
-        self._events = EventRecord(self.recorder)
+        self._events = EventRecord(self.recorder, self.subscribers)
         self._thread = threading.Thread(target=self._run, name="compute", daemon=True)
 
     def __enter__(self) -> Self:
