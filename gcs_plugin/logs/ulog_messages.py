@@ -60,6 +60,8 @@ class _Log:
         if kind == 68:  # D, by far the most
             known = self.sizes.get(_ID.unpack_from(data, start)[0]) if size > 2 else None
             return end if known and known[0] <= size - 2 <= known[1] else 0
+        if kind == 65 and size > _LONGEST_TEXT:  # A: a name
+            return 0
         body = data[start:end]
         match chr(kind):
             case "F":
