@@ -84,7 +84,7 @@ class SortieRows:
         self._zero_s = self._begin_s = 0.0  # clock when the track's time is 0; of the flight
         self._flown = self._disarmed = False
         self._landed_s = math.nan
-        self._stay: tuple[float, float] | None = None  # from landing to take-off, until judged
+        self._stay: tuple[float, float] | None = None  # landing and take-off, until it is checked
         self._made_s = -math.inf
         self._said: tuple[AirframeClaim, VehicleState] | None = None
         self.now: FlightSoFar | None = None  # None before the first take-off
