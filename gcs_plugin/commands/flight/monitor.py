@@ -14,7 +14,12 @@ from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    Share,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, require
@@ -38,7 +43,7 @@ def monitor(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
-    max_utilisation: float = 0.5,
+    max_utilisation: Share = 0.5,
     announce: bool = False,
     announce_battery: bool = False,
     bar: int | None = None,

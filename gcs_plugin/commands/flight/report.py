@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
@@ -40,7 +40,7 @@ def report(
     json: Path | None = None,
     pdf: Path | None = None,
     plan: Path | None = None,
-    max_utilisation: float | None = None,
+    max_utilisation: Share | None = None,
     anonymise: bool = False,
 ) -> int:
     """Write a margin report of one or more flights: how close it was, where, and with which rotor.
@@ -67,7 +67,7 @@ def report(
         plan: Plan that was flown (.plan, .waypoints, or the log itself): its forecast is put beside
             the flight, with which assumption was off.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; without it
-            0.5, or what a recording was made with.
+            50%, or what a recording was made with.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan

@@ -17,6 +17,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     check_utilisation,
 )
+from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.whole_file import whole_file
 
@@ -36,7 +37,7 @@ def fill(
     voltage: float | None = None,
     speed: float = 5.0,
     wind: float = 0.0,
-    max_utilisation: float = 0.5,
+    max_utilisation: Share = 0.5,
     rotor_lost: bool = True,
     out: Path | None = None,
     json: Path | None = None,

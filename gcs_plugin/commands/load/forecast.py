@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     check_utilisation,
 )
+from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
@@ -52,7 +53,7 @@ def forecast(
     voltage: float | None = None,
     capacity: float | None = None,
     resistance: float | None = None,
-    max_utilisation: float = 0.5,
+    max_utilisation: Share = 0.5,
     out: UseAppendAction[tuple[Path, ...]] = (),
     json: Path | None = None,
     csv: Path | None = None,

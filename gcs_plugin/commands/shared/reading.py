@@ -7,11 +7,24 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import tyro
+from tyro.constructors import PrimitiveConstructorSpec
 
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError
 
 #: °C. No multirotor flies outside these.
 COLDEST_C, HOTTEST_C = -60.0, 60.0
+
+#: A limit, which help shows in percent as pages do; `as_read` has made a share of what is typed.
+Share = Annotated[
+    float,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="PERCENT",
+        instance_from_str=lambda words: float(words[0]),
+        is_instance=lambda value: isinstance(value, float),
+        str_from_instance=lambda value: [f"{100.0 * value:g}%"],
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
