@@ -169,7 +169,8 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     if not known.size or reported:
         return ()
     start, end = number(float(known[0]), "", 1), number(float(known[-1]), "kg", 1)
-    return (Fact("load", f"{start} to {end}, {source.words}"),)
+    falls = not end.startswith(f"{start} ")
+    return (Fact("load", f"{f'{start} to {end}' if falls else end}, {source.words}"),)
 
 
 def ending_facts(track: FlightTrack) -> tuple[Fact, ...]:
@@ -189,7 +190,7 @@ def moment_words(moment: Moment) -> str:
         parts.append(f"{percent_within(*use)} in use, {moment.basis}")
     parts += [", ".join(moment.doing)] if moment.doing else []
     if math.isfinite(moment.tank_kg):
-        parts.append(f"{number(moment.tank_kg, 'kg')} in the tank")
+        parts.append(f"{number(moment.tank_kg, 'kg')} on board")
     where = place(moment.north, moment.east)
     return ", ".join([*parts, where] if where else parts)
 

@@ -31,7 +31,7 @@ WITHOUT: Mapping[str, str] = {
 }
 #: Rows of the table of load matching.
 LIQUID, LOAD, RATIO, NAMEPLATE = (
-    "liquid in the tank",
+    "liquid on board",
     "load a rotor",
     "full over empty, start over end",
     "load over the maker's maximum thrust",
@@ -41,7 +41,7 @@ IN_HOVER, IN_FLIGHT = (
     "thrust in use in flight, mean of the rotors",
 )
 #: Axes and lines of charts.
-IN_USE, OVER_WEIGHT, IN_THE_TANK = "thrust in use", "thrust over weight", "in the tank"
+IN_USE, OVER_WEIGHT, IN_THE_TANK = "thrust in use", "thrust over weight", "on board"
 MEAN_ROTOR = "mean of the rotors"
 LOAD_INFERRED, TANK_SPRAYING = "load inferred, 90 % interval", "tank while spraying"
 MEASURED_MINUS_PREDICTED = "measured minus predicted"

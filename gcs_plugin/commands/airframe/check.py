@@ -79,7 +79,7 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
         finding
         for log in logs
         for finding in inspect_log(log, craft).findings
-        if finding.check in _OF_INSPECT and (finding.check != "tank" or craft.tank_volume_l)
+        if finding.check in _OF_INSPECT
     ]
     # The same answer of several flights is one answer, the graver of two the first.
     order = {"warning": 0, "ok": 1, "unknown": 2}

@@ -102,7 +102,8 @@ def fill(
     console.print(table.advice, style="bold")
     for sentence in made.conditions(table):
         console.print(f"  {sentence}")
-    for state, volts in table.voltages.items():
+    # Without a tank every place of the grids is the same "none".
+    for state, volts in table.voltages.items() if rotor_model.airframe.tank_volume_l else ():
         console.print(_grid(table, state, volts, made.temperatures(table)))
     for path, text in ((out, made.html_text), (json, made.json_text)):
         if path == STDOUT:

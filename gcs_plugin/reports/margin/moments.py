@@ -57,6 +57,7 @@ def worst_moments(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> tup
 
 def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, ...]) -> Moment:
     track = analysis.track
+    tankless = not analysis.model.airframe.tank_volume_l
     rotor = int(np.nanargmax(use[row]))
     value = float(use[row, rotor])
     reach = INTERVAL * float(analysis.utilisation_error[row, rotor])
@@ -85,7 +86,8 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         margin=1.0 - value,
         basis=analysis.basis_of(row, rotor),
         doing=doing(analysis, row),
-        tank_kg=float(track.tank_kg[row]),
+        # An aircraft without a tank carries no 0 kg of liquid, but may carry a payload.
+        tank_kg=float(track.tank_kg[row] or np.nan) if tankless else float(track.tank_kg[row]),
         ground_speed=float(np.hypot(*track.velocity_ned[row, :2])),
         airspeed=float(track.airspeed[row]),
         climb_rate=-float(track.velocity_ned[row, 2]),

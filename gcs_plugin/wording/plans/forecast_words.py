@@ -66,9 +66,9 @@ def verdict(made: ForecastParts) -> str:
     """The first line: may it take off with this, and why."""
     advice = made.advised.advice
     use, limit = advice.use, percent(advice.limit)
-    fill = amount(_fill(made), _liquid(made))
+    fill = f" WITH {amount(_fill(made), _liquid(made))}" if _has_tank(made) else ""
     lasting = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
-    no = f"DO NOT TAKE OFF WITH {fill}:"
+    no = f"DO NOT TAKE OFF{fill}:"
     if made.too_heavy:
         return f"{no} over the maker's maximum take-off mass"
     level = made.level
@@ -83,10 +83,10 @@ def verdict(made: ForecastParts) -> str:
     if level is FlightLevel.OVER:
         return f"{no} lasting use of thrust {lasting}, above the {limit} limit"
     if level is FlightLevel.NEAR:
-        return f"TOO CLOSE TO TELL WITH {fill}: lasting use {lasting}, limit {limit}"
+        return f"TOO CLOSE TO TELL{fill}: lasting use {lasting}, limit {limit}"
     if level is FlightLevel.UNDER:
         with_it = f"{fill}{_as_far(made)}"
-        return f"MAY TAKE OFF WITH {with_it}: lasting use of thrust {lasting}, limit {limit}"
+        return f"MAY TAKE OFF{with_it}: lasting use of thrust {lasting}, limit {limit}"
     return f"{no} control would be lost"
 
 
@@ -99,7 +99,7 @@ def weakest_words(weakest: WeakestPlace | None) -> str:
             weakest.manoeuvre,
             "by the turn" if weakest.kind == "turn" else "by turning and speeding up",
         ),
-        (weakest.load, f"by {number(weakest.tank_kg, 'kg')} in the tank"),
+        (weakest.load, f"by {number(weakest.tank_kg, 'kg')} on board"),
         (weakest.wind, "by the wind"),
         (weakest.battery, "by the fallen voltage"),
     ]
@@ -110,7 +110,8 @@ def weakest_words(weakest: WeakestPlace | None) -> str:
     use = percent_within(weakest.utilisation, *weakest.interval)
     beyond = "; more than the rotors can give" if weakest.utilisation > 1.0 else ""
     where = _KINDS[weakest.kind].format(weakest.item)
-    return f"Weakest {where}: {use} of a rotor's thrust{beyond} ({', '.join(named)})."
+    why = f" ({', '.join(named)})" if named else ""
+    return f"Weakest {where}: {use} of a rotor's thrust{beyond}{why}."
 
 
 def fill_words(made: ForecastParts) -> str:
@@ -118,6 +119,8 @@ def fill_words(made: ForecastParts) -> str:
     liquid, limit = _liquid(made), percent(made.advised.advice.limit)
     if not math.isfinite(made.largest_fill_kg):
         return "Largest fill unknown."
+    if not _has_tank(made):
+        return "Nothing to fill: it has no tank."
     if made.largest_fill_kg <= 0.0:
         return f"No fill keeps the {limit} limit and survives a lost rotor all along."
     fill = amount(made.largest_fill_kg, liquid)
@@ -147,10 +150,11 @@ def sortie_words(made: ForecastParts) -> tuple[str, ...]:
     sprayed = sum(s.kg for s in sorties)
     energy = sum(s.energy_wh for s in sorties)
     last = _fill(made) - (sorties[-1].kg if sorties else 0.0)
-    found = [
-        f"Flight {duration(made.flight_s)}, sprays {number(sprayed, 'kg')}, "
-        f"{number(energy, 'Wh', 0)}, lands with {amount(max(last, 0.0), liquid)}."
-    ]
+    flight, used = f"Flight {duration(made.flight_s)}", number(energy, "Wh", 0)
+    if not _has_tank(made):
+        return (f"{flight}, {used}.",)
+    lands = amount(max(last, 0.0), liquid)
+    found = [f"{flight}, sprays {number(sprayed, 'kg')}, {used}, lands with {lands}."]
     if made.needs.short_of:
         found.append(f"No split is possible: {_SHORT[made.needs.short_of]}.")
     if len(sorties) > 1:
@@ -222,6 +226,10 @@ def _assumed(key: str, values: Sequence[str]) -> str:
 def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
     rest = len(lines) - most
     return [*lines[:most], *([f"... and {rest} more of these."] if rest > 0 else [])]
+
+
+def _has_tank(made: ForecastParts) -> bool:
+    return made.advised.analysis.model.airframe.tank_volume_l > 0.0
 
 
 def _fill(made: ForecastParts) -> float:
