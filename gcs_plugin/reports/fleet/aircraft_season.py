@@ -22,16 +22,16 @@ from thrustmargin.models.identification.season.season_changes import (
 from thrustmargin.models.identification.season.season_sums import season_sums
 
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
-CHECK, FINE = "check the instrument", "sound"
+NONE, CHECK, FINE = "no verdict", "check the instrument", "sound"
 #: Worst first: the aircraft itself, its loads, then what its instruments say of them.
-LEVELS = (FIRST, ACT, LOAD, CHECK, WATCH, FINE)
+LEVELS = (FIRST, ACT, LOAD, NONE, CHECK, WATCH, FINE)
 INSTRUMENTS = ("tank gauge", "airspeed sensor", "settings", "logs")  # parts of actions
 #: times what sound aircraft differ by, now or, as it goes on, in RECENT flights
 ACTS, FIRSTS = 3.0, 10.0
-NO_THRUST = 1e3  # weight of a flight that ended so: before all else
-#: Verdicts that ground an aircraft, and what to do then, the gravest first.
+GRAVE = 1e3  # weight of a verdict that goes before all else of its level
+#: Verdicts that ground an aircraft, the gravest first; what to do where the store does not say.
 GROUNDING = {
-    "damaged": None,  # as the report of the flight says
+    "damaged": words.GROUND_IT,
     "lost": words.GROUND_WRECK,
     "battery": words.GROUND_BATTERY,
     "no_thrust": words.GROUND_IT,
@@ -47,6 +47,7 @@ class SeasonFinding:
     weight: float  # within its level
     sentence: str
     action: str
+    verdict: str = ""  # of the flights that it is about
     flight: int | None = None  # from 0
     then: str = ""  # what was reported then
 
@@ -261,23 +262,26 @@ def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
         if bad:
             yield SeasonFinding(
                 level=FIRST,
-                weight=NO_THRUST - gravity,
+                weight=GRAVE - gravity,
                 sentence=words.grounding_sentence(verdict, len(bad), len(recent), bad[-1]),
-                action=action or bad[-1]["action"] or words.GROUND_IT,
+                action=bad[-1]["action"] or action,
+                verdict=verdict,
             )
-    heavy = [f for f in recent if _verdict_of(f) in ("critical", "over")]
-    if heavy:
-        worst = min(heavy, key=lambda f: (f["verdict"] != "critical", f["worst_margin"]))
-        yield SeasonFinding(
-            level=LOAD,
-            weight=float(len(heavy)),
-            sentence=words.margin_sentence(len(heavy), len(recent), worst),
-            action=worst["action"] or words.FILL_LESS,
-        )
+    for gravity, verdict in enumerate(("critical", "over", "near"), start=1):
+        heavy = [f for f in recent if _verdict_of(f) == verdict]
+        if heavy:
+            worst = min(heavy, key=lambda f: f["worst_margin"])
+            yield SeasonFinding(
+                level=LOAD,
+                weight=GRAVE / gravity + len(heavy),
+                sentence=words.margin_sentence(verdict, len(heavy), len(recent), worst),
+                action=worst["action"] or words.FILL_LESS,
+                verdict=verdict,
+            )
     if season.without_verdict and len(season.without_verdict) * 2 > count:
         reason, action = words.no_verdict(season.without_verdict[-1])
         yield SeasonFinding(
-            level=ACT,
+            level=NONE,
             weight=0.0,
             sentence=f"{len(season.without_verdict)} of {count} flights have no verdict: {reason}",
             action=action,

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     FIRST,
     LEVELS,
     LOAD,
+    NONE,
     WATCH,
     AircraftSeason,
     sum_of,
@@ -35,13 +36,14 @@ COLOURS = {
     FIRST: "critical",
     LOAD: "over",
     ACT: "over",
+    NONE: "unknown",
     CHECK: "unknown",
     WATCH: "unknown",
     FINE: "under",
 }
 MOST_LISTED = 20
 WIDE, HIGH = 520.0, 96.0  # of a small chart, in its own units
-HEADS = ("aircraft", "look", "flights", "hours", "worst margin", "above limit", "why", "do")
+HEADS = ("aircraft", "look", "flights", "hours", "worst margin", "to act on", "why", "do")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,7 +93,7 @@ class FleetSeason:
 
     @property
     def above_limit(self) -> list[tuple[str, Any]]:
-        """Flights above the limit, the worst first."""
+        """Flights to act on, the least margin first."""
         found = [(a.name, f) for a in self.aircraft for f in a.above_limit]
         return sorted(found, key=lambda one: one[1]["worst_margin"])[:MOST_LISTED]
 

@@ -103,7 +103,7 @@ def _with_cause(
     """What was found before; that there was no thrust left names a battery that is worn out."""
     worn = any(f.level == FIRST for f in of_batteries)
     for one in season.findings:
-        named = worn and one.action == words.GROUND_IT
+        named = worn and one.verdict == "no_thrust"
         yield replace(one, action=words.GROUND_BATTERY) if named else one
 
 

@@ -216,11 +216,21 @@ def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str,
     return f"{_GROUNDED[verdict]} in {count} of the last {recent} flights{tail}"
 
 
-def margin_sentence(bad: int, recent: int, worst: Mapping[str, Any]) -> str:
-    """Flights that used more thrust than is allowed."""
+#: What a verdict about the load is called where its flights are counted.
+_LOADED: Mapping[str, str] = MappingProxyType(
+    {
+        "critical": "a failed rotor would have brought it down",
+        "over": "above the limit",
+        "near": "near the limit, cannot tell",
+    }
+)
+
+
+def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
+    """Flights that were too heavy, or may have been."""
     least = number(100.0 * worst["worst_margin"], "%", 0)
     doing = f" in {worst['worst_doing']}" if worst["worst_doing"] else ""
     return (
-        f"above the limit in {bad} of the last {recent} flights; least thrust margin {least}, "
+        f"{_LOADED[verdict]} in {bad} of the last {recent} flights; least thrust margin {least}, "
         f"rotor {worst['worst_rotor']}{doing}"
     )
