@@ -179,8 +179,11 @@ def change_propeller(rotor: int) -> Action:
     """Of a rotor, from 1, that a season shows as worn."""
     return Action(
         "propeller",
-        f"change propeller {rotor} for a new one of the same kind; if the loss stays, look at "
-        f"motor and ESC {rotor}",
+        say(
+            "change propeller {rotor} for a new one of the same kind; if the loss stays, look at "
+            "motor and ESC {rotor}",
+            rotor=rotor,
+        ),
         When.BATTERY_OFF,
         INSPECT.never,
     )

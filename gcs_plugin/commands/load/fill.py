@@ -19,6 +19,8 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.numbers import number
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -133,9 +135,13 @@ def _check_voltage(voltage: float, nominal: float) -> None:
 
 
 def _grid(table: FillTable, state: str, volts: float, heads: list[str]) -> Table:
-    grid = Table(title=f"battery {state}, {volts:.1f} V", box=box.SIMPLE_HEAD, title_justify="left")
+    grid = Table(
+        title=f"{say(f'battery {state}')}, {number(volts, 'V')}",
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+    )
     for head in ("above the sea", *heads):
-        grid.add_column(head, justify="right")
+        grid.add_column(say(head), justify="right")
     for name, cells in table.rows(state):
         grid.add_row(name, *cells)
     return grid

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 
@@ -230,7 +231,7 @@ def _show(made: PlanForecast, console: Terminal) -> None:
     console.print(words.survivable_words(made))
     for line in (*words.sortie_words(made), words.way_back_words(made)):
         console.print(line)
-    console.print("Assumed:")
+    console.print(f"{say('Assumed')}:")
     for line in words.assumed_words(made):
         console.print(f"  {line}")
 

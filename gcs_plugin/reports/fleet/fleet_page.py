@@ -26,6 +26,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     sum_of,
 )
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
@@ -63,9 +64,9 @@ class FleetSeason:
         """The one sentence to act on."""
         first = self.aircraft[0] if self.aircraft else None
         if first is None:
-            return "no flights in the store"
+            return say("no flights in the store")
         if not first.findings or first.level in (FINE, WATCH):
-            return "no aircraft has to be looked at"
+            return say("no aircraft has to be looked at")
         return f"{first.name}: {first.findings[0].action.split(';')[0]}"
 
     @property
@@ -83,7 +84,7 @@ class FleetSeason:
         """First and last day of flying."""
         known = [f["started_unix_s"] for a in self.aircraft for f in a.flights]
         known = [s for s in known if finite(s)]
-        return f"{words.day(min(known))} to {words.day(max(known))}" if known else "no dates"
+        return f"{words.day(min(known))} to {words.day(max(known))}" if known else say("no dates")
 
     @property
     def reasons(self) -> list[tuple[str, int]]:
@@ -115,12 +116,12 @@ def cells(one: AircraftSeason) -> tuple[str, ...]:
     worst = one.worst
     return (
         one.name,
-        one.level,
+        say(one.level),
         str(len(one.flights)),
         number(one.hours, "", 1),
-        percent(worst["worst_margin"]) if worst else "unknown",
+        percent(worst["worst_margin"]) if worst else say("unknown"),
         str(len(one.above_limit)),
-        top.sentence if top else one.no_changes or words.HEALTHY,
+        top.sentence if top else one.no_changes or say(words.HEALTHY),
         top.action if top else "",
     )
 
@@ -271,8 +272,10 @@ def _plain(value: Any) -> Any:
 
 
 def as_csv(fleet: FleetSeason) -> str:
-    """One row an aircraft."""
-    return csv_text(HEADS, [cells(one) for one in fleet.aircraft])
+    """One row an aircraft; heads, levels and numbers are those of the file in every language."""
+    own = ((one, cells(one)) for one in fleet.aircraft)
+    rows = [(*c[:1], one.level, c[2], f"{one.hours:.1f}", *c[4:]) for one, c in own]
+    return csv_text(HEADS, rows)
 
 
 def csv_text(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

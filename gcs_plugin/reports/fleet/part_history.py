@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     sum_of,
 )
 from thrustmargin.gcs_plugin.reports.fleet.parts import NAN, Part, PartHistory
+from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import (
@@ -104,7 +105,7 @@ def _with_cause(
     worn = any(f.level == FIRST for f in of_batteries)
     for one in season.findings:
         named = worn and one.verdict == "no_thrust"
-        yield replace(one, action=words.GROUND_BATTERY) if named else one
+        yield replace(one, action=actions.GROUND_BATTERY.text) if named else one
 
 
 def _flights_of_parts(
