@@ -13,7 +13,11 @@ import tyro
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    UsageError,
+    check_port,
+    check_utilisation,
+)
 from thrustmargin.gcs_plugin.commands.shared.reading import (
     AS_HEARD,
     Reading,
@@ -112,6 +116,7 @@ def monitor(
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 
+    check_port(port)
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model

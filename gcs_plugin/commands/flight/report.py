@@ -59,8 +59,8 @@ def report(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the logs are read.
-        out: Page to write (.html); without it report.html, unless --json or --pdf
-            is given.
+        out: Page to write, to look at (.html) or to print (.pdf); without it report.html, unless
+            --json or --pdf is given.
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
         pdf: Write the page to this file (.pdf) too, on A4 to print; needs no browser.
@@ -86,6 +86,8 @@ def report(
         console,
     )
     check_utilisation(chosen.limit)
+    if out is not None and pdf is None and out.suffix.lower() == ".pdf":
+        out, pdf = None, out
     if out is None and json is None and pdf is None:
         out = Path("report.html")
     outputs = [

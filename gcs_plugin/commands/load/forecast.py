@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     Output,
     UsageError,
     check_outputs,
+    check_port,
     check_utilisation,
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import Share
@@ -108,6 +109,7 @@ def forecast(
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 
     check_utilisation(max_utilisation)
+    check_port(port)
     for name, value, low, high, unit in (
         ("--air-temperature", air_temperature, -60.0, 60.0, "°C"),
         ("--altitude", altitude, -430.0, 9000.0, "m"),
@@ -135,7 +137,7 @@ def forecast(
     ]
     check_outputs(outputs, inputs=[plan, model, airframe, parameters])
     if sorties is not None and not sorties.is_dir():
-        raise UsageError(f"--sorties {sorties} is no folder; make it, or give another")
+        raise DataError(f"no folder {sorties}; make it, or give another --sorties")
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.mission.ahead import plan_forecast

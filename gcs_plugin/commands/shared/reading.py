@@ -10,6 +10,7 @@ import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError
+from thrustmargin.models.errors import LogError
 
 #: °C. No multirotor flies outside these.
 COLDEST_C, HOTTEST_C = -60.0, 60.0
@@ -68,7 +69,7 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
     """The options as `read_log` and `WatchSettings` take them, checked.
 
-    Raises UsageError or LogError when one of them is impossible or two exclude each other.
+    Raises UsageError when one of them is impossible or two exclude each other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
@@ -81,7 +82,10 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
     for option, mass in given.items():
         if mass is not None and not 0.0 <= mass < math.inf:
             raise UsageError(f"{option} {mass:g} is no mass on board; give kg, 0 or more")
-    check_source(reading.tank)
+    try:
+        check_source(reading.tank)
+    except LogError as error:
+        raise UsageError(f"--tank: {error}") from error
     load, end, celsius = reading.load, reading.load_end, reading.air_temperature_c
     if load is not None:
         other = reading.tank_start_kg is not None or reading.tank.strip().lower() != "auto"
