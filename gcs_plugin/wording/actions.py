@@ -93,7 +93,7 @@ LOOK_FOR_ICE = Action(
 )
 ARMS_CARRY = Action(
     "airframe",
-    "look at what arms and booms carry; keep it in the model with --out",
+    "look at what arms and booms carry; keep it in the model with --out-model",
     When.BATTERY_OFF,
 )
 BALANCE = Action(
@@ -118,9 +118,9 @@ CONNECT_GAUGE = Action(
     "connect a tank gauge; or take the logs in with ingest --again --load KG",
     When.BATTERY_OFF,
 )
-KEEP = Action("model", "nothing to repair; keep it in the model with --out", When.DESK)
+KEEP = Action("model", "nothing to repair; keep it in the model with --out-model", When.DESK)
 REPAIRED = Action("model", "nothing to do", When.DESK)
-KEEP_AS_SEEN = Action("model", "keep it in the model with --out", When.DESK)
+KEEP_AS_SEEN = Action("model", "keep it in the model with --out-model", When.DESK)
 AIRSPEED_RATE = Action("settings", "check its filter and message rate", When.DESK)
 ESC_RATE = Action("settings", "raise the rate of ESC telemetry", When.DESK)
 ESC_SPEEDS = Action(
