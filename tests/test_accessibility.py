@@ -9,15 +9,21 @@ from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.reports.margin.report_flight import flight as reported
 from tests.gcs_plugin.view.live_flight import AIRFRAME, flying
 from tests.gcs_plugin.view.view_flight import flight as shown
+from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, fill_table, html_text
+from thrustmargin.gcs_plugin.reports.forecast import forecast_page
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.render import write_report
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 
 pytestmark = pytest.mark.browser
+#: Phone, tablet, laptop.
+WIDTHS = (390, 820, 1366)
 
 
 def serious(page) -> list[str]:
@@ -38,7 +44,7 @@ def browser():
     require_chromium()
 
 
-@pytest.mark.parametrize("width", [390, 1366])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_the_report(tmp_path: Path, width: int):
     made = build_report([reported(), reported()], max_utilisation=0.5)
     written = write_report(made, tmp_path / "report.html")
@@ -49,22 +55,36 @@ def test_the_report(tmp_path: Path, width: int):
         assert serious(page) == []
 
 
-def test_the_page_of_fills(tmp_path: Path):
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_page_of_fills(tmp_path: Path, width: int):
     model = physics_model(AIRFRAME)
     day = Day(temperature_c=30.0, altitude=100.0, voltage=AIRFRAME.nominal_voltage, airspeed=5.0)
     grid = {"temperatures_c": (20.0, 30.0), "altitudes": (0.0, 500.0)}
     table = fill_table(model, day, limit=0.5, rotor_lost=True, **grid)
     page_file = tmp_path / "fill.html"
     page_file.write_text(html_text(table), encoding="utf-8")
-    with open_page(page_file.as_uri(), width=820) as page:
+    with open_page(page_file.as_uri(), width=width) as page:
         assert serious(page) == []
 
 
-@pytest.mark.parametrize("width", [390, 1366])
-def test_the_live_page(width: int):
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("fill_kg", [4.0, 16.0])
+def test_the_page_of_a_forecast(tmp_path: Path, width: int, fill_kg: float):
+    made = forecast(plan_of(*TWO_LINES), shipped_model(), TakeOff(fill_kg=fill_kg, flow=0.04))
+    page_file = tmp_path / "forecast.html"
+    page_file.write_text(forecast_page.html_text(made, "two-lines.plan"), encoding="utf-8")
+    with open_page(page_file.as_uri(), width=width) as page:
+        assert serious(page) == []
+
+
+@pytest.mark.parametrize("night", [False, True])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_live_page(width: int, night: bool):
     with flying() as live, open_page(live.view.url, width=width) as page:
         live.fly(8.0, Vehicle(), rpm=2400)
         page.wait_for_function("document.querySelector('#tm-headline').textContent.includes('%')")
+        if night:
+            page.click("#tm-night")
         for pane in ("aircraft", "field", "charts", "alarms"):
             page.evaluate(f"document.querySelector('#tm-tabs [data-pane={pane}]').click()")
             page.wait_for_timeout(400)

@@ -199,7 +199,7 @@ def _speed_readings(log: FlightLog) -> Finding:
 
 def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
     level = track.tank_kg[np.isfinite(track.tank_kg)]
-    if not level.size:
+    if not level.size or not airframe.tank_volume_l:
         return []
     low, high = float(level.min()), float(level.max())
     good = low > -0.2 and high <= 1.05 * airframe.tank_capacity_kg

@@ -152,6 +152,9 @@ def action(advice: Advice) -> str:
     hard = FlightLevel.NO_THRUST in advice.levels or FlightLevel.OVER in advice.levels
     if hard and (advice.fill.nothing_fits is not None or FlightLevel.NO_THRUST in advice.levels):
         load = f"{load}; {actions.FLY_GENTLY.text}"
+    if advice.fill.nothing_fits == "tank" and advice.fill.start_kg > 0.0 and not within:
+        carried = number(advice.fill.start_kg, "kg")
+        load = f"{load}; {say('carry less than the {kg} of this flight', kg=carried)}"
     if not first:
         return f"{say('nothing')}; {load}" if within else load
     later = advice.fill.beyond_gauge_kg > 0.0

@@ -145,7 +145,10 @@ def forecast(
     craft = flown_airframe(model)
     given, assumed = conditions(day, altitude, craft.nominal_voltage)
     by_rate = known_pump(known, craft)
-    if "no flow" in assumed and by_rate.per_metre > 0.0:
+    if not craft.tank_volume_l:
+        given = replace(given, flow=0.0, flow_per_metre=math.nan)
+        assumed.pop("no flow", None)
+    elif "no flow" in assumed and by_rate.per_metre > 0.0:
         given = replace(given, flow_per_metre=by_rate.per_metre, most_flow=by_rate.most)
         del assumed["no flow"]
         assumed["pump rate"] = (f"{craft.pump_max_flow_l_min:g}",)

@@ -13,8 +13,17 @@ import tyro
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    UsageError,
+    check_port,
+    check_utilisation,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    Share,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, require
@@ -38,7 +47,7 @@ def monitor(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
-    max_utilisation: float = 0.5,
+    max_utilisation: Share = 0.5,
     announce: bool = False,
     announce_battery: bool = False,
     bar: int | None = None,
@@ -107,6 +116,7 @@ def monitor(
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 
+    check_port(port)
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model

@@ -117,6 +117,7 @@ def read_logs(
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
+    reading_keywords(reading)  # what is wrong on the command line is wrong in no log
     described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
     quiet = not console.is_terminal
     for path in track(logs, described, console=console, transient=True, disable=quiet):

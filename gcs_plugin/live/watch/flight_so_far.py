@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, ser
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import check_motor_order
+from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack, Floats, joined
 from thrustmargin.models.model.advice import Advice, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -53,9 +54,12 @@ class FlightSoFar:
     def advice(self) -> Advice:
         """As of a report of these rows."""
         craft = None if self.claim.withheld else flown_airframe(self.model)
-        track = prepared(self.track, craft, self.parameters)
+        claim, track = self.claim, prepared(self.track, craft, self.parameters)
+        if craft is not None:
+            # The claim was decided in the first climb, where outputs show more than the weight.
+            claim = replace(claim, outputs=output_evidence(self.track, craft, self.parameters))
         made = advise(
-            analyse(track, self.model, claim=self.claim),
+            analyse(track, self.model, claim=claim),
             limit=self.limit,
             names_known=craft is None or _names_known(track, self.model),
             history=self.faults,

@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.wording import view_words as words
-from thrustmargin.gcs_plugin.wording.language import spoken
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES, spoken
 from thrustmargin.gcs_plugin.wording.palette import legend
 from thrustmargin.models.errors import DataError
 
@@ -74,8 +74,8 @@ class PageState:
             "recorded": recorded,
             "planned": planned,
             "timeline": list(timeline),
-            "spoken": "" if spoken() == words.LANGUAGES[0] else spoken(),
-            "catalogues": {one: words.catalogue(one) for one in words.LANGUAGES},
+            "spoken": "" if spoken() == LANGUAGES[0] else spoken(),
+            "catalogues": {one: words.catalogue(one) for one in LANGUAGES},
         }
         files = resources.files("thrustmargin.gcs_plugin.view.figures")
         parts = ("software_drawing.html", "screen_style.html", "screen.html")

@@ -20,6 +20,7 @@ from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 
 MODEL = shipped_model()
+CARGO = replace(MODEL, network=None, airframe=replace(MODEL.airframe, tank_volume_l=0.0))
 
 
 def made(**day):
@@ -43,6 +44,15 @@ def test_the_verdict_comes_with_its_reason(day, starts, has):
     words = verdict(made(**day))
     assert words.startswith(starts)
     assert has in words
+
+
+def test_an_aircraft_without_a_tank_is_told_of_no_liquid():
+    bare = forecast(plan_of(*TWO_LINES), CARGO, TakeOff(fill_kg=0.0, flow=0.04))
+    assert verdict(bare).startswith("MAY TAKE OFF: ")
+    assert fill_words(bare) == "Nothing to fill: it has no tank."
+    assert len(sortie_words(bare)) == 1
+    said = " ".join((weakest_words(bare.weakest), *sortie_words(bare), *assumed_words(bare)))
+    assert not any(word in said for word in ("tank", "kg", "sprays", "()", "--flow"))
 
 
 def test_the_other_lines_say_what_they_know():
