@@ -15,6 +15,7 @@ import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
+from thrustmargin.mission.ahead.course import course
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import PlanConditions, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
@@ -121,11 +122,11 @@ def forecast(
     given = PlanConditions(
         fill_kg=now.tank_kg, density=now.density, flow=now.flow, wind_ned=now.wind_ned
     )
-    flight = fly_plan("the rest of the route", legs, limits, model, given)
+    flight = fly_plan("the rest of the route", course(legs, limits), model, given)
     volts = np.full(flight.track.time_s.size, now.voltage)
     analysis = analyse(replace(flight.track, voltage=volts), model, flight.density, claim=AHEAD)
     items = np.array([leg.item for leg in legs], dtype=np.intp)
-    return Forecast(item=items[flight.active], analysis=analysis)
+    return Forecast(item=items[flight.course.active], analysis=analysis)
 
 
 def margin_at_fill(model: RotorModel, now: Conditions, fill_kg: float, airspeed: float) -> float:

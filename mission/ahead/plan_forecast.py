@@ -15,6 +15,7 @@ import numpy as np
 
 from thrustmargin.mission.ahead.alike import parts_flown
 from thrustmargin.mission.ahead.battery import CELL, EFFICIENCY
+from thrustmargin.mission.ahead.course import Course, course
 from thrustmargin.mission.ahead.fill_along import largest_fill, survivable_below
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import (
@@ -40,7 +41,7 @@ from thrustmargin.mission.ahead.utilisation_along import (
     leg_forecast,
     weakest_place,
 )
-from thrustmargin.mission.ahead.way import TimedLeg, WayLeg, timed_legs
+from thrustmargin.mission.ahead.way import TimedLeg, timed_legs
 from thrustmargin.mission.ahead.way_back import WayBack, energy_back, way_back
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
@@ -156,24 +157,21 @@ def forecast(
     _refuse_endless(timed[: len(legs)])
 
     def fly(
-        given: PlanConditions,
-        anew: Mapping[int, Used] | None = None,
-        limits: FlightLimits = limits,
-        legs: Sequence[WayLeg] = legs,
+        way: Course, given: PlanConditions, anew: Mapping[int, Used] | None = None
     ) -> PlanFlight:
-        return fly_plan("the plan", legs, limits, model, given, origin=origin, anew=anew)
+        return fly_plan("the plan", way, model, given, origin=origin, anew=anew)
 
     if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
-        first = legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)]
-        given = _worst_wind(given, day.wind, model, lambda g: fly(g, legs=first))
+        first = course(legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)], limits)
+        given = _worst_wind(given, day.wind, model, lambda g: fly(first, g))
         assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
-    once = fly(given)
+    once = fly(course(legs, limits), given)
     peak = _peak(once, model)
     for _ in range(SLOWER):
         if not peak > 1.0:
             break
         slower = replace(limits, yaw_acceleration=0.7 * limits.yaw_acceleration)
-        other = fly(given, None, slower)
+        other = fly(course(legs, slower), given)
         if not _peak(other, model) < peak:
             break  # not the nose takes it
         once, limits, peak = other, slower, _peak(other, model)
@@ -193,9 +191,8 @@ def forecast(
         windy=given.wind_ned != STILL,
         longest_s=UNLIKE_S,
     )
-    flight = (
-        fly(given, parts.anew, limits, parts.legs) if len(timed) > len(legs) or parts.anew else once
-    )
+    way = once.course if len(timed) == len(legs) else course(parts.legs, limits)
+    flight = fly(way, given, parts.anew) if len(timed) > len(legs) or parts.anew else once
     back = energy_back(flight, limits, model, given.wind_ned)
     if len(legs) < len(timed):
         assumed["first part" if parts.unlike else "alike"] = (
@@ -229,13 +226,13 @@ def forecast(
         flight=flight,
         advised=advised,
         limits=limits,
-        legs=tuple(leg_forecast(span, analysis) for span in flight.spans),
+        legs=tuple(leg_forecast(span, analysis) for span in way.spans),
         weakest=weakest_place(flight, analysis),
         largest_fill_kg=largest_fill(
             advised,
             given,
             limit,
-            lambda g: _advise(fly(g, parts.anew, limits, parts.legs), model, limit),
+            lambda g: _advise(fly(way, g, parts.anew), model, limit),
         ),
         survivable_below_kg=survivable_below(analysis),
         needs=needed,
