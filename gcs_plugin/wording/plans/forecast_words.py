@@ -104,9 +104,10 @@ def weakest_words(weakest: WeakestPlace | None) -> str:
         (weakest.battery, "by the fallen voltage"),
     ]
     named = [
-        f"{number(100.0 * share, 'points', 0)} {why}" for share, why in sorted(parts, reverse=True)
+        f"{number(100.0 * share, 'points' if share >= 0.015 else 'point', 0)} {why}"
+        for share, why in sorted(parts, reverse=True)
         if share >= LEAST_SHARE
-    ]  # fmt: skip
+    ]
     use = percent_within(weakest.utilisation, *weakest.interval)
     beyond = "; more than the rotors can give" if weakest.utilisation > 1.0 else ""
     where = _KINDS[weakest.kind].format(weakest.item)
@@ -153,7 +154,7 @@ def sortie_words(made: ForecastParts) -> tuple[str, ...]:
     ]
     if made.needs.short_of:
         found.append(f"No split is possible: {_SHORT[made.needs.short_of]}.")
-    if len(sorties) > 1:
+    elif len(sorties) > 1:
         places = [str(s.last_item) for s in sorties[:-1]]
         more = f" and {len(places) - 8} more" if len(places) > 8 else ""
         found.append(
