@@ -155,7 +155,7 @@ class PlanWatch(Subscriber):
             self._say(of_vehicle(number, stretch_words(stretch)))
         off = which_was_off(lambda changed: to_fly.beside(changed, way, over_s=over_s), given, day)
         left = made.left_at if ended else None
-        text = beside_words([off_sentence(o) for o in off], left_at=left, compared=flight.spoken)
+        text = beside_words([off_sentence(o) for o in off], made.stretches, left_at=left)
         if text != flight.so_far:
             flight.so_far = text
             self._say(of_vehicle(number, text))

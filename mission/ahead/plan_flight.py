@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -11,17 +11,21 @@ import numpy as np
 
 from thrustmargin.mission.ahead.battery import UNKNOWN, FlightBattery, discharge, rotor_power, since
 from thrustmargin.mission.ahead.course import Course
+from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_axes
 from thrustmargin.models.model.predict import flown_airframe, predict
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
+from thrustmargin.models.physics.margin import ceiling, utilisation
 from thrustmargin.models.provenance import Provenance, SourceKind
 
 _MADE = (
     *("position_ned", "velocity_ned", "attitude", "angular_rate_frd", "specific_force_frd"),
     *("airspeed", "wind_ned", "tank_kg", "voltage", "altitude", "height_agl", "spraying"),
 )
+#: Times that a nose may turn slower, and by how much.
+SLOWER, SHARE = 6, 0.7
 FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=("from the plan",))
 FILLED = replace(FORECAST, kind=SourceKind.STATED)  # the fill is stated, the flow too
 
@@ -127,6 +131,37 @@ def fly_plan(
         sprayed_kg=sprayed[:-1],
         battery_wh=since(energy, changed, before[:, 1]),
     )
+
+
+def giving_way(
+    once: PlanFlight,
+    model: RotorModel,
+    course_by: Callable[[FlightLimits], Course],
+    fly: Callable[[Course], PlanFlight],
+) -> PlanFlight:
+    """The flight `once`, or that with a slower nose, where the rotors have no moment for its turns:
+    an autopilot gives up yaw before roll, pitch and thrust.
+
+    `course_by` gives the same way by other limits.
+    """
+    peak = largest_use(once, model)
+    for _ in range(SLOWER):
+        if not peak > 1.0:
+            break
+        limits = once.course.limits
+        slower = replace(limits, yaw_acceleration=SHARE * limits.yaw_acceleration)
+        other = fly(course_by(slower))
+        if not (lower := largest_use(other, model)) < peak:
+            break  # not the nose takes it
+        once, peak = other, lower
+    return once
+
+
+def largest_use(flight: PlanFlight, model: RotorModel) -> float:
+    """The largest utilisation on the way; NaN where nothing is predicted."""
+    limits = ceiling(flown_airframe(model), flight.density, flight.track.voltage)
+    use = utilisation(flight.rotor_speed_rpm, limits.max_rotor_speed_rpm)
+    return float(np.nanmax(use)) if np.isfinite(use).any() else math.nan
 
 
 def _flow(course: Course, pump: Bools, given: PlanConditions) -> Floats:

@@ -10,6 +10,7 @@ import bisect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from thrustmargin.mission.ahead.plan_flight import (
     PlanFlight,
     Used,
     fly_plan,
+    giving_way,
+    largest_use,
 )
 from thrustmargin.mission.ahead.plan_legs import above_ground, plan_legs
 from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT, Needs, leg_ends, needs
@@ -53,14 +56,10 @@ from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.predict import Basis, flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.margin import ceiling, utilisation
 
 STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.
 DIRECTIONS = 8
-#: Times that the nose turns by 0.7 slower where the rotors have no moment for what is asked: an
-#: autopilot gives up yaw before roll, pitch and thrust.
-SLOWER = 6
 #: s of a plan that is flown whole; of a longer one so much at first, which is about a sortie, and
 #: so much at most of the rest, of what is unlike that.
 WHOLE_S, FIRST_S, UNLIKE_S = 1350.0, 300.0, 600.0
@@ -165,16 +164,11 @@ def forecast(
         first = course(legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)], limits)
         given = _worst_wind(given, day.wind, model, lambda g: fly(first, g))
         assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
-    once = fly(course(legs, limits), given)
-    peak = _peak(once, model)
-    for _ in range(SLOWER):
-        if not peak > 1.0:
-            break
-        slower = replace(limits, yaw_acceleration=0.7 * limits.yaw_acceleration)
-        other = fly(course(legs, slower), given)
-        if not _peak(other, model) < peak:
-            break  # not the nose takes it
-        once, limits, peak = other, slower, _peak(other, model)
+    once = giving_way(
+        fly(course(legs, limits), given), model, partial(course, legs), lambda way: fly(way, given)
+    )
+    if once.course.limits.yaw_acceleration < limits.yaw_acceleration:
+        limits = once.course.limits
         assumed["nose gives way"] = (f"{math.degrees(limits.yaw_acceleration):.0f}",)
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
     cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
@@ -285,13 +279,6 @@ def _analysis(flight: PlanFlight, model: RotorModel) -> FlightAnalysis:
     return analyse(flight.track, model, flight.density, claim=PLANNED)
 
 
-def _peak(flight: PlanFlight, model: RotorModel) -> float:
-    """The largest utilisation on the way; NaN where nothing is predicted."""
-    limits = ceiling(flown_airframe(model), flight.density, flight.track.voltage)
-    use = utilisation(flight.rotor_speed_rpm, limits.max_rotor_speed_rpm)
-    return float(np.nanmax(use)) if np.isfinite(use).any() else math.nan
-
-
 def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
     return advise(_analysis(flight, model), limit=limit, planned=True)
 
@@ -306,5 +293,5 @@ def _worst_wind(
     tried = [
         replace(given, wind_ned=wind_ned(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
     ]
-    peaks = [_peak(fly(one), model) for one in tried]
+    peaks = [largest_use(fly(one), model) for one in tried]
     return tried[int(np.argmax(peaks))]

@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
 from thrustmargin.mission.ahead.course import Course, course
 from thrustmargin.mission.ahead.limits import flight_limits
-from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan
+from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan, giving_way
 from thrustmargin.mission.ahead.plan_legs import plan_legs
 from thrustmargin.mission.ahead.take_off import PLANNED, known_pump
 from thrustmargin.mission.beside.stretches import Beside, FlownWay, beside
@@ -29,7 +30,7 @@ from thrustmargin.models.physics.atmosphere import isa_density
 class PlanToFly:
     """A plan on one vehicle, to be flown under conditions."""
 
-    course: Course
+    course: Course  # by the limits of the vehicle
     model: RotorModel
     home: tuple[float, float, float]
 
@@ -42,7 +43,12 @@ class PlanToFly:
 
     def fly(self, given: PlanConditions) -> tuple[PlanFlight, FlightAnalysis]:
         """The planned flight, analysed."""
-        flight = fly_plan("the plan", self.course, self.model, given)
+
+        def fly(way: Course) -> PlanFlight:
+            return fly_plan("the plan", way, self.model, given)
+
+        legs = [timed.leg for timed in self.course.legs]
+        flight = giving_way(fly(self.course), self.model, partial(course, legs), fly)
         return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
 
     def beside(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:

@@ -15,9 +15,9 @@ import pymap3d
 
 from thrustmargin.mission.ahead.course import Span, SpanKind
 from thrustmargin.mission.ahead.plan_flight import PlanFlight
+from thrustmargin.mission.ahead.utilisation_along import worst_use
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.smoothing import moving_mean
 
 NEAR = 2.0  # m by which a flight is usually off its way
@@ -144,12 +144,10 @@ def beside(
             stretches=(), left_at=flight.course.spans[0].item if flight.course.spans else None
         )
     ends = passed(flight, flown, over_s=over_s)
-    use = forecast.known_utilisation
-    worst = np.argmax(np.nan_to_num(use, nan=-1.0), axis=1)
-    rows = np.arange(worst.size)
+    use, reach = worst_use(forecast, slice(None))
     planned = _Planned(
-        utilisation=use[rows, worst],
-        reach=INTERVAL * forecast.utilisation_error[rows, worst],
+        utilisation=use,
+        reach=reach,
         speed=np.hypot(flight.track.velocity_ned[:, 0], flight.track.velocity_ned[:, 1]),
     )
     stretches = [
