@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.mission.ahead.limits import FlightLimits
-from thrustmargin.mission.ahead.nose import heading
+from thrustmargin.mission.ahead.nose import followed, heading
 from thrustmargin.mission.ahead.way import TimedLeg, WayLeg, target, timed_legs
 from thrustmargin.models.flight import Floats
 
@@ -58,7 +58,8 @@ def course(legs: Sequence[WayLeg], limits: FlightLimits) -> Course:
     ordered = np.array([np.nan if t.leg.heading is None else t.leg.heading for t in timed])[active]
     first = next((x.vector for x in legs if not x.vertical), legs[0].vector)
     start = float(np.arctan2(first[1], first[0]))
-    yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
+    target_yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
+    yaw = followed(time_s, target_yaw, limits)
     return Course(
         legs=timed,
         limits=limits,
@@ -68,7 +69,7 @@ def course(legs: Sequence[WayLeg], limits: FlightLimits) -> Course:
         gained_ned=gained,
         yaw=yaw,
         active=active,
-        spans=_spans(timed, time_s, active, off),
+        spans=_spans(timed, time_s, active, off + target_yaw - yaw),
     )
 
 

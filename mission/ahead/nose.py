@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.signal import bilinear, lfilter
 
 from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.models.flight import Floats
@@ -57,6 +58,13 @@ def heading(
             at += rate * length
         yaw[row] = at
     return yaw, wanted - yaw
+
+
+def followed(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
+    """The yaw (T,) rad of an aircraft that is told to turn as `target` (T,) rad does, at times
+    evenly spaced: behind it by the time of the loop of angle, 1/p."""
+    lag = bilinear((1.0,), (1.0 / limits.yaw_gain, 1.0), fs=1.0 / float(time_s[1] - time_s[0]))
+    return target[0] + np.asarray(lfilter(*lag, target - target[0]))
 
 
 def _wanted(

@@ -15,7 +15,7 @@ from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 #: Standard error of a stretch's largest utilisation, as a share of it, by how it is flown: 4 to 5 %
-#: over nine flights of the campaign, by the command of docs/forecast.md.
+#: at 3,000 m and 2 % elsewhere, by the command of docs/forecast.md.
 FLOWN_ERROR = 0.05
 
 
