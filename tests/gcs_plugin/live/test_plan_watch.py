@@ -10,6 +10,7 @@ import pytest
 from tests.gcs_plugin.reports.margin.report_flight import LOG, log, model
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 from thrustmargin.gcs_plugin.live.plan_watch import PlanWatch
+from thrustmargin.gcs_plugin.wording.live_words import of_vehicle
 from thrustmargin.models.model.analysis import analyse
 
 
@@ -31,10 +32,14 @@ def fly(watch: PlanWatch, until_s: float, pieces: int = 3) -> None:
         first = end
 
 
+def watching(lines: list[str]) -> PlanWatch:
+    return PlanWatch(read_plan(LOG), model(), lambda one, text: lines.append(of_vehicle(one, text)))
+
+
 @pytest.fixture(scope="module")
 def said():
     lines = []
-    watch = PlanWatch(read_plan(LOG), model(), lines.append)
+    watch = watching(lines)
     fly(watch, until_s=1e4)
     watch.close()
     return lines
@@ -57,7 +62,7 @@ def test_flown_and_forecast_of_a_line_agree(said):
 
 def test_a_stretch_that_is_not_over_is_not_said():
     lines = []
-    watch = PlanWatch(read_plan(LOG), model(), lines.append)
+    watch = watching(lines)
     # Half-way along the first line, which takes 23 s.
     took_off = float(log().track.time_s[log().track.flying][0] - log().track.time_s[0])
     fly(watch, until_s=took_off + 20.0, pieces=1)
@@ -66,3 +71,8 @@ def test_a_stretch_that_is_not_over_is_not_said():
     watch._look(1, flight, flight.rows[0], ended=False)
     assert not any("leg to item 5" in line for line in lines)
     assert any("climb to item 1" in line for line in lines)
+
+
+def test_what_was_off_is_not_said_again_with_each_stretch(said):
+    """This flight was as forecast, which is said with the first stretch that is known."""
+    assert sum(line == "vehicle 1: flown as forecast" for line in said) == 1
