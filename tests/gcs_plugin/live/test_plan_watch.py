@@ -3,8 +3,10 @@
 # pyright: reportArgumentType=false
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG, log, model
@@ -73,6 +75,24 @@ def test_a_stretch_that_is_not_over_is_not_said():
     assert any("climb to item 1" in line for line in lines)
 
 
-def test_what_was_off_is_not_said_again_with_each_stretch(said):
-    """This flight was as forecast, which is said with the first stretch that is known."""
-    assert sum(line == "vehicle 1: flown as forecast" for line in said) == 1
+def test_a_cause_is_not_said_again_for_each_tenth_of_it():
+    """A wind that grows from 4 to 12 m/s has another mean at each stretch."""
+    lines: list[str] = []
+    watch = watching(lines)
+    track = log().track
+    wind = np.column_stack(
+        [np.linspace(4.0, 12.0, track.time_s.size), *np.zeros((2, track.time_s.size))]
+    )
+    analysis = analyse(replace(track, wind_ned=wind), model())
+    clock = track.time_s - track.time_s[0]
+    watch.on_update(SimpleNamespace(vehicle=1, analysis=analysis, first=0, clock_s=clock))
+    flight = watch._flights[1]
+    flight.parameters, rows = log().parameters, flight.rows[0]
+    for share in (0.3, 0.5, 0.7, 0.9):
+        watch._look(1, flight, rows[: int(share * len(rows))], ended=False)
+    assert sum("wind of" in line for line in lines) == 1
+    watch._look(1, flight, rows, ended=True)
+    watch.close()
+    said = [line for line in lines if "wind of" in line]
+    assert len(said) == 2
+    assert said[0] != said[1]
