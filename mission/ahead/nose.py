@@ -8,9 +8,9 @@ at its limit and changes by no more than a. So a nose that is slow to turn goes 
 from __future__ import annotations
 
 import math
+from itertools import accumulate
 
 import numpy as np
-from scipy.signal import bilinear, lfilter
 
 from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.models.flight import Floats
@@ -63,8 +63,13 @@ def heading(
 def followed(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
     """The yaw (T,) rad of an aircraft that is told to turn as `target` (T,) rad does, at times
     evenly spaced: behind it by the time of the loop of angle, 1/p."""
-    lag = bilinear((1.0,), (1.0 / limits.yaw_gain, 1.0), fs=1.0 / float(time_s[1] - time_s[0]))
-    return target[0] + np.asarray(lfilter(*lag, target - target[0]))
+    steps = limits.yaw_gain * float(time_s[1] - time_s[0])
+    keep = math.exp(-steps)
+    gone = 1.0 - keep
+    # Between rows the target is a straight line, so that this is exact.
+    added = gone * target[:-1] + (1.0 - gone / steps) * np.diff(target)
+    way = accumulate(added.tolist(), lambda at, more: keep * at + more, initial=float(target[0]))
+    return np.fromiter(way, dtype=np.float64, count=target.size)
 
 
 def _wanted(
