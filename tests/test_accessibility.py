@@ -45,14 +45,38 @@ def browser():
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_the_report(tmp_path: Path, width: int):
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_report(tmp_path: Path, width: int, scheme):
     made = build_report([reported(), reported()], max_utilisation=0.5)
     written = write_report(made, tmp_path / "report.html")
     with open_page(written.html.as_uri(), width=width) as page:
+        page.emulate_media(color_scheme=scheme)
         page.wait_for_selector("h1")
         for fold in page.locator("details").all():
             fold.evaluate("one => { one.open = true; }")
         assert serious(page) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_plan_before_take_off(tmp_path: Path, scheme):
+    """By day and night, and on a phone, a tablet and a laptop the answer needs no scrolling."""
+    made = forecast(plan_of(*TWO_LINES), physics_model(AIRFRAME), TakeOff(fill_kg=3.0, flow=0.04))
+    page_file = tmp_path / "forecast.html"
+    page_file.write_text(forecast_page.html_text(made, "north field.plan"), encoding="utf-8")
+    with open_page("about:blank") as page:
+        page.emulate_media(color_scheme=scheme)
+        for width, height in ((390, 664), (820, 1180), (1366, 768)):
+            page.set_viewport_size({"width": width, "height": height})
+            page.goto(page_file.as_uri())
+            page.wait_for_selector(".main-svg")
+            for words in ("Weakest", "Fill at most"):
+                box = page.locator(".verdict p", has_text=words).bounding_box()
+                assert box is not None
+                assert box["y"] + box["height"] < height
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert serious(page) == []
+        ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert ground == {"light": "rgb(255, 255, 255)", "dark": "rgb(11, 11, 13)"}[scheme]
 
 
 @pytest.mark.parametrize("width", WIDTHS)

@@ -212,8 +212,14 @@ def monitor(
     watch = None
     if planned is not None:
         from thrustmargin.gcs_plugin.live.plan_watch import PlanWatch
+        from thrustmargin.gcs_plugin.wording.live_words import of_vehicle
 
-        watch = PlanWatch(planned, chosen, print_line)
+        def say(vehicle: int, words: str) -> None:
+            print_line(of_vehicle(vehicle, words))
+            if page is not None:
+                page.on_plan(vehicle, words)
+
+        watch = PlanWatch(planned, chosen, say)
         live.subscribers.append(watch)
     if not sys.stdout.isatty():
         from thrustmargin.gcs_plugin.live.console import EventPrinter

@@ -85,7 +85,7 @@ class PageState:
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         """An alarm changed: a line of the history."""
-        self._note(vehicle, event.kind, event.alarm.text)
+        self.note(vehicle, event.kind, event.alarm.text)
 
     def acknowledge(self) -> None:
         """All alarms that stand now are known to the pilot."""
@@ -96,7 +96,7 @@ class PageState:
                     fresh = key not in self._known
                     self._known.add(key)
                 if fresh:
-                    self._note(one.number, "acknowledged", alarm.text)
+                    self.note(one.number, "acknowledged", alarm.text)
                     if self._acknowledged is not None:
                         self._acknowledged(one.number, alarm)
 
@@ -197,7 +197,8 @@ class PageState:
             ahead["remarks"] = list(one.update.beside_the_airframe)
         return {**entry, "figures": {**figures, **ahead}}
 
-    def _note(self, vehicle: int, kind: str, text: str) -> None:
+    def note(self, vehicle: int, kind: str, text: str) -> None:
+        """A line of the history, of now; from any thread."""
         at = time.strftime("%H:%M:%S")
         with self._lock:
             self._history.appendleft(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
@@ -36,6 +37,8 @@ class FlownFigure(Protocol):
     def forecast(self) -> float: ...
     @property
     def flown(self) -> float: ...
+    @property
+    def off(self) -> float: ...
 
 
 class AssumptionOff(Protocol):
@@ -105,12 +108,16 @@ def stretch_words(stretch: SpokenStretch) -> str:
     return f"{say(stretch.kind)} {say('to item')} {stretch.item}: {', '.join(parts)}"
 
 
-def beside_words(off: Sequence[str], *, left_at: int | None, compared: int) -> str:
+def beside_words(
+    off: Sequence[str], stretches: Sequence[SpokenStretch], *, left_at: int | None
+) -> str:
     """One sentence on what of a forecast did not come: `as forecast`, or what was off."""
     left = ""
     if left_at is not None:
         left = say("the plan was left on the way to item {item}", item=left_at)
-    if not compared:
+    if not stretches:
         return left or say("nothing of the plan was flown")
-    as_forecast = say("until then flown as forecast" if left else "flown as forecast")
-    return "; ".join(part for part in (left, *(off or (as_forecast,))) if part)
+    so = say("until then flown as forecast" if left else "flown as forecast")
+    if not any(math.isfinite(s.utilisation.off) for s in stretches):
+        so = say("its thrust in use is not known")
+    return "; ".join(part for part in (left, *(off or (so,))) if part)

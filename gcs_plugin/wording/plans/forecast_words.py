@@ -109,10 +109,10 @@ def weakest_words(weakest: WeakestPlace | None) -> str:
         (weakest.battery, say("by the fallen voltage")),
     ]
     named = [
-        f"{number(100.0 * share, say('points'), 0)} {why}"
+        f"{number(100.0 * share, say('points' if share >= 0.015 else 'point'), 0)} {why}"
         for share, why in sorted(parts, reverse=True)
         if share >= LEAST_SHARE
-    ]  # fmt: skip
+    ]
     use = percent_within(weakest.utilisation, *weakest.interval)
     beyond = say("; more than the rotors can give") if weakest.utilisation > 1.0 else ""
     where = say(_KINDS[weakest.kind], item=weakest.item)
@@ -174,7 +174,7 @@ def sortie_words(made: ForecastParts) -> tuple[str, ...]:
     ]
     if made.needs.short_of:
         found.append(f"{say('No split is possible')}: {say(_SHORT[made.needs.short_of])}.")
-    if len(sorties) > 1:
+    elif len(sorties) > 1:
         places = [str(s.last_item) for s in sorties[:-1]]
         more = say(" and {count} more", count=len(places) - 8) if len(places) > 8 else ""
         found.append(

@@ -70,6 +70,15 @@ def test_the_other_lines_say_what_they_know():
     assert plan_faults(light) == ()
 
 
+def test_where_no_split_is_possible_no_sorties_are_named():
+    """A line takes 1.1 kg: with 0.3 kg the second is another sortie, and neither can be flown."""
+    short = made(fill_kg=0.3)
+    assert len(short.needs.sorties) > 1
+    flight, no_split = sortie_words(short)
+    assert flight.startswith("Flight ")
+    assert no_split.startswith("No split is possible: one line alone takes more than the tank")
+
+
 def test_whatever_is_assumed_has_words():
     for outlook in (
         made(),
