@@ -61,7 +61,7 @@ def heading(
 
 
 def followed(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
-    """The yaw (T,) rad of an aircraft that is told to turn as `target` (T,) rad does, at times
+    """The yaw (T,) rad of an aircraft that is asked to turn as `target` (T,) rad does, at times
     evenly spaced: behind it by the time of the loop of angle, 1/p."""
     steps = limits.yaw_gain * float(time_s[1] - time_s[0])
     keep = math.exp(-steps)
