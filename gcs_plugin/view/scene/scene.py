@@ -166,7 +166,7 @@ class Scene:
         """Draw an aircraft's planned path through (W, 3) places in m, flat on the `ground`, m.
 
         Without two places none is drawn, and one that was drawn is taken away. Legs of a large
-        plan that no picture of it tells apart are drawn once.
+        plan that no picture of it can distinguish are drawn once.
         """
         name = f"/world/plan_{key}"
         legs = told_apart(points_enu[:, :2])

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import Waypoint
 
 MARGIN_LIMIT = 0.5  # where the colours of a margin change
-PIXELS = 2000  # of a picture's longer side, by which legs of a plan are told apart
+PIXELS = 2000  # of a picture's longer side, by which legs of a plan are distinguished
 #: The rotation from NED to ENU, and the one from forward-left-up to forward-right-down.
 ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_FLU = np.diag([1.0, -1.0, -1.0])
