@@ -20,8 +20,8 @@ from typing import Any
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
 from thrustmargin.gcs_plugin.commands.shared.typed import as_read, plain_optionals
 from thrustmargin.gcs_plugin.mavlink.text import clean_lines
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES
 from thrustmargin.gcs_plugin.wording.language import VARIABLE as LANGUAGE
-from thrustmargin.gcs_plugin.wording.view_words import LANGUAGES
 from thrustmargin.models.errors import ThrustMarginError
 
 #: Subcommand -> the first words of the docstring of its function, here so that the help loads none.

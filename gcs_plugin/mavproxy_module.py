@@ -89,12 +89,12 @@ OPTIONS = {
 USAGE = (
     "margin: thrust margin of every vehicle\n"
     "margin view: 3D view in the browser\n"
-    "margin max-utilisation 0.5: warn when more of a rotor's maximum thrust is in use\n"
+    "margin max-utilisation 50%: warn when more of a rotor's maximum thrust is in use\n"
     f"margin OPTION VALUE, or - for none: {', '.join(OPTIONS)}"
 )
 RENAMED = (
     "max-utilisation, the largest share of a rotor's maximum thrust that may be in use; "
-    "for a margin of 45 % write 0.55"
+    "for a margin of 45 % write 55%"
 )
 PERIOD = 0.5  # s between two looks at what the thread found
 ROW = 4  # of the console, below MAVProxy's own
@@ -145,7 +145,7 @@ class MarginModule(mp_module.MPModule):
             case ["view"]:
                 self._show_view()
             case ["max-utilisation"]:
-                print(f"margin max-utilisation {self._worker.max_utilisation:g}")
+                print(f"margin max-utilisation {100.0 * self._worker.max_utilisation:g}%")
             case ["max-utilisation", text]:
                 self._set_max_utilisation(text)
             case [name] if name in OPTIONS:
@@ -183,7 +183,7 @@ class MarginModule(mp_module.MPModule):
             print(f"margin max-utilisation {error}")
             return
         self._worker.max_utilisation = value
-        print(f"margin max-utilisation {value:g}")
+        print(f"margin max-utilisation {100.0 * value:g}%")
 
     def _set(self, name: str, text: str) -> None:
         """Watch on with an option changed; what vehicles reported of themselves is kept."""
@@ -252,11 +252,12 @@ def with_option(options: MarginOptions, name: str, text: str) -> MarginOptions:
 
 
 def usable(value: Any) -> float:
-    """`value` as a limit of thrust utilisation. Raises ValueError when it cannot be one."""
+    """`value`, 0.5 or `50%`, as a limit of thrust utilisation. Raises ValueError for no share."""
+    number, percent, _ = str(value).partition("%")
     try:
-        share = float(value)
+        share = float(number) / (100.0 if percent else 1.0)
     except (TypeError, ValueError):
         share = float("nan")
     if not 0.0 < share < 1.0:
-        raise ValueError(f"{value} is not a share; give one between 0 and 1, as in 0.5")
+        raise ValueError(f"{value} is not a share; give one between 0 and 1, such as 0.5 or 50%")
     return share

@@ -31,8 +31,9 @@ from thrustmargin.mission.plan_items import (
     MissionPlan,
     PlanItem,
     plan_from_items,
+    too_many,
 )
-from thrustmargin.mission.qgc_plan import SAVE_AGAIN, plan_of_json, plan_text, too_many
+from thrustmargin.mission.qgc_plan import SAVE_AGAIN, plan_of_json, plan_text
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.whole_file import regular, whole_file
 

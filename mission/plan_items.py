@@ -29,8 +29,8 @@ NEEDS_PLACE = frozenset({WAYPOINT, SPLINE_WAYPOINT})
 FIRMWARE_GENERIC, FIRMWARE_ARDUPILOT, FIRMWARE_PX4 = 0, 3, 12
 VEHICLE_QUADROTOR = 2
 
-#: MAVLink counts the items of a mission in 16 bits.
-MOST_ITEMS = 65_535
+#: Of a mission that is read: 10,000 places with an order at each, and more.
+MOST_ITEMS = 25_000
 NO_HOME_HEIGHT = "altitudes above home have no known height above sea level"
 
 #: What a figure of a forecast is of.
@@ -137,6 +137,8 @@ def plan_from_items(
     first place of the mission stands in, which a note of the plan says.
     Raises PlanError, in which `source` holds the mission, when there is nothing to do in it.
     """
+    if len(items) > MOST_ITEMS:
+        raise too_many(source)
     notes: tuple[str, ...] = ()
     mission = [replace(i, frame=FLOAT_FRAME.get(i.frame, i.frame)) for i in items]
     if home_first and mission:
@@ -163,6 +165,11 @@ def plan_from_items(
         home = (*places[0][:2], math.nan)
         notes = (f"home is not known and the first waypoint stands in: {NO_HOME_HEIGHT}",)
     return MissionPlan(items=tuple(mission), home=home, firmware=firmware, notes=notes)
+
+
+def too_many(source: str) -> PlanError:
+    """The refusal of what holds more items than are read."""
+    return PlanError(f"{source} has more than {MOST_ITEMS} mission items; split the plan by field")
 
 
 def check_item(item: PlanItem, where: str) -> None:

@@ -28,6 +28,7 @@ from thrustmargin.mission.plan_items import (
     PlanItem,
     check_item,
     check_place,
+    too_many,
 )
 from thrustmargin.models.errors import PlanError
 
@@ -99,11 +100,6 @@ def _version_notes(content: dict[str, Any], known: tuple[int, ...], name: str) -
             "again from QGroundControl"
         )
     return []
-
-
-def too_many(name: str) -> PlanError:
-    """The refusal of a file called `name` with more items than a mission has."""
-    return PlanError(f"{name} has more than {MOST_ITEMS} items, which no vehicle holds; split it")
 
 
 @dataclass(slots=True)

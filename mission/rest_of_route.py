@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
+from thrustmargin.mission.ahead.battery import FlightBattery
+from thrustmargin.mission.ahead.course import Course, course
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
-from thrustmargin.mission.ahead.plan_flight import PlanConditions, fly_plan
+from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan, giving_way
 from thrustmargin.mission.ahead.plan_legs import plan_legs
 from thrustmargin.mission.ahead.way import WayLeg, timed_legs
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
@@ -119,13 +121,21 @@ def forecast(
     ends = np.array([leg.end_s for leg in timed_legs(legs)])
     legs = legs[: int(np.searchsorted(ends, LONGEST_S)) + 1]
     given = PlanConditions(
-        fill_kg=now.tank_kg, density=now.density, flow=now.flow, wind_ned=now.wind_ned
+        fill_kg=now.tank_kg,
+        density=now.density,
+        flow=now.flow,
+        wind_ned=now.wind_ned,
+        battery=FlightBattery(voltage=now.voltage),
     )
-    flight = fly_plan("the rest of the route", legs, limits, model, given)
+
+    def fly(way: Course) -> PlanFlight:
+        return fly_plan("the rest of the route", way, model, given)
+
+    flight = giving_way(fly(course(legs, limits)), model, partial(course, legs), fly)
     volts = np.full(flight.track.time_s.size, now.voltage)
     analysis = analyse(replace(flight.track, voltage=volts), model, flight.density, claim=AHEAD)
     items = np.array([leg.item for leg in legs], dtype=np.intp)
-    return Forecast(item=items[flight.active], analysis=analysis)
+    return Forecast(item=items[flight.course.active], analysis=analysis)
 
 
 def margin_at_fill(model: RotorModel, now: Conditions, fill_kg: float, airspeed: float) -> float:

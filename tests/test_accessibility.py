@@ -9,15 +9,21 @@ from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.reports.margin.report_flight import flight as reported
 from tests.gcs_plugin.view.live_flight import AIRFRAME, flying
 from tests.gcs_plugin.view.view_flight import flight as shown
+from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, fill_table, html_text
+from thrustmargin.gcs_plugin.reports.forecast import forecast_page
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.render import write_report
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 
 pytestmark = pytest.mark.browser
+#: Phone, tablet, laptop.
+WIDTHS = (390, 820, 1366)
 
 
 def serious(page) -> list[str]:
@@ -38,33 +44,71 @@ def browser():
     require_chromium()
 
 
-@pytest.mark.parametrize("width", [390, 1366])
-def test_the_report(tmp_path: Path, width: int):
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_report(tmp_path: Path, width: int, scheme):
     made = build_report([reported(), reported()], max_utilisation=0.5)
     written = write_report(made, tmp_path / "report.html")
     with open_page(written.html.as_uri(), width=width) as page:
+        page.emulate_media(color_scheme=scheme)
         page.wait_for_selector("h1")
         for fold in page.locator("details").all():
             fold.evaluate("one => { one.open = true; }")
         assert serious(page) == []
 
 
-def test_the_page_of_fills(tmp_path: Path):
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_plan_before_take_off(tmp_path: Path, scheme):
+    """By day and night, and on a phone, a tablet and a laptop the answer needs no scrolling."""
+    made = forecast(plan_of(*TWO_LINES), physics_model(AIRFRAME), TakeOff(fill_kg=3.0, flow=0.04))
+    page_file = tmp_path / "forecast.html"
+    page_file.write_text(forecast_page.html_text(made, "north field.plan"), encoding="utf-8")
+    with open_page("about:blank") as page:
+        page.emulate_media(color_scheme=scheme)
+        for width, height in ((390, 664), (820, 1180), (1366, 768)):
+            page.set_viewport_size({"width": width, "height": height})
+            page.goto(page_file.as_uri())
+            page.wait_for_selector(".main-svg")
+            for words in ("Weakest", "Fill at most"):
+                box = page.locator(".verdict p", has_text=words).bounding_box()
+                assert box is not None
+                assert box["y"] + box["height"] < height
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert serious(page) == []
+        ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert ground == {"light": "rgb(255, 255, 255)", "dark": "rgb(11, 11, 13)"}[scheme]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_page_of_fills(tmp_path: Path, width: int):
     model = physics_model(AIRFRAME)
     day = Day(temperature_c=30.0, altitude=100.0, voltage=AIRFRAME.nominal_voltage, airspeed=5.0)
     grid = {"temperatures_c": (20.0, 30.0), "altitudes": (0.0, 500.0)}
     table = fill_table(model, day, limit=0.5, rotor_lost=True, **grid)
     page_file = tmp_path / "fill.html"
     page_file.write_text(html_text(table), encoding="utf-8")
-    with open_page(page_file.as_uri(), width=820) as page:
+    with open_page(page_file.as_uri(), width=width) as page:
         assert serious(page) == []
 
 
-@pytest.mark.parametrize("width", [390, 1366])
-def test_the_live_page(width: int):
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("fill_kg", [4.0, 16.0])
+def test_the_page_of_a_forecast(tmp_path: Path, width: int, fill_kg: float):
+    made = forecast(plan_of(*TWO_LINES), shipped_model(), TakeOff(fill_kg=fill_kg, flow=0.04))
+    page_file = tmp_path / "forecast.html"
+    page_file.write_text(forecast_page.html_text(made, "two-lines.plan"), encoding="utf-8")
+    with open_page(page_file.as_uri(), width=width) as page:
+        assert serious(page) == []
+
+
+@pytest.mark.parametrize("night", [False, True])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_live_page(width: int, night: bool):
     with flying() as live, open_page(live.view.url, width=width) as page:
         live.fly(8.0, Vehicle(), rpm=2400)
         page.wait_for_function("document.querySelector('#tm-headline').textContent.includes('%')")
+        if night:
+            page.click("#tm-night")
         for pane in ("aircraft", "field", "charts", "alarms"):
             page.evaluate(f"document.querySelector('#tm-tabs [data-pane={pane}]').click()")
             page.wait_for_timeout(400)

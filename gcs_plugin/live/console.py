@@ -21,7 +21,6 @@ from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST
-from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 if TYPE_CHECKING:
@@ -84,7 +83,7 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
         stale = watch.stale(now_us)
         remarks += [
             Text(words.of_vehicle(number, line), style="bold yellow")
-            for line in (watch.problem, stale, watch.not_followed)
+            for line in (watch.problem, stale, words.not_followed_words(watch.not_followed))
             if line
         ]
         if watch.last is not None:
@@ -270,8 +269,7 @@ class EventPrinter(Subscriber):
         self._print = announce
         self._heard: set[int] = set()
         self._problems: dict[int, str] = {}
-        self._claims: dict[int, AirframeClaim] = {}
-        self._in_vain: dict[int, str] = {}  # what was asked for in vain, in words
+        self._in_vain: dict[int, set[str]] = {}  # messages that were asked for in vain
         self._trouble = ""
         self._behind = False
 
@@ -281,6 +279,9 @@ class EventPrinter(Subscriber):
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         self._say(words.of_vehicle(vehicle, event.line), event.unix_s)
+
+    def on_note(self, vehicle: int, text: str, unix_s: float) -> None:
+        self._say(words.of_vehicle(vehicle, text), unix_s)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6
@@ -292,14 +293,10 @@ class EventPrinter(Subscriber):
                 self._problems[number] = watch.problem
                 line = watch.problem or words.WATCHED_AGAIN
                 self._say(words.of_vehicle(number, line), now_s)
-            if watch.not_followed and watch.not_followed != self._in_vain.get(number):
-                self._in_vain[number] = watch.not_followed
-                self._say(words.of_vehicle(number, watch.not_followed), now_s)
-            claim = watch.claim
-            if watch.last is not None and claim is not self._claims.get(number):
-                self._claims[number] = claim
-                helps = f"; {claim.remedy}" if claim.withheld else ""
-                self._say(words.of_vehicle(number, f"{claim.described}{helps}"), now_s)
+            before = self._in_vain.setdefault(number, set())
+            if not before.issuperset(in_vain := watch.not_followed):
+                before.update(in_vain)
+                self._say(words.of_vehicle(number, words.not_followed_words(in_vain)), now_s)
         recorder = self._monitor.recorder
         trouble = "" if recorder is None else recorder.status().trouble
         if trouble != self._trouble:

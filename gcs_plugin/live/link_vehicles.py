@@ -118,6 +118,9 @@ class Subscriber:
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         """An alarm was raised or cleared, or can (not) be confirmed."""
 
+    def on_note(self, vehicle: int, text: str, unix_s: float) -> None:
+        """What was noted of a vehicle that is no alarm: a restart, its airframe, its mission."""
+
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """After each round, whether or not there was anything new."""
 

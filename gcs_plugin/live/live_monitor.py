@@ -130,7 +130,7 @@ class LiveMonitor:
                 watch = replace(watch, link=str(self.recorder.telemetry))
         # Of a recording all may have been read before any is analysed.
         self.fleet = Fleet(model, watch, heard_us=self.listener.heard_us if self.live else {})
-        self._events = EventRecord(self.recorder)
+        self._events = EventRecord(self.recorder, self.subscribers)
         self._thread = threading.Thread(target=self._run, name="compute", daemon=True)
 
     def __enter__(self) -> Self:
@@ -253,13 +253,13 @@ class LiveMonitor:
                     self._newest_us = max(self._newest_us, piece[-1].stamp_us)
                 self._analyse(piece)
                 self._tick(self.now_us())
-                self._events.come_and_go(self.fleet, self.now_us())
                 self._round_over()
 
     def _round_over(self) -> None:
         now_us = self.now_us()
         for subscriber in self.subscribers:
             subscriber.on_round(self.fleet, now_us)
+        self._events.come_and_go(self.fleet, now_us)
 
     def _live_round(self, frames: list[Frame]) -> None:
         self._taken_us = frames[0].stamp_us if frames else None
@@ -275,7 +275,6 @@ class LiveMonitor:
                 self.fleet.take(self._queue.take(0.0))
                 self._listen()
         self._listen()
-        self._events.come_and_go(self.fleet, self.now_us())
         self._taken_us = None
         self._round_over()
 

@@ -20,7 +20,6 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import OUTPUTS
-from thrustmargin.gcs_plugin.wording.live_words import not_followed_words
 
 SET_MESSAGE_INTERVAL = 511
 SPACING = 0.05  # s between two requests
@@ -151,7 +150,7 @@ class RateRequester(Subscriber):
                     watch.system, target, SET_MESSAGE_INTERVAL, 0, number, 1e6 / rate, *[0] * 5
                 )
                 asked.waiting.append(request)
-        watch.not_followed = not_followed_words(in_vain)
+        watch.not_followed = in_vain
         names = wanted_parameters(watch) if watch.state.autopilot == ARDUPILOT else []
         if names and asked.parameters.due(now_s):
             asked.parameters.times, asked.parameters.last_s = asked.parameters.times + 1, now_s

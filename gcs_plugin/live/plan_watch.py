@@ -16,7 +16,6 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.wording.live_words import of_vehicle
 from thrustmargin.gcs_plugin.wording.plans.beside_words import (
     NOT_BESIDE,
     beside_words,
@@ -53,13 +52,17 @@ class _Flight:
     flown_s: float = -math.inf  # clock of its last row in flight
     ended: bool = False
     spoken: int = 0  # stretches that were spoken of
-    so_far: str = ""  # the last words on the assumptions
+    causes: object = None  # what was off by the last words on that
+    so_far: str = ""  # those words
 
 
 class PlanWatch(Subscriber):
-    """Says of each stretch of `plan` that is over how it was flown, and what was off so far."""
+    """Says of each stretch of `plan` that is over how it was flown, and what was off so far: the
+    number of the vehicle and words."""
 
-    def __init__(self, plan: MissionPlan, model: RotorModel, say: Callable[[str], None]) -> None:
+    def __init__(
+        self, plan: MissionPlan, model: RotorModel, say: Callable[[int, str], None]
+    ) -> None:
         self._plan, self._model, self._say = plan, model, say
         self._flights: dict[int, _Flight] = {}
         self._lock = threading.Lock()
@@ -121,7 +124,7 @@ class PlanWatch(Subscriber):
                 try:
                     self._look(number, flight, np.concatenate(rows), ended=now[1])
                 except PlanError as error:
-                    self._say(of_vehicle(number, str(error)))
+                    self._say(number, str(error))
                 except Exception:  # of any kind: the watch of the aircraft goes on
                     _log.exception(NOT_BESIDE)
             if last:
@@ -152,13 +155,15 @@ class PlanWatch(Subscriber):
             return
         flight.spoken = len(made.stretches)
         for stretch in new:
-            self._say(of_vehicle(number, stretch_words(stretch)))
+            self._say(number, stretch_words(stretch))
         off = which_was_off(lambda changed: to_fly.beside(changed, way, over_s=over_s), given, day)
         left = made.left_at if ended else None
-        text = beside_words([off_sentence(o) for o in off], left_at=left, compared=flight.spoken)
-        if text != flight.so_far:
-            flight.so_far = text
-            self._say(of_vehicle(number, text))
+        text = beside_words([off_sentence(o) for o in off], made.stretches, left_at=left)
+        # That a wind is 5.8 m/s now, and was 5.6, is no news; how it all was is said at the end.
+        causes = [left, *((o.what, o.mattered) for o in off)]
+        if causes != flight.causes or (ended and text != flight.so_far):
+            flight.causes, flight.so_far = causes, text
+            self._say(number, text)
 
 
 def _rows(update: Update, home: tuple[float, float, float]) -> Floats:

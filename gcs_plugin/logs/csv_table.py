@@ -127,7 +127,8 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog
         off = airborne({}, track.time_s, known, craft)
         track = replace(track, flying=off.flying, flying_by=off.by)
     track = stated_track(track, options)
-    return (log_of_track(track, path, path.stat().st_size, craft),)
+    log = log_of_track(track, path, path.stat().st_size, craft)
+    return (replace(log, other_units=tuple(unlike)),)
 
 
 FORMAT = LogFormat(

@@ -8,8 +8,13 @@ from enum import StrEnum
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, VehicleEvent
-from thrustmargin.gcs_plugin.wording.flight_words import NAMES_WRONG, event_words, loss_words
-from thrustmargin.models.checks.loss_of_control import loss_of_control
+from thrustmargin.gcs_plugin.wording.flight_words import (
+    NAMES_WRONG,
+    event_words,
+    loss_words,
+    recovered_words,
+)
+from thrustmargin.models.checks.loss_of_control import loss_of_control, recovered
 
 
 class Severity(StrEnum):
@@ -59,14 +64,22 @@ def gravest_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def loss_findings(log: FlightLog) -> list[Finding]:
-    """That control was lost, with the signs of it."""
-    losses = loss_of_control(log.track)
-    if not losses:
-        return []
-    values = {f"{one.kind} {name}": getattr(one, name) for one in losses for name in _OF_LOSS}
-    words, when = loss_words(losses), losses[0].time_s
-    grave = Severity.GRAVE
-    return [Finding(check="control", level=grave, words=words, time_s=when, values=values)]
+    """That control was lost, or nearly, with the signs of it."""
+    kinds = (
+        ("control", Severity.GRAVE, loss_of_control(log.track), loss_words),
+        ("recovered", Severity.WARNING, recovered(log.track), recovered_words),
+    )
+    return [
+        Finding(
+            check=check,
+            level=level,
+            words=words(signs),
+            time_s=signs[0].time_s,
+            values={f"{s.kind} {name}": getattr(s, name) for s in signs for name in _OF_LOSS},
+        )
+        for check, level, signs, words in kinds
+        if signs
+    ]
 
 
 _OF_LOSS = ("time_s", "value")

@@ -39,6 +39,8 @@ _OTHER_UNIT = 2.0
 #: m/s² from which shaking is strong: a quiet mount keeps each axis within 3 to 5.
 _STRONG_SHAKING = 5.0
 
+_MUCH_LOST = 1.0  # % of a file's bytes
+
 #: Verdicts of the checks that are no warning.
 _LEVELS: dict[str, Severity] = {
     **dict.fromkeys(("agrees", "follows", "close", "fits"), Severity.OK),
@@ -87,6 +89,7 @@ def inspect_log(
     that is not known is compared with nothing.
     """
     findings = [*loss_findings(log), *event_findings(log.events)]
+    findings += [Finding("units", Severity.WARNING, words) for words in log.other_units]
     findings += [*_vehicles(log), _whole(log.quality), _continuous(log)]
     order = scale = None
     found = comparisons(log.track, airframe, log.facts, log.parameters)
@@ -154,7 +157,9 @@ def _whole(quality: LogQuality) -> Finding:
         words += f"; {quality.bad_checksum} with a wrong checksum"
     # A log that ends inside its last message was only switched off.
     small = tail and worst.length < 512
-    return Finding("file", Severity.OK if small else Severity.WARNING, words)
+    # So much is no torn message: whatever happened in it is missing.
+    lost = Spoils.NUMBERS if share >= _MUCH_LOST and not small else Spoils.NOTHING
+    return Finding("file", Severity.OK if small else Severity.WARNING, words, spoils=lost)
 
 
 def _continuous(log: FlightLog) -> Finding:
@@ -194,7 +199,7 @@ def _speed_readings(log: FlightLog) -> Finding:
 
 def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
     level = track.tank_kg[np.isfinite(track.tank_kg)]
-    if not level.size:
+    if not level.size or not airframe.tank_volume_l:
         return []
     low, high = float(level.min()), float(level.max())
     good = low > -0.2 and high <= 1.05 * airframe.tank_capacity_kg

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.models.errors import LogError
+from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.whole_file import regular
 
@@ -60,7 +61,8 @@ def read_log(
     Of a log with several sorties it is the one that was longest in the air; its `sorties` says how
     many there are, and `read_sorties` gives all.
 
-    `vehicle` is the system id (default: the one that reports rotor speeds); `airframe` gives
+    `vehicle` is the system id (default: the one that reports rotor speeds, and of several the one
+    that has the rotors of `airframe`); `airframe` gives
     the number of rotors, the tank and the liquid; `sampling` puts other channels onto the rows by
     interpolation ("linear") or as a live listener would ("hold"); `tank` names the source of the
     tank level as `telemetry.tank_source` lists them; `tank_start_kg` is what a tank without a
@@ -88,25 +90,41 @@ def read_log(
 
 
 def read_sorties(
-    path: str | Path, *, vehicle: int | None = None, any_vehicle: bool = False, **options: Any
+    path: str | Path,
+    *,
+    vehicle: int | None = None,
+    any_vehicle: bool = False,
+    sought: bool = True,
+    **options: Any,
 ) -> tuple[FlightLog, ...]:
     """Every sortie of one vehicle in a log, in order, numbered; `options` as of `read_log`.
 
-    A sortie ends with a restart of the vehicle, or on the ground: disarmed, for long, or with a
-    fuller tank or battery afterwards. Where nothing flew, it is the longest stretch. Raises as
-    `read_log`.
+    Of several vehicles the one with the airframe's rotors is `sought`. A sortie ends with a restart
+    of the vehicle, or on the ground: disarmed, for long, or with a fuller tank or battery
+    afterwards. Where nothing flew, it is the longest stretch. Raises as `read_log`.
 
         >>> len(read_sorties("sitl_logs/campaign/v4_m16_q2.5.tlog"))
         1
     """
-    return _sorties(Path(path), vehicle, Options(**options), any_vehicle=any_vehicle)
+    made = Options(**options)
+    return _sorties(Path(path), vehicle, made, any_vehicle=any_vehicle, sought=sought)
 
 
 def _sorties(
-    path: Path, vehicle: int | None, options: Options, *, any_vehicle: bool
+    path: Path,
+    vehicle: int | None,
+    options: Options,
+    *,
+    any_vehicle: bool,
+    sought: bool = True,
 ) -> tuple[FlightLog, ...]:
     try:
-        kind, logs = _read_as(path, vehicle, options)
+        try:
+            kind, logs = _read_as(path, vehicle, options)
+        except AirframeError:
+            if vehicle is not None or not sought:
+                raise
+            kind, logs = _read_as(path, _that_fits(path, options), options)
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file; check the name") from error
     except OSError as error:
@@ -120,6 +138,23 @@ def _sorties(
             replace(log, track=replace(log.track, notes=(*log.track.notes, note))) for log in logs
         )
     return logs
+
+
+def _that_fits(path: Path, options: Options) -> int | None:
+    """The vehicle in the log that has the rotors of the airframe; None where none has.
+
+    Raises LogError where several have.
+    """
+    _, logs = _read_as(path, None, replace(options, airframe=None))
+    fits: list[int] = []
+    for number in logs[0].vehicles:
+        with suppress(AirframeError, LogError):
+            _read_as(path, number, options)
+            fits.append(number)
+    if len(fits) > 1:
+        there = " and ".join(map(str, fits))
+        raise LogError(f"{path.name}: the airframe fits vehicles {there}; say which with --vehicle")
+    return fits[0] if fits else None
 
 
 def _read_as(

@@ -21,11 +21,13 @@ _ID = struct.Struct("<H")
 _TYPE = re.compile(rb"[ABCDFILMOPQRS]")
 _FORMAT = re.compile(rb"([\w/-]+):((?:\w+(?:\[\d{1,5}\])? [\w\[\].]+;)+)")
 _FIELD = re.compile(rb"(\w+?)(?:\[(\d+)\])? ([\w\[\].]+);")
-_KEY = re.compile(rb"(\w+)(?:\[\d+\])? [\w\[\]. /-]+")
+_KEY = re.compile(rb"(\w+)(?:\[(\d{1,5})\])? [\w\[\]. /-]+")
+_TEXT = re.compile(rb"[^\x00]*\x00*")  # colours and all
 _BYTES = {b"int8_t": 1, b"uint8_t": 1, b"int16_t": 2, b"uint16_t": 2, b"int32_t": 4, b"uint32_t": 4}
 _BYTES |= {b"int64_t": 8, b"uint64_t": 8, b"float": 4, b"double": 8, b"bool": 1, b"char": 1}
 _TIMED = (b"uint64_t", 1, b"timestamp")  # a field that every topic of use has
 _MOST = 0xFFFF  # bytes of a message
+_LONGEST_TEXT = 1024  # bytes; PX4 writes 127 at most
 _DEEPEST = 8  # types within types
 _CHAIN = 4  # messages in a row that are no chance
 
@@ -58,6 +60,8 @@ class _Log:
         if kind == 68:  # D, by far the most
             known = self.sizes.get(_ID.unpack_from(data, start)[0]) if size > 2 else None
             return end if known and known[0] <= size - 2 <= known[1] else 0
+        if kind == 65 and size > _LONGEST_TEXT:  # A: a name
+            return 0
         body = data[start:end]
         match chr(kind):
             case "F":
@@ -69,9 +73,9 @@ class _Log:
             case "M" | "Q":
                 good = _keyed(body[1:])
             case "L":
-                good = size >= 9 and body[0] & ~0x30 < 8
+                good = size >= 9 and body[0] & ~0x30 < 8 and _is_text(body[9:])
             case "C":
-                good = size >= 11 and body[0] & ~0x30 < 8
+                good = size >= 11 and body[0] & ~0x30 < 8 and _is_text(body[11:])
             case "S":
                 good = body == SYNC
             case "O" | "R":
@@ -150,9 +154,18 @@ def _next_whole(log: _Log, at: int) -> int:
 
 
 def _keyed(body: bytes) -> bool:
-    """Whether a key stands first, and behind it a value of the size that its type says."""
+    """Whether a key stands first, and behind it a value of the size that its type says.
+
+    Any other would take thousands of bytes of what follows with it.
+    """
     size = body[0] if body else 0
     key = _KEY.fullmatch(body[1 : 1 + size])
-    if key is None or 1 + size > len(body):
+    one = None if key is None else _BYTES.get(key[1])
+    if key is None or one is None:
         return False
-    return key[1] not in _BYTES or b"[" in key[0] or len(body) - 1 - size == _BYTES[key[1]]
+    return len(body) - 1 - size == one * int(key[2] or 1)
+
+
+def _is_text(body: bytes) -> bool:
+    """Whether bytes are a line of text, and no messages behind the head of one that is none."""
+    return len(body) <= _LONGEST_TEXT and _TEXT.fullmatch(body) is not None

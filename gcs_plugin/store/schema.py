@@ -71,7 +71,7 @@ verdict | text | | damaged, lost, battery, no_thrust, critical, over, near, unde
 verdict_reason | text | | the verdict in words, or why there is none
 action | text | | what to do next, as the report says it
 limit | number | 1 | largest thrust utilisation that is allowed
-worst_margin | number | 1 | least thrust margin of a rotor
+worst_margin | number | 1 | least thrust margin of a rotor; null where a prediction alone is good
 worst_margin_low | number | 1 | lower end of its 90 % interval
 worst_rotor | whole | | which rotor, from 1
 worst_time_s | number | s | when, from the first row

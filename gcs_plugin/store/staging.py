@@ -87,9 +87,13 @@ def stage(store: SeasonStore, flight: SeasonFlight) -> None:
 
 def _known(values: dict[str, Any]) -> dict[str, Any]:
     """NaN is null in the store: a database counts with NaN as if it were a number."""
-    return {
-        k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in values.items()
-    }
+
+    def known(value: Any) -> Any:
+        if isinstance(value, list):
+            return [known(one) for one in value]
+        return None if isinstance(value, float) and not np.isfinite(value) else value
+
+    return {name: known(value) for name, value in values.items()}
 
 
 def _rows_table(flight: str, rows: Columns) -> pa.Table:

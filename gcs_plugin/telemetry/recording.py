@@ -184,6 +184,7 @@ class FlightLog(LogHeader):
     facts: VehicleFacts = field(default_factory=VehicleFacts)  # what kind of vehicle it is
     esc_voltage_offset_v: tuple[float, ...] = ()  # of each motor's ESC off the others; NaN none
     unmeasured: tuple[str, ...] = ()  # of the notes, those on ESC readings that are none
+    other_units: tuple[str, ...] = ()  # of the notes, those on columns left out for their unit
     sortie: int = 1  # its number in the log, of `sorties` in all
     sorties: int = 1
     unflown: Unflown = field(default_factory=Unflown)  # the rest of the log

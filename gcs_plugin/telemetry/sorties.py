@@ -130,13 +130,16 @@ def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) ->
     on_ground = landed_s[landed == _ON_GROUND]
     if on_ground.size and up - on_ground[0] >= LONG_DOWN:
         return float(on_ground[0]), up
+    return (down, up) if serviced(track, clock_s, down, up) else None
+
+
+def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> bool:
+    """Whether a stay from `down` to `up`, s of `clock_s` (T,), left more in tank or battery."""
     before = (clock_s > down - LOOK) & (clock_s < down)
     after = (clock_s >= up) & (clock_s < up + LOOK)
-    if up - down < SERVICE:
-        return None
     refilled = _median(track.tank_kg[after]) - _median(track.tank_kg[before]) >= REFILL_KG
     fresh = _median(track.voltage[after]) >= (1.0 + FRESH) * _median(track.voltage[before])
-    return (down, up) if refilled or fresh else None
+    return up - down >= SERVICE and bool(refilled or fresh)
 
 
 def _within(signals: Signals, channel: str, start: float, end: float) -> tuple[Floats, Floats]:

@@ -116,6 +116,10 @@ class LiveView(ViewPage, Subscriber):
         """An alarm was raised or cleared; called on the compute thread."""
         self._screen.on_event(vehicle, event)
 
+    def on_plan(self, vehicle: int, words: str) -> None:
+        """A stretch of the plan is over, or what was off so far; from any thread."""
+        self._screen.note(vehicle, "plan", words)
+
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """Ages, alarms and missions; called on the compute thread."""
         self._heard.round(fleet, now_us)

@@ -45,9 +45,10 @@ from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.model.advice import stopped_episodes
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import RotorFault
-from thrustmargin.models.model.rotor_faults import fault_history
+from thrustmargin.models.model.rotor_faults import FaultEpisode, fault_history
 
 if TYPE_CHECKING:
     import viser
@@ -126,6 +127,7 @@ class ReplayView(ViewPage):
         self._message_times = np.array([t for t, _ in self._messages])
         self._faults: list[tuple[float, tuple[RotorFault, ...]]] = []
         self._fault_times = np.empty(0)
+        self._stopped: list[FaultEpisode] = []
         self._alarms_pending = say(words.ALARMS_SOUGHT)
         self._opened = threading.Event()
         if track.time_s.size <= SEARCHED_FIRST:
@@ -192,6 +194,7 @@ class ReplayView(ViewPage):
     def _search_faults(self) -> None:
         self._faults = fault_history(self._analysis)
         self._fault_times = np.array([time_s for time_s, _ in self._faults])
+        self._stopped = stopped_episodes(self._analysis.track)
         self._alarms_pending = ""
 
     def _draw(self, *, hurry: bool) -> None:
@@ -258,9 +261,11 @@ class ReplayView(ViewPage):
 
     def _summary_at(self, time_s: float, row: ShownRow) -> VehicleSummary:
         """The margin at `time_s`, and the alarms of rotors and motors as they were live."""
-        last = int(np.searchsorted(self._fault_times, self._start_s + time_s, side="right")) - 1
-        faults = self._faults[last][1] if last >= 0 else ()
-        names = {"propeller": "rotor", "motor": "motor"}
+        at_s = self._start_s + time_s
+        last = int(np.searchsorted(self._fault_times, at_s, side="right")) - 1
+        stopped = [e.fault for e in self._stopped if e.holds(at_s)]
+        faults = (*stopped, *(self._faults[last][1] if last >= 0 else ()))
+        names = {"propeller": "rotor", "motor": "motor", "stopped": "stopped"}
         one = VehicleSummary(
             number=1,
             row=row,

@@ -91,9 +91,15 @@ LOOK_BELOW = Action("load", "look at what hangs below", When.BATTERY_OFF, "a loo
 LOOK_FOR_ICE = Action(
     "airframe", "look at ice, dirt and a load that moves", When.BATTERY_OFF, "a look in flight"
 )
+AFTER_A_JOLT = Action(
+    "airframe",
+    "look at frame, arms and propellers before it flies again",
+    When.BATTERY_OFF,
+    "a flight to try it out",
+)
 ARMS_CARRY = Action(
     "airframe",
-    "look at what arms and booms carry; keep it in the model with --out",
+    "look at what arms and booms carry; keep it in the model with --out-model",
     When.BATTERY_OFF,
 )
 BALANCE = Action(
@@ -118,9 +124,9 @@ CONNECT_GAUGE = Action(
     "connect a tank gauge; or take the logs in with ingest --again --load KG",
     When.BATTERY_OFF,
 )
-KEEP = Action("model", "nothing to repair; keep it in the model with --out", When.DESK)
+KEEP = Action("model", "nothing to repair; keep it in the model with --out-model", When.DESK)
 REPAIRED = Action("model", "nothing to do", When.DESK)
-KEEP_AS_SEEN = Action("model", "keep it in the model with --out", When.DESK)
+KEEP_AS_SEEN = Action("model", "keep it in the model with --out-model", When.DESK)
 AIRSPEED_RATE = Action("settings", "check its filter and message rate", When.DESK)
 ESC_RATE = Action("settings", "raise the rate of ESC telemetry", When.DESK)
 ESC_SPEEDS = Action(
@@ -179,8 +185,11 @@ def change_propeller(rotor: int) -> Action:
     """Of a rotor, from 1, that a season shows as worn."""
     return Action(
         "propeller",
-        f"change propeller {rotor} for a new one of the same kind; if the loss stays, look at "
-        f"motor and ESC {rotor}",
+        say(
+            "change propeller {rotor} for a new one of the same kind; if the loss stays, look at "
+            "motor and ESC {rotor}",
+            rotor=rotor,
+        ),
         When.BATTERY_OFF,
         INSPECT.never,
     )

@@ -99,9 +99,9 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
         if not advice.rotor_names:
             return f"{say(f'A {part}')}: {say(does)}"
         return f"{part} {which}: {say(does)}"
-    name = place_words(advice.rotor_names[fault.rotor]).upper()
+    place = f", {place_words(advice.places[fault.rotor]).upper()}" if advice.places else ""
     amount = "" if fault.kind == "stopped" else f"{fault_amount(fault).upper()} "
-    return f"{part} {fault.rotor + 1}, {name}: {amount}{say(does)}"
+    return f"{part} {fault.rotor + 1}{place}: {amount}{say(does)}"
 
 
 def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:
@@ -152,6 +152,9 @@ def action(advice: Advice) -> str:
     hard = FlightLevel.NO_THRUST in advice.levels or FlightLevel.OVER in advice.levels
     if hard and (advice.fill.nothing_fits is not None or FlightLevel.NO_THRUST in advice.levels):
         load = f"{load}; {actions.FLY_GENTLY.text}"
+    if advice.fill.nothing_fits == "tank" and advice.fill.start_kg > 0.0 and not within:
+        carried = number(advice.fill.start_kg, "kg")
+        load = f"{load}; {say('carry less than the {kg} of this flight', kg=carried)}"
     if not first:
         return f"{say('nothing')}; {load}" if within else load
     later = advice.fill.beyond_gauge_kg > 0.0
@@ -240,4 +243,4 @@ def sound_again(fault: RotorFault) -> str:
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
     """The fault in the words of its alarm, and when; not of which rotor where that is not known."""
     unsure = "" if advice.rotor_names else f": {say(WHICH_ROTOR)}"
-    return f"{episode_words(episode, advice.rotor_names)}{unsure}"
+    return f"{episode_words(episode, advice.places)}{unsure}"

@@ -44,7 +44,7 @@ ASKED = ("", "see messages", GENTLY, "slow down", LAND.words, "CONTROL LOST")
 _ASKS = {
     **dict.fromkeys(("margin", "predicted margin", "margin ahead"), 2),
     "saturation": 3,
-    **dict.fromkeys(("rotor", "motor", "esc", "battery", "misfit"), 4),
+    **dict.fromkeys(("stopped", "rotor", "motor", "esc", "battery", "misfit"), 4),
     "control": 5,
 }
 #: What a margin against the limit is of.

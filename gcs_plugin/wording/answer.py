@@ -74,8 +74,8 @@ def brief(advice: Advice) -> str:
     if FlightLevel.DAMAGED in advice.levels:
         rotors = suspects(advice)
         which = actions.rotors_words(rotors)
-        if len(rotors) == 1 and advice.rotor_names:
-            which += f" {place_words(advice.rotor_names[rotors[0] - 1])}"
+        if len(rotors) == 1 and advice.places:
+            which += f" {place_words(advice.places[rotors[0] - 1])}"
         return say("Do not fly: look at {rotors}", rotors=which)
     if FlightLevel.BATTERY in advice.levels:
         volts = number(advice.battery.least_cell, "V", 2)

@@ -23,6 +23,7 @@ _BECAUSE: Mapping[Reason, tuple[str, str]] = {
         "it is over the maker's maximum take-off mass",
     ),
     "tank": ("the tank holds no more", ""),
+    "unreported": ("what was not reported may be in the tank", ""),
     "as flown": (
         "with more, this flight was above {limit} of a rotor's maximum thrust",
         "this flight was above {limit} of a rotor's maximum thrust with hardly any load",
@@ -30,7 +31,7 @@ _BECAUSE: Mapping[Reason, tuple[str, str]] = {
 }
 #: Why nothing goes into an aircraft that is light enough.
 _NOTHING_FITS: Mapping[Reason, str] = {
-    "tank": "it has no tank to fill",
+    "tank": "it has no tank",
     "take-off mass": "empty it has the maker's maximum take-off mass already",
 }
 UNKNOWN_FILL = "No fill can be recommended: mass and rotors of the aircraft are not known"
@@ -72,7 +73,7 @@ def how_sure(fill: NextFill) -> str:
     )
     if fill.fresh_kg > fill.kg + 0.05:
         fresh = amount(fill.fresh_kg, fill.liquid_density)
-        parts.append(say("{amount} with the battery as at the start", amount=fresh))
+        parts.append(say("at most {amount} with the battery as at the start", amount=fresh))
     return "; ".join(parts)
 
 

@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 from math import degrees
 from types import MappingProxyType
 
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack, FlyingBy
@@ -33,20 +35,28 @@ def not_flown(track: FlightTrack) -> str:
     """Why a log without a row in flight has none; empty where one flies."""
     if track.flying.any():
         return ""
-    why = GROUNDED_BY[track.flying_by]
+    why = say(GROUNDED_BY[track.flying_by])
     if track.flying_by is FlyingBy.NOT_KNOWN:
-        return f"whether it flew is not known: {why}"
-    return f"by this log it never left the ground: {why}"
+        return say("whether it flew is not known: {why}", why=why)
+    return say("by this log it never left the ground: {why}", why=why)
 
 
 def too_short(seconds: float) -> str:
     """Why so little flight has no verdict."""
-    return f"only {number(seconds, 's')} of it in flight: too little for a verdict"
+    long = number(seconds, "s")
+    return say("only {long} of it in flight: too little for a verdict", long=long)
 
 
 def loss_words(losses: Sequence[LossOfControl]) -> str:
     """What showed that control was lost, in order of time."""
-    return ", ".join(f"{_sign(one)} at {clock(one.time_s)}" for one in losses)
+    return ", ".join(
+        say("{sign} at {clock}", sign=_sign(one), clock=clock(one.time_s)) for one in losses
+    )
+
+
+def recovered_words(signs: Sequence[LossOfControl]) -> str:
+    """What it came back from, or how hard it landed, and what to do."""
+    return f"{loss_words(signs)}, and it went on or landed: {actions.AFTER_A_JOLT.text}"
 
 
 def lost_rows(losses: Sequence[LossOfControl]) -> str:
@@ -57,14 +67,18 @@ def lost_rows(losses: Sequence[LossOfControl]) -> str:
 
 def _sign(one: LossOfControl) -> str:
     value = one.value
-    return {
-        LossKind.SATURATED: f"a motor at {percent(value)} output",
-        LossKind.NOT_AS_ASKED: f"up to {number(degrees(value), '°', 0)} off the attitude asked for",
-        LossKind.TURNED_OVER: f"tilted up to {number(degrees(value), '°', 0)}",
-        LossKind.SPUN: f"turning at up to {number(degrees(value), '°/s', 0)}",
-        LossKind.FELL: f"falling at up to {number(value, 'm/s', 0)}",
-        LossKind.HIT: f"hit something, {number(value, 'm/s²', 0)} felt",
+    words, amount = {
+        LossKind.SATURATED: ("a motor at {amount} output", percent(value)),
+        LossKind.NOT_AS_ASKED: (
+            "up to {amount} off the attitude asked for",
+            number(degrees(value), "°", 0),
+        ),
+        LossKind.TURNED_OVER: ("tilted up to {amount}", number(degrees(value), "°", 0)),
+        LossKind.SPUN: ("turning at up to {amount}", number(degrees(value), "°/s", 0)),
+        LossKind.FELL: ("falling at up to {amount}", number(value, "m/s", 0)),
+        LossKind.HIT: ("hit something, {amount} felt", number(value, "m/s²", 0)),
     }[one.kind]
+    return say(words, amount=amount)
 
 
 def event_words(kind: str, subject: str, text: str, time_s: float, count: int) -> str:

@@ -13,9 +13,10 @@ import tomllib
 from functools import cache
 from importlib import resources
 
-from thrustmargin.gcs_plugin.wording.view_words import LANGUAGES
 from thrustmargin.models.errors import DataError
 
+#: The first is what a browser of another language is shown.
+LANGUAGES = ("en", "de")
 VARIABLE = "THRUSTMARGIN_LANGUAGE"
 
 
@@ -51,6 +52,18 @@ def say(english: str, **values: object) -> str:
     if language == LANGUAGES[0]:
         return text.format(**values)
     return text.format(**{name: _comma(value) for name, value in values.items()})
+
+
+def sentence(capitals: str) -> str:
+    """A line of capitals in small letters, which in German is the text that it was made from."""
+    if spoken() == LANGUAGES[0]:
+        return capitals.lower()
+    return capitals
+
+
+def decimal(text: str) -> str:
+    """A number's text with the decimal sign of the language."""
+    return text if spoken() == LANGUAGES[0] else text.replace(".", ",")
 
 
 def _comma(value: object) -> object:

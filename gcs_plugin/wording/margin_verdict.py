@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_found
+from thrustmargin.gcs_plugin.wording.fault_words import place_words
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import (
     UNKNOWN,
     clock,
@@ -85,6 +87,7 @@ class MarginVerdict:
     basis: str  # what the utilisation rests on, in words
     speed_basis: str  # "measured", or what stands in for a rotor's speed
     measured_share: float  # of the airborne time
+    predicted_alone: bool  # no margin in it was measured, nor shown by motor outputs
     lasting_use: float  # the most of what lasts, a running median over 15 s
     lasting_use_low: float  # ends of its 90 % interval
     lasting_use_high: float
@@ -130,10 +133,10 @@ def verdict_facts(
         return (*why, Fact("what helps", claim.remedy), airframe)
     if worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
-        return (Fact("why", why), airframe)
+        return (Fact("why", say(why)), airframe)
     alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
     return (
-        *((Fact("why", PREDICTED_ALONE),) if alone else ()),
+        *((Fact("why", say(PREDICTED_ALONE)),) if alone else ()),
         *_to_do(advice),
         *(Fact(label, text) for label, text in facts(advice)),
         Fact("worst", moment_words(worst)),
@@ -155,8 +158,12 @@ def _beyond(worst: Moment) -> tuple[Fact, ...]:
     return (
         Fact(
             "beyond the ceiling",
-            f"rotor {worst.rotor} shows {more} of what the airframe says it can make: check the "
-            "battery voltage, max_rotor_speed_rpm and motor_poles (eRPM)",
+            say(
+                "rotor {rotor} shows {more} of what the airframe says it can make: check the "
+                "battery voltage, max_rotor_speed_rpm and motor_poles (eRPM)",
+                rotor=worst.rotor,
+                more=more,
+            ),
         ),
     )
 
@@ -169,27 +176,36 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     if not known.size or reported:
         return ()
     start, end = number(float(known[0]), "", 1), number(float(known[-1]), "kg", 1)
-    return (Fact("load", f"{start} to {end}, {source.words}"),)
+    falls = not end.startswith(f"{start} ")
+    load = f"{start} {say('to')} {end}" if falls else end
+    return (Fact("load", f"{load}, {source.words}"),)
 
 
 def ending_facts(track: FlightTrack) -> tuple[Fact, ...]:
     """From when on the flight is unseen, where its log ends in it."""
     if not (track.flying.size and track.flying[-1]):
         return ()
-    return (
-        Fact("log", f"ends in flight, at {clock(float(track.time_s[-1]))}: the rest is unseen"),
-    )
+    last = clock(float(track.time_s[-1]))
+    return (Fact("log", say("ends in flight, at {clock}: the rest is unseen", clock=last)),)
 
 
 def moment_words(moment: Moment) -> str:
     """Which, when and in what movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
-    parts = [f"rotor {moment.rotor}, {moment.rotor_name}, at {clock(moment.time_s)}"]
+    parts = [
+        say(
+            "rotor {rotor}, {place}, at {clock}",
+            rotor=moment.rotor,
+            place=place_words(moment.rotor_name),
+            clock=clock(moment.time_s),
+        )
+    ]
     if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
         use = moment.capacity_use, moment.capacity_use_low, moment.capacity_use_high
-        parts.append(f"{percent_within(*use)} in use, {moment.basis}")
+        parts.append(say("{use} in use", use=percent_within(*use)))
+        parts.append(say(moment.basis))
     parts += [", ".join(moment.doing)] if moment.doing else []
     if math.isfinite(moment.tank_kg):
-        parts.append(f"{number(moment.tank_kg, 'kg')} in the tank")
+        parts.append(say("{kg} on board", kg=number(moment.tank_kg, "kg")))
     where = place(moment.north, moment.east)
     return ", ".join([*parts, where] if where else parts)
 
@@ -207,16 +223,22 @@ def basis_words(
 ) -> str:
     """What the thrust utilisation of a flight rests on, s of which each is known."""
     if known_s == 0.0:
-        return "nothing measured, nothing predicted"
+        return say("nothing measured, nothing predicted")
     missing = airborne_s - known_s
-    tail = "" if missing < 0.05 * airborne_s else f"; unknown for {duration(missing)}"
+    tail = ""
+    if missing >= 0.05 * airborne_s:
+        tail = say("; unknown for {long}", long=duration(missing))
     if measured_s == 0.0:
-        why = "in the air " if analysis.track.reports("rotor_speed_rpm") else ""
-        return f"predicted; no rotor speeds {why}in this log{tail}"
+        on_the_ground = analysis.track.reports("rotor_speed_rpm")
+        where = "in the air in this log" if on_the_ground else "in this log"
+        return f"{say(f'predicted; no rotor speeds {where}')}{tail}"
     if measured_s < 0.999 * known_s:
-        part = percent(measured_s / known_s)
-        basis = analysis.speed_basis
-        return f"rotor speeds {basis} for {part} of the flight, predicted for the rest{tail}"
+        words = say(
+            "rotor speeds {basis} for {part} of the flight, predicted for the rest",
+            basis=say(analysis.speed_basis),
+            part=percent(measured_s / known_s),
+        )
+        return f"{words}{tail}"
     if np.any(analysis.from_outputs):
-        return f"rotor speeds {analysis.track.source('rotor_speed_rpm').words}{tail}"
-    return f"measured rotor speeds{tail}"
+        return f"{say('rotor speeds')} {analysis.track.source('rotor_speed_rpm').words}{tail}"
+    return f"{say('measured rotor speeds')}{tail}"

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TypeGuard
 
+from thrustmargin.gcs_plugin.wording.language import decimal, say
+
 UNKNOWN = "unknown"
 BEYOND_CEILING = "beyond the ceiling"  # of a margin below 0, which has no degrees
 #: Below so much of a unit, numbers are shown in a smaller one: how many make one, and its name.
@@ -31,11 +33,11 @@ def known(value: float | None) -> TypeGuard[float]:
 def number(value: float | None, unit: str = "", decimals: int = 1) -> str:
     """`12.3 kg`; "unknown" for NaN and None. No number is shown as minus zero."""
     if not known(value):
-        return UNKNOWN
+        return say(UNKNOWN)
     text = f"{value:,.{decimals}f}".replace(",", " ")
     if float(text.replace(" ", "")) == 0.0:
         text = text.lstrip("-")
-    text = text.replace("-", "\N{MINUS SIGN}")
+    text = decimal(text.replace("-", "\N{MINUS SIGN}"))
     return f"{text} {unit}".rstrip()
 
 
@@ -47,7 +49,7 @@ def unbroken(text: str) -> str:
 def significant(value: float | None, digits: int = 4) -> str:
     """A number of unknown size with so many digits that count, and no exponent up to a billion."""
     if not known(value):
-        return UNKNOWN
+        return say(UNKNOWN)
     if value and not 1e-4 <= abs(value) < 1e9:
         return f"{value:.{digits - 1}e}"
     size = len(str(int(abs(value)))) if abs(value) >= 1.0 else 0
@@ -68,7 +70,7 @@ def percent_within(share: float, low: float, high: float) -> str:
     """`52 % (47 to 57)`; `52 %` alone where both ends are the same, or unknown."""
     if not (known(low) and known(high)) or high - low < 1e-9:
         return percent(share)
-    ends = f"({number(low * 100.0, '', 0)} to {number(high * 100.0, '', 0)})"
+    ends = f"({number(low * 100.0, '', 0)} {say('to')} {number(high * 100.0, '', 0)})"
     return f"{percent(share)} {ends}"
 
 
@@ -97,8 +99,8 @@ def within(
         not round(end, decimals) and abs(end) > 0.01 * half for end in ends
     ):
         texts = [_rounded(v, decimals + 1) for v in (value, *ends)]
-    amount = texts[0].rstrip("0").rstrip(".") if "." in texts[0] else texts[0]
-    return f"{amount} {unit}".rstrip(), f"({texts[1]} to {texts[2]})"
+    amount = re.sub(r"[.,]0+$|([.,]\d*?)0+$", r"\1", texts[0])
+    return f"{amount} {unit}".rstrip(), f"({texts[1]} {say('to')} {texts[2]})"
 
 
 def shown_unit(unit: str, name: str = "") -> tuple[float, str]:
@@ -130,7 +132,7 @@ def more(share: float, decimals: int = 2) -> str:
 def clock(seconds: float | None) -> str:
     """`3:07` or `1:02:45` of seconds, cut to the whole second; "unknown" for NaN."""
     if not known(seconds):
-        return UNKNOWN
+        return say(UNKNOWN)
     whole = int(abs(seconds))
     hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
     text = f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
@@ -140,7 +142,7 @@ def clock(seconds: float | None) -> str:
 def duration(seconds: float | None) -> str:
     """`3 min 28 s`, `12 s`, `0.4 s`."""
     if not known(seconds):
-        return UNKNOWN
+        return say(UNKNOWN)
     if seconds < 10.0:
         return number(seconds, "s", 1)
     whole = round(seconds)
@@ -155,7 +157,7 @@ def duration(seconds: float | None) -> str:
 def area(square_metres: float | None) -> str:
     """`0.84 ha`, or square metres below a tenth of a hectare."""
     if not known(square_metres):
-        return UNKNOWN
+        return say(UNKNOWN)
     if square_metres < 1000.0:
         return number(square_metres, "m²", 0)
     return number(square_metres / 1e4, "ha", 2)
@@ -165,17 +167,18 @@ def place(north: float, east: float) -> str:
     """`12 m north, 40 m west of the start`; empty when the position is unknown."""
     if not (known(north) and known(east)):
         return ""
-    along = f"{abs(north):.0f} m {'north' if north >= 0 else 'south'}"
-    across = f"{abs(east):.0f} m {'east' if east >= 0 else 'west'}"
-    return f"{along}, {across} of the start"
+    along = f"{abs(north):.0f} m {say('north' if north >= 0 else 'south')}"
+    across = f"{abs(east):.0f} m {say('east' if east >= 0 else 'west')}"
+    return say("{along}, {across} of the start", along=along, across=across)
 
 
 def from_direction(degrees: float) -> str:
     """`from SE (142°)`; "unknown" for NaN."""
     if not known(degrees):
-        return UNKNOWN
+        return say(UNKNOWN)
     names = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
-    return f"from {names[round(degrees / 45.0) % 8]} ({degrees % 360:.0f}°)"
+    where = f"{say(names[round(degrees / 45.0) % 8])} ({degrees % 360:.0f}°)"
+    return say("from {where}", where=where)
 
 
 DEGREES = 180.0 / math.pi

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
 from thrustmargin.gcs_plugin.wording.numbers import clock, known, number, percent
 from thrustmargin.models.model.margin_check import MarginCheck
@@ -31,7 +32,7 @@ WITHOUT: Mapping[str, str] = {
 }
 #: Rows of the table of load matching.
 LIQUID, LOAD, RATIO, NAMEPLATE = (
-    "liquid in the tank",
+    "liquid on board",
     "load a rotor",
     "full over empty, start over end",
     "load over the maker's maximum thrust",
@@ -41,7 +42,7 @@ IN_HOVER, IN_FLIGHT = (
     "thrust in use in flight, mean of the rotors",
 )
 #: Axes and lines of charts.
-IN_USE, OVER_WEIGHT, IN_THE_TANK = "thrust in use", "thrust over weight", "in the tank"
+IN_USE, OVER_WEIGHT, IN_THE_TANK = "thrust in use", "thrust over weight", "on board"
 MEAN_ROTOR = "mean of the rotors"
 LOAD_INFERRED, TANK_SPRAYING = "load inferred, 90 % interval", "tank while spraying"
 MEASURED_MINUS_PREDICTED = "measured minus predicted"
@@ -59,14 +60,18 @@ NO_ROW_OF_BOTH = "No airborne row has both a measured and a predicted rotor spee
 def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
     """Thrust in use as predicted and as measured, and how often the interval held."""
     steps = ", ".join(
-        f"{step.name} {percent(step.predicted)} ({percent(step.measured)})" for step in check.steps
+        f"{say(step.name)} {percent(step.predicted)} ({percent(step.measured)})"
+        for step in check.steps
     )
-    held = ""
+    parts = [say("thrust in use, as measured in brackets: {steps}", steps=steps)]
     if known(check.coverage):
-        held = f"; its interval held in {percent(check.coverage)} of rows"
-        held += f", made for {percent(check.promised)}" if known(check.promised) else ""
-    learnt = "; the model learnt from this flight, so a new one may differ more"
-    return f"thrust in use, as measured in brackets: {steps}{held}{learnt if trained_on else ''}"
+        held = say("its interval held in {share} of rows", share=percent(check.coverage))
+        if known(check.promised):
+            held += say(", made for {share}", share=percent(check.promised))
+        parts.append(held)
+    if trained_on:
+        parts.append(say("the model learnt from this flight, so a new one may differ more"))
+    return "; ".join(parts)
 
 
 #: Of a table of fills.
@@ -80,70 +85,85 @@ NO_MAKERS_LIMIT = "The airframe file has no max_takeoff_mass: the maker's limit 
 
 
 def other_kind(learnt: str, here: str) -> str:
-    return (
-        f"it learnt from rotor speeds {learnt} and this flight's are {here}: part of the "
-        "difference from the prediction is that of the two kinds"
+    return say(
+        "it learnt from rotor speeds {learnt} and this flight's are {here}: part of the "
+        "difference from the prediction is that of the two kinds",
+        learnt=say(learnt),
+        here=say(here),
     )
 
 
 def trained_at(
     airspeed: Sequence[float], tank_kg: Sequence[float], density: Sequence[float]
 ) -> str:
-    return (
-        f"trained at {airspeed[0]:.1f} to {airspeed[1]:.1f} m/s airspeed, "
-        f"{tank_kg[0]:.1f} to {tank_kg[1]:.1f} kg in the tank, "
-        f"{density[0]:.3f} to {density[1]:.3f} kg/m³"
+    return say(
+        "trained at {airspeed} m/s airspeed, {load} kg on board, {density} kg/m³",
+        airspeed=f"{airspeed[0]:.1f} to {airspeed[1]:.1f}",
+        load=f"{tank_kg[0]:.1f} to {tank_kg[1]:.1f}",
+        density=f"{density[0]:.3f} to {density[1]:.3f}",
     )
 
 
 def interval_made(coverage: float, flights: int) -> str:
-    return (
-        f"interval made to hold {coverage * 100:.0f} % on flights like its "
-        f"{flights} training flights"
+    return say(
+        "interval made to hold {share} on flights like its {count} training flights",
+        share=percent(coverage),
+        count=flights,
     )
 
 
 def in_brackets(confidence: float, blocks: int, block_s: float) -> str:
-    return (
-        f"In brackets the {confidence * 100:.0f} % interval, from {blocks} blocks of "
-        f"{block_s:.0f} s of this flight: it covers its gusts and turns, not other days."
+    return say(
+        "In brackets the {share} interval, from {blocks} blocks of {length} of this flight: it "
+        "covers its gusts and turns, not other days.",
+        share=percent(confidence),
+        blocks=blocks,
+        length=number(block_s, "s", 0),
     )
 
 
 def no_intervals(blocks: int, fewest: int, block_s: float) -> str:
-    return (
-        f"No intervals: the flight has {blocks} blocks of {block_s:.0f} s, and fewer than "
-        f"{fewest} cannot show how sure a figure is."
+    return say(
+        "No intervals: the flight has {blocks} blocks of {length}, and fewer than {fewest} cannot "
+        "show how sure a figure is.",
+        blocks=blocks,
+        length=number(block_s, "s", 0),
+        fewest=fewest,
     )
 
 
 def not_measured(basis: str) -> str:
-    return f"The rotor speeds are {basis}: they cannot check the prediction."
+    words = "The rotor speeds are {basis}: they cannot check the prediction."
+    return say(words, basis=say(basis))
 
 
 def no_error(why: str) -> str:
-    return f"No prediction error: {why}."
+    return say("No prediction error: {why}.", why=say(why))
 
 
 def day_words(temperature_c: float, altitude: float, voltage: float, airspeed: float) -> str:
     """Conditions of a fill: °C, m AMSL, V under load, m/s into the wind."""
-    return (
-        f"{number(temperature_c, '°C', 0)}, {number(altitude, 'm', 0)} above the sea, battery at "
-        f"{number(voltage, 'V')}, {number(airspeed, 'm/s')} through the air"
+    return say(
+        "{celsius}, {altitude} above the sea, battery at {volts}, {airspeed} through the air",
+        celsius=number(temperature_c, "°C", 0),
+        altitude=number(altitude, "m", 0),
+        volts=number(voltage, "V"),
+        airspeed=number(airspeed, "m/s"),
     )
 
 
 def fill_line(limit: float) -> str:
-    return f"most for {percent(limit)} in steady flight"
+    return say("most for {share} in steady flight", share=percent(limit))
 
 
 def fill_limit(limit: float, *, rotor_lost: bool) -> str:
-    also = f", and {ONE_LOST}: {SPINS}." if rotor_lost else "."
-    return f"Limit: {percent(limit)} of a rotor's maximum thrust in steady flight{also}"
+    also = f", {say('and')} {say(ONE_LOST)}: {say(SPINS)}." if rotor_lost else "."
+    words = "Limit: {share} of a rotor's maximum thrust in steady flight"
+    return f"{say(words, share=percent(limit))}{also}"
 
 
 def guessed(names: Sequence[str]) -> str:
-    return f"Guessed in the airframe file: {', '.join(names)}."
+    return f"{say('Guessed in the airframe file')}: {', '.join(names)}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,8 +229,8 @@ def contact_headline(contact: FirstContact) -> str:
     """`Motors at 63 %, worst 83 %`: outputs or speeds for what they are, no thrust."""
     median, worst = percent(contact.median_use), percent(contact.worst_use)
     if contact.basis == "motor outputs":
-        return f"Motors at {median}, worst {worst}"
-    return f"Rotors at {median} of the highest speed seen"
+        return say("Motors at {median}, worst {worst}", median=median, worst=worst)
+    return say("Rotors at {median} of the highest speed seen", median=median)
 
 
 def contact_facts(contact: FirstContact) -> tuple[Fact, ...]:
@@ -218,7 +238,7 @@ def contact_facts(contact: FirstContact) -> tuple[Fact, ...]:
     return (
         Fact(contact.basis, _use_words(contact)),
         Fact("in the log", found_words(contact)),
-        Fact("thrust", "not known yet: only the owner can say these"),
+        Fact("thrust", say("not known yet: only the owner can say these")),
         *(Fact(option, words) for option, words in option_words(contact.asked)),
         Fact(TO_COPY[0], command(contact)),
         Fact(TO_COPY[1], f"thrustmargin airframe new --from {contact.log}"),
@@ -230,19 +250,31 @@ TO_COPY = ("to copy", "or be asked")
 
 
 def _use_words(contact: FirstContact) -> str:
-    when = f"motor {contact.worst_motor} at {clock(contact.worst_time_s)}"
-    median, worst = percent(contact.median_use), percent(contact.worst_use)
+    known_use = {
+        "median": percent(contact.median_use),
+        "worst": percent(contact.worst_use),
+        "motor": contact.worst_motor,
+        "clock": clock(contact.worst_time_s),
+    }
     if contact.basis == "motor outputs":
-        return f"median {median} of full output, most {worst}, {when}; an output is no thrust"
-    top = number(contact.highest_rpm, "rpm", 0)
-    return f"median {median} of the highest speed seen, {top}, {when}; full speed is not known"
+        return say(
+            "median {median} of full output, most {worst}, motor {motor} at {clock}; an output is "
+            "no thrust",
+            **known_use,
+        )
+    return say(
+        "median {median} of the highest speed seen, {top}, motor {motor} at {clock}; full speed is "
+        "not known",
+        top=number(contact.highest_rpm, "rpm", 0),
+        **known_use,
+    )
 
 
 def found_words(contact: FirstContact) -> str:
     """What the log says of the aircraft, as a list."""
-    layout = contact.layout or "layout not known"
-    order = "in its motor order" if contact.motor_order_known else "motor order not known"
-    cells = f"{contact.cells} cells" if contact.cells else "battery cells not known"
+    layout = contact.layout or say("layout not known")
+    order = say("in its motor order" if contact.motor_order_known else "motor order not known")
+    cells = say("{count} cells", count=contact.cells)
     hover = contact.hover_s if known(contact.hover_s) else 0.0
     has = {
         "ESC speeds": contact.esc_speeds,
@@ -251,12 +283,15 @@ def found_words(contact: FirstContact) -> str:
     }
     return ", ".join(
         (
-            f"{contact.motors} motors",
+            say("{count} motors", count=contact.motors),
             f"{layout} {order}" if contact.layout else layout,
-            cells,
-            f"{number(hover, 's', 0)} of steady hover",
-            *(name if there else f"no {name}" for name, there in has.items()),
-            f"autopilot {contact.autopilot}",
+            cells if contact.cells else say("battery cells not known"),
+            say("{long} of steady hover", long=number(hover, "s", 0)),
+            *(
+                say(name) if there else say("no {what}", what=say(name))
+                for name, there in has.items()
+            ),
+            say("autopilot {name}", name=contact.autopilot),
         )
     )
 
@@ -268,7 +303,10 @@ def option_words(asked: Sequence[str]) -> list[tuple[str, str]]:
         names += ("propeller", "max_thrust_kgf") if name == "power_set" else (name,)
     set_too = _OR_POWER_SET if "power_set" in asked else ""
     return [
-        (QUESTIONS[n].option, QUESTIONS[n].words + (set_too if n == "propeller" else ""))
+        (
+            QUESTIONS[n].option,
+            say(QUESTIONS[n].words) + (say(set_too) if n == "propeller" and set_too else ""),
+        )
         for n in names
     ]
 

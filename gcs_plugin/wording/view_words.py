@@ -13,8 +13,6 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.wording.numbers import margin_or_beyond
 
-#: The first is what a browser of another language is shown.
-LANGUAGES = ("en", "de")
 PREDICTED = "predicted"
 NOTHING_KNOWN = "no rotor speed and no prediction"
 SCREEN_REFUSES = "only the page of this view may do that"

@@ -78,6 +78,7 @@ class LegProfile:
         )
 
 
+@lru_cache(maxsize=4096)
 def leg_profile(
     length: float, speed: float, acceleration: float, jerk: float, snap: float
 ) -> LegProfile:

@@ -35,6 +35,7 @@ class FlightLimits:
     yaw_rate: float  # rad/s
     yaw_acceleration: float  # rad/s²
     yaw_time: float  # s in which a small error of heading is turned away
+    yaw_gain: float  # rad/s for a rad of error
     nose_ahead: bool  # the nose follows the way flown
     sprays_by_speed: bool  # the pump's flow follows the speed over ground
     spray_speed: float = 0.0  # m/s below which the pump rests
@@ -59,6 +60,7 @@ _ARDUPILOT: Mapping[str, tuple[str, str, float, float]] = {
     "yaw_rate_deg": ("ATC_RATE_Y_MAX", "ATC_RATE_Y_MAX", 1.0, 0.0),
     "yaw_acceleration_deg": ("ATC_ACCEL_Y_MAX", "ATC_ACC_Y_MAX", CENTI, 270.0),
     "yaw_time": ("ATC_INPUT_TC", "ATC_INPUT_TC", 1.0, 0.15),
+    "yaw_gain": ("ATC_ANG_YAW_P", "ATC_ANG_YAW_P", 1.0, 4.5),
     "yaw_behaviour": ("WP_YAW_BEHAVIOR", "WP_YAW_BEHAVIOR", 1.0, 2.0),
     "spray_speed": ("SPRAY_SPEED_MIN", "SPRAY_SPEED_MIN", CENTI, 1.0),
 }
@@ -77,6 +79,7 @@ _PX4: Mapping[str, tuple[str, str, float, float]] = {
     "return_height": ("RTL_RETURN_ALT", "RTL_RETURN_ALT", 1.0, 60.0),
     "yaw_rate_deg": ("MPC_YAWRAUTO_MAX", "MPC_YAWRAUTO_MAX", 1.0, 60.0),
     "yaw_acceleration_deg": ("MPC_YAWRAUTO_ACC", "MPC_YAWRAUTO_ACC", 1.0, 20.0),
+    "yaw_gain": ("MC_YAW_P", "MC_YAW_P", 1.0, 2.8),
     "yaw_behaviour": ("MPC_YAW_MODE", "MPC_YAW_MODE", 1.0, 0.0),
 }
 PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes

@@ -8,6 +8,7 @@ at its limit and changes by no more than a. So a nose that is slow to turn goes 
 from __future__ import annotations
 
 import math
+from itertools import accumulate
 
 import numpy as np
 
@@ -57,6 +58,18 @@ def heading(
             at += rate * length
         yaw[row] = at
     return yaw, wanted - yaw
+
+
+def followed(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
+    """The yaw (T,) rad of an aircraft that is asked to turn as `target` (T,) rad does, at times
+    evenly spaced: behind it by the time of the loop of angle, 1/p."""
+    steps = limits.yaw_gain * float(time_s[1] - time_s[0])
+    keep = math.exp(-steps)
+    gone = 1.0 - keep
+    # Between rows the target is a straight line, so that this is exact.
+    added = gone * target[:-1] + (1.0 - gone / steps) * np.diff(target)
+    way = accumulate(added.tolist(), lambda at, more: keep * at + more, initial=float(target[0]))
+    return np.fromiter(way, dtype=np.float64, count=target.size)
 
 
 def _wanted(

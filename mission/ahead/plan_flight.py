@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thrustmargin.mission.ahead.battery import UNKNOWN, FlightBattery, discharge, rotor_power, since
+from thrustmargin.mission.ahead.course import Course
 from thrustmargin.mission.ahead.limits import FlightLimits
-from thrustmargin.mission.ahead.nose import heading
-from thrustmargin.mission.ahead.way import TimedLeg, WayLeg, target, timed_legs
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_axes
 from thrustmargin.models.model.predict import flown_airframe, predict
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
+from thrustmargin.models.physics.margin import ceiling, utilisation
 from thrustmargin.models.provenance import Provenance, SourceKind
 
-SpanKind = Literal["leg", "turn", "climb", "wait"]
-STEP = 0.1  # s between rows
-BEND = math.radians(15.0)  # by which a way bends at least in a turn
-UNEASY = math.radians(3.0)  # rad off its heading, or rad/s, with which a turn is not over
 _MADE = (
     *("position_ned", "velocity_ned", "attitude", "angular_rate_frd", "specific_force_frd"),
     *("airspeed", "wind_ned", "tank_kg", "voltage", "altitude", "height_agl", "spraying"),
 )
+#: Times that a nose may turn slower, and by how much.
+SLOWER, SHARE = 6, 0.7
 FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=("from the plan",))
 FILLED = replace(FORECAST, kind=SourceKind.STATED)  # the fill is stated, the flow too
 
@@ -54,63 +50,40 @@ class Used(NamedTuple):
     wh: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Span:
-    """A stretch of the flight: rows from `first` up to `last`, which is not in it."""
-
-    item: int  # number of the mission item flown to; of a turn, that at its corner
-    kind: SpanKind
-    first: int
-    last: int
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanFlight:
     """A planned flight of T rows."""
 
     track: FlightTrack
     density: Floats  # (T,) kg/m³
-    spans: tuple[Span, ...]
+    course: Course
     rotor_speed_rpm: Floats  # (T, R) predicted
     energy_wh: Floats  # (T,) given so far, of all batteries
     sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
-    active: NDArray[np.intp]  # (T,) number of the leg being flown, from 0
     battery_wh: Floats  # (T,) given so far, of the present battery
-    legs: tuple[TimedLeg, ...]
 
 
 def fly_plan(
     name: str,
-    legs: Sequence[WayLeg],
-    limits: FlightLimits,
+    course: Course,
     model: RotorModel,
     given: PlanConditions,
     *,
     origin: Origin | None = None,
     anew: Mapping[int, Used] | None = None,
 ) -> PlanFlight:
-    """The flight of `legs` from the ground to where the last one ends.
+    """The flight along `course`, from the ground to where its last leg ends.
 
     From the legs with the numbers `anew`, from 0, on tank and battery have given so much: nothing
     after a refill, the ways to and from which are left out, and something where a part is left out.
     """
-    timed = timed_legs(legs)
-    end = timed[-1].end_s + legs[-1].wait_s
-    time_s = np.linspace(0.0, end, max(math.ceil(end / STEP), 2) + 1)
-    place, velocity, gained = target(timed, time_s)
-    active = np.searchsorted([t.active_s for t in timed], time_s, side="right") - 1
-    active = np.maximum(active, 0)
-    ordered = np.array([np.nan if t.leg.heading is None else t.leg.heading for t in timed])[active]
-    first = next((x.vector for x in legs if not x.vertical), legs[0].vector)
-    start = float(np.arctan2(first[1], first[0]))
-    yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
+    time_s, velocity, active = course.time_s, course.velocity_ned, course.active
     seconds = np.diff(time_s, append=time_s[-1])
     anew = anew or {}
     changed = np.searchsorted(active, sorted(k for k in anew if k <= active[-1]))
     before = np.array([anew[int(k)] for k in active[changed]]).reshape(-1, 2)
-    pump = np.array([t.leg.pump for t in timed], dtype=np.bool_)[active]
-    line_speed = np.array([t.leg.level_speed for t in timed])[active]
-    sprayed = np.append(0.0, np.cumsum(_flow(velocity, pump, line_speed, limits, given) * seconds))
+    pump = np.array([t.leg.pump for t in course.legs], dtype=np.bool_)[active]
+    sprayed = np.append(0.0, np.cumsum(_flow(course, pump, given) * seconds))
     tank = np.maximum(given.fill_kg - since(sprayed[:-1], changed, before[:, 0]), 0.0)
     wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
     through = velocity - wind
@@ -120,22 +93,22 @@ def fly_plan(
     if model.forward_flight is not None:
         slowing = steady_slowing(model.forward_flight, airspeed, mass, given.density)
         drag = -slowing[:, None] * through / np.maximum(airspeed, 1e-9)[:, None]
-    attitude = _attitude(gained - drag, yaw)
+    attitude = _attitude(course.gained_ned - drag, course.yaw)
     rotors = model.airframe.rotor_count
     track = FlightTrack.of(
         name=name,
         time_s=time_s,
         rotor_count=rotors,
-        position_ned=place,
+        position_ned=course.place_ned,
         velocity_ned=velocity,
         attitude=attitude,
         angular_rate_frd=_rates(time_s, attitude),
-        specific_force_frd=_felt(gained, attitude),
+        specific_force_frd=_felt(course.gained_ned, attitude),
         airspeed=airspeed,
         wind_ned=wind.copy(),
         tank_kg=tank,
-        height_agl=-place[:, 2],
-        altitude=-place[:, 2] + (0.0 if origin is None else origin.altitude),
+        height_agl=-course.place_ned[:, 2],
+        altitude=-course.place_ned[:, 2] + (0.0 if origin is None else origin.altitude),
         spraying=pump.astype(np.float64),
         voltage=np.full(time_s.size, np.nan),
         origin=origin,
@@ -152,24 +125,53 @@ def fly_plan(
     return PlanFlight(
         track=track,
         density=density,
-        spans=_spans(timed, time_s, off),
+        course=course,
         rotor_speed_rpm=speed,
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
-        active=active,
         battery_wh=since(energy, changed, before[:, 1]),
-        legs=timed,
     )
 
 
-def _flow(
-    velocity: Floats, pump: Bools, line_speed: Floats, limits: FlightLimits, given: PlanConditions
-) -> Floats:
+def giving_way(
+    once: PlanFlight,
+    model: RotorModel,
+    course_by: Callable[[FlightLimits], Course],
+    fly: Callable[[Course], PlanFlight],
+) -> PlanFlight:
+    """The flight `once`, or that with a slower nose, where the rotors have no moment for its turns:
+    an autopilot gives up yaw before roll, pitch and thrust.
+
+    `course_by` gives the same way by other limits.
+    """
+    peak = largest_use(once, model)
+    for _ in range(SLOWER):
+        if not peak > 1.0:
+            break
+        limits = once.course.limits
+        slower = replace(limits, yaw_acceleration=SHARE * limits.yaw_acceleration)
+        other = fly(course_by(slower))
+        if not (lower := largest_use(other, model)) < peak:
+            break  # not the nose takes it
+        once, peak = other, lower
+    return once
+
+
+def largest_use(flight: PlanFlight, model: RotorModel) -> float:
+    """The largest utilisation on the way; NaN where nothing is predicted."""
+    limits = ceiling(flown_airframe(model), flight.density, flight.track.voltage)
+    use = utilisation(flight.rotor_speed_rpm, limits.max_rotor_speed_rpm)
+    return float(np.nanmax(use)) if np.isfinite(use).any() else math.nan
+
+
+def _flow(course: Course, pump: Bools, given: PlanConditions) -> Floats:
     """(T,) kg/s that the pump gives."""
+    limits, velocity = course.limits, course.velocity_ned
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     if given.flow_per_metre > 0.0:
         flow = given.flow_per_metre * speed
     elif limits.sprays_by_speed:
+        line_speed = np.array([t.leg.level_speed for t in course.legs])[course.active]
         flow = given.flow * np.minimum(speed / line_speed, 1.0)
     else:
         flow = np.full(speed.size, given.flow)
@@ -203,43 +205,3 @@ def _felt(gained: Floats, attitude: Floats) -> Floats:
     """(T, 3) m/s² that the IMU feels forward, right, down."""
     force = gained - np.array([0.0, 0.0, G0])
     return np.column_stack([np.sum(force * axis, axis=1) for axis in body_axes(attitude)])
-
-
-def _spans(timed: Sequence[TimedLeg], time_s: Floats, off: Floats) -> tuple[Span, ...]:
-    """Turns, from braking to where speed is regained and the nose is at rest; what is between them
-    is the leg, climb or wait that it is part of."""
-    uneasy = np.abs(off) > UNEASY
-    turns: list[tuple[float, float, int]] = []
-    for one, two in pairwise(timed):
-        a, b = one.leg.vector[:2], two.leg.vector[:2]
-        if one.leg.vertical or two.leg.vertical:
-            continue
-        bend = abs(math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b)))
-        if bend < BEND:
-            continue
-        begin, end = one.end_s - one.profile.pulse.seconds, two.start_s + two.profile.pulse.seconds
-        row = int(np.searchsorted(time_s, end))
-        while row < time_s.size and uneasy[row]:
-            row += 1
-        end = float(time_s[min(row, time_s.size - 1)])
-        if turns and begin < turns[-1][1]:
-            turns[-1] = (turns[-1][0], max(end, turns[-1][1]), turns[-1][2])
-        else:
-            turns.append((begin, end, one.leg.item))
-    label = np.full(time_s.size, -1)
-    for k, (begin, end, _) in enumerate(turns):
-        label[np.searchsorted(time_s, begin) : np.searchsorted(time_s, end)] = k
-    active = np.searchsorted([t.active_s for t in timed], time_s, side="right") - 1
-    resting = time_s > np.array([t.end_s for t in timed])[np.maximum(active, 0)]
-    mark = np.where(label >= 0, -1 - label, 2 * np.maximum(active, 0) + resting)
-    cuts = np.concatenate([[0], np.flatnonzero(np.diff(mark)) + 1, [time_s.size]])
-    found = []
-    for first, last in pairwise(cuts.tolist()):
-        code = int(mark[first])
-        if code < 0:
-            found.append(Span(item=turns[-1 - code][2], kind="turn", first=first, last=last))
-            continue
-        leg = timed[code // 2].leg
-        kind: SpanKind = "wait" if code % 2 else "climb" if leg.vertical else "leg"
-        found.append(Span(item=leg.item, kind=kind, first=first, last=last))
-    return tuple(found)

@@ -10,11 +10,13 @@ import bisect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from thrustmargin.mission.ahead.alike import parts_flown
 from thrustmargin.mission.ahead.battery import CELL, EFFICIENCY
+from thrustmargin.mission.ahead.course import Course, course
 from thrustmargin.mission.ahead.fill_along import largest_fill, survivable_below
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
 from thrustmargin.mission.ahead.plan_flight import (
@@ -22,6 +24,8 @@ from thrustmargin.mission.ahead.plan_flight import (
     PlanFlight,
     Used,
     fly_plan,
+    giving_way,
+    largest_use,
 )
 from thrustmargin.mission.ahead.plan_legs import above_ground, plan_legs
 from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT, Needs, leg_ends, needs
@@ -40,7 +44,7 @@ from thrustmargin.mission.ahead.utilisation_along import (
     leg_forecast,
     weakest_place,
 )
-from thrustmargin.mission.ahead.way import TimedLeg, WayLeg, timed_legs
+from thrustmargin.mission.ahead.way import TimedLeg, timed_legs
 from thrustmargin.mission.ahead.way_back import WayBack, energy_back, way_back
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
@@ -52,14 +56,10 @@ from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.predict import Basis, flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.margin import ceiling, utilisation
 
 STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.
 DIRECTIONS = 8
-#: Times that the nose turns by 0.7 slower where the rotors have no moment for what is asked: an
-#: autopilot gives up yaw before roll, pitch and thrust.
-SLOWER = 6
 #: s of a plan that is flown whole; of a longer one so much at first, which is about a sortie, and
 #: so much at most of the rest, of what is unlike that.
 WHOLE_S, FIRST_S, UNLIKE_S = 1350.0, 300.0, 600.0
@@ -145,7 +145,10 @@ def forecast(
     craft = flown_airframe(model)
     given, assumed = conditions(day, altitude, craft.nominal_voltage)
     by_rate = known_pump(known, craft)
-    if "no flow" in assumed and by_rate.per_metre > 0.0:
+    if not craft.tank_volume_l:
+        given = replace(given, flow=0.0, flow_per_metre=math.nan)
+        assumed.pop("no flow", None)
+    elif "no flow" in assumed and by_rate.per_metre > 0.0:
         given = replace(given, flow_per_metre=by_rate.per_metre, most_flow=by_rate.most)
         del assumed["no flow"]
         assumed["pump rate"] = (f"{craft.pump_max_flow_l_min:g}",)
@@ -156,27 +159,19 @@ def forecast(
     _refuse_endless(timed[: len(legs)])
 
     def fly(
-        given: PlanConditions,
-        anew: Mapping[int, Used] | None = None,
-        limits: FlightLimits = limits,
-        legs: Sequence[WayLeg] = legs,
+        way: Course, given: PlanConditions, anew: Mapping[int, Used] | None = None
     ) -> PlanFlight:
-        return fly_plan("the plan", legs, limits, model, given, origin=origin, anew=anew)
+        return fly_plan("the plan", way, model, given, origin=origin, anew=anew)
 
     if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
-        first = legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)]
-        given = _worst_wind(given, day.wind, model, lambda g: fly(g, legs=first))
+        first = course(legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)], limits)
+        given = _worst_wind(given, day.wind, model, lambda g: fly(first, g))
         assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
-    once = fly(given)
-    peak = _peak(once, model)
-    for _ in range(SLOWER):
-        if not peak > 1.0:
-            break
-        slower = replace(limits, yaw_acceleration=0.7 * limits.yaw_acceleration)
-        other = fly(given, None, slower)
-        if not _peak(other, model) < peak:
-            break  # not the nose takes it
-        once, limits, peak = other, slower, _peak(other, model)
+    once = giving_way(
+        fly(course(legs, limits), given), model, partial(course, legs), lambda way: fly(way, given)
+    )
+    if once.course.limits.yaw_acceleration < limits.yaw_acceleration:
+        limits = once.course.limits
         assumed["nose gives way"] = (f"{math.degrees(limits.yaw_acceleration):.0f}",)
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
     cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
@@ -193,9 +188,8 @@ def forecast(
         windy=given.wind_ned != STILL,
         longest_s=UNLIKE_S,
     )
-    flight = (
-        fly(given, parts.anew, limits, parts.legs) if len(timed) > len(legs) or parts.anew else once
-    )
+    way = once.course if len(timed) == len(legs) else course(parts.legs, limits)
+    flight = fly(way, given, parts.anew) if len(timed) > len(legs) or parts.anew else once
     back = energy_back(flight, limits, model, given.wind_ned)
     if len(legs) < len(timed):
         assumed["first part" if parts.unlike else "alike"] = (
@@ -229,13 +223,13 @@ def forecast(
         flight=flight,
         advised=advised,
         limits=limits,
-        legs=tuple(leg_forecast(span, analysis) for span in flight.spans),
+        legs=tuple(leg_forecast(span, analysis) for span in way.spans),
         weakest=weakest_place(flight, analysis),
         largest_fill_kg=largest_fill(
             advised,
             given,
             limit,
-            lambda g: _advise(fly(g, parts.anew, limits, parts.legs), model, limit),
+            lambda g: _advise(fly(way, g, parts.anew), model, limit),
         ),
         survivable_below_kg=survivable_below(analysis),
         needs=needed,
@@ -288,13 +282,6 @@ def _analysis(flight: PlanFlight, model: RotorModel) -> FlightAnalysis:
     return analyse(flight.track, model, flight.density, claim=PLANNED)
 
 
-def _peak(flight: PlanFlight, model: RotorModel) -> float:
-    """The largest utilisation on the way; NaN where nothing is predicted."""
-    limits = ceiling(flown_airframe(model), flight.density, flight.track.voltage)
-    use = utilisation(flight.rotor_speed_rpm, limits.max_rotor_speed_rpm)
-    return float(np.nanmax(use)) if np.isfinite(use).any() else math.nan
-
-
 def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
     return advise(_analysis(flight, model), limit=limit, planned=True)
 
@@ -309,5 +296,5 @@ def _worst_wind(
     tried = [
         replace(given, wind_ned=wind_ned(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
     ]
-    peaks = [_peak(fly(one), model) for one in tried]
+    peaks = [largest_use(fly(one), model) for one in tried]
     return tried[int(np.argmax(peaks))]

@@ -62,8 +62,8 @@ def leg_ends(
 ) -> LegEnds:
     """Those of `legs`, of which `flight` has the first; the others by speed and way alone, with the
     power of the flight."""
-    count = len(flight.legs)
-    rows = np.maximum(np.searchsorted(flight.active, np.arange(1, count + 1)) - 1, 0)
+    count = len(flight.course.legs)
+    rows = np.maximum(np.searchsorted(flight.course.active, np.arange(1, count + 1)) - 1, 0)
     parts = [flight.track.time_s[rows], flight.sprayed_kg[rows], flight.energy_wh[rows]]
     rest = legs[count:]
     if rest:

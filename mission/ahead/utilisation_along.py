@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thrustmargin.mission.ahead.plan_flight import PlanFlight, Span, SpanKind
+from thrustmargin.mission.ahead.course import Span, SpanKind
+from thrustmargin.mission.ahead.plan_flight import PlanFlight
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 #: Standard error of a stretch's largest utilisation, as a share of it, by how it is flown: 4 to 5 %
-#: over nine flights of the campaign, by the command of docs/forecast.md.
+#: at 3,000 m and 2 % elsewhere, by the command of docs/forecast.md.
 FLOWN_ERROR = 0.05
 
 
@@ -80,7 +81,7 @@ def weakest_place(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | Non
     if not np.isfinite(use).any():
         return None
     row = int(np.nanargmax(use))
-    span = next(s for s in flight.spans if s.first <= row < s.last)
+    span = next(s for s in flight.course.spans if s.first <= row < s.last)
     track, model = flight.track, analysis.model
     speed = float(np.linalg.norm(track.velocity_ned[row]))
     tank, volts = float(track.tank_kg[row]), float(track.voltage[row])

@@ -113,7 +113,7 @@ def way_back(
     track = flight.track
     least = float(np.min(known))
     return WayBack(
-        item=flight.legs[flight.active[row]].leg.item,
+        item=flight.course.legs[flight.course.active[row]].leg.item,
         time_s=float(track.time_s[row]) if out.size else math.nan,
         distance=float(np.hypot(*track.position_ned[row, :2])),
         charge_kept=charge_kept,

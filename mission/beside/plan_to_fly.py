@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
-from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
-from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan
+from thrustmargin.mission.ahead.course import Course, course
+from thrustmargin.mission.ahead.limits import flight_limits
+from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan, giving_way
 from thrustmargin.mission.ahead.plan_legs import plan_legs
 from thrustmargin.mission.ahead.take_off import PLANNED, known_pump
-from thrustmargin.mission.ahead.way import WayLeg
 from thrustmargin.mission.beside.stretches import Beside, FlownWay, beside
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
 from thrustmargin.mission.steps import plan_steps, pump_output
@@ -29,8 +30,7 @@ from thrustmargin.models.physics.atmosphere import isa_density
 class PlanToFly:
     """A plan on one vehicle, to be flown under conditions."""
 
-    legs: tuple[WayLeg, ...]
-    limits: FlightLimits
+    course: Course  # by the limits of the vehicle
     model: RotorModel
     home: tuple[float, float, float]
 
@@ -39,11 +39,16 @@ class PlanToFly:
         """Raises PlanError when the plan flies nowhere."""
         limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
         legs = plan_legs(plan, plan_steps(plan, pump_output(parameters)), limits)
-        return cls(legs=legs, limits=limits, model=model, home=plan.home)
+        return cls(course=course(legs, limits), model=model, home=plan.home)
 
     def fly(self, given: PlanConditions) -> tuple[PlanFlight, FlightAnalysis]:
         """The planned flight, analysed."""
-        flight = fly_plan("the plan", self.legs, self.limits, self.model, given)
+
+        def fly(way: Course) -> PlanFlight:
+            return fly_plan("the plan", way, self.model, given)
+
+        legs = [timed.leg for timed in self.course.legs]
+        flight = giving_way(fly(self.course), self.model, partial(course, legs), fly)
         return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
 
     def beside(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 import pymap3d
 
-from thrustmargin.mission.ahead.plan_flight import PlanFlight, Span, SpanKind
+from thrustmargin.mission.ahead.course import Span, SpanKind
+from thrustmargin.mission.ahead.plan_flight import PlanFlight
+from thrustmargin.mission.ahead.utilisation_along import worst_use
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.smoothing import moving_mean
 
 NEAR = 2.0  # m by which a flight is usually off its way
@@ -112,7 +113,7 @@ def passed(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple
     time_s, place = flight.track.time_s, flight.track.position_ned
     at, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
     found: list[int] = []
-    for span in flight.spans:
+    for span in flight.course.spans:
         end = min(span.last, time_s.size - 1)
         took = float(time_s[end] - time_s[span.first])
         began = float(flown.time_s[at])
@@ -138,22 +139,22 @@ def beside(
 ) -> Beside:
     """The forecast `flight`, analysed as `forecast`, beside what was flown; `over_s` as of
     `passed`."""
-    if not flown.time_s.size or not flight.spans:
-        return Beside(stretches=(), left_at=flight.spans[0].item if flight.spans else None)
+    if not flown.time_s.size or not flight.course.spans:
+        return Beside(
+            stretches=(), left_at=flight.course.spans[0].item if flight.course.spans else None
+        )
     ends = passed(flight, flown, over_s=over_s)
-    use = forecast.known_utilisation
-    worst = np.argmax(np.nan_to_num(use, nan=-1.0), axis=1)
-    rows = np.arange(worst.size)
+    use, reach = worst_use(forecast, slice(None))
     planned = _Planned(
-        utilisation=use[rows, worst],
-        reach=INTERVAL * forecast.utilisation_error[rows, worst],
+        utilisation=use,
+        reach=reach,
         speed=np.hypot(flight.track.velocity_ned[:, 0], flight.track.velocity_ned[:, 1]),
     )
     stretches = [
         _stretch(span, flight, planned, flown, slice(first, last))
-        for span, first, last in zip(flight.spans, (0, *ends), ends, strict=False)
+        for span, first, last in zip(flight.course.spans, (0, *ends), ends, strict=False)
     ]
-    left = None if len(ends) == len(flight.spans) else flight.spans[len(ends)].item
+    left = None if len(ends) == len(flight.course.spans) else flight.course.spans[len(ends)].item
     return Beside(
         stretches=tuple(s for s in stretches if min(s.seconds) >= SHORTEST_S), left_at=left
     )

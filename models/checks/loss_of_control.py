@@ -75,24 +75,43 @@ def loss_of_control(track: FlightTrack) -> tuple[LossOfControl, ...]:
 
     Empty where it did, or where neither attitude, rates nor specific force tell.
     """
+    signs_found = _firsts(_signs(track)[1])
+    if not signs_found:
+        return ()
+    return tuple(sorted([*_led(track, signs_found[0].time_s), *signs_found], key=_when))
+
+
+def recovered(track: FlightTrack) -> tuple[LossOfControl, ...]:
+    """The signs that calm flight followed, and a jolt alone, which is a hard landing: the first of
+    each kind, in order of time."""
+    return _firsts(_signs(track)[0])
+
+
+def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]]:
+    """All signs that lasted: those that it came back from, and those of a loss."""
     watched = _watched(track)
     if not watched.any():
-        return ()
+        return [], []
     seen = movements(track)
     last_calm = _last_of_calm(track.time_s, track.flying & seen.calm)
     found = [
         LossOfControl(kind=kind, time_s=begin, value=float(np.nanmax(size[first:end])))
         for kind, (rows, size) in seen.signs.items()
         for first, end in _runs(watched & rows)
-        if (begin := float(track.time_s[first])) >= last_calm
-        and float(track.time_s[end - 1]) - begin >= LASTS_S[kind] - 1e-9
+        if float(track.time_s[end - 1]) - (begin := float(track.time_s[first]))
+        >= LASTS_S[kind] - 1e-9
     ]
+    late = [sign for sign in found if sign.time_s >= last_calm]
     # A jolt alone is a hard landing.
-    if not any(sign.kind is not LossKind.HIT for sign in found):
-        return ()
+    if all(sign.kind is LossKind.HIT for sign in late):
+        return found, []
+    return [sign for sign in found if sign.time_s < last_calm], late
+
+
+def _firsts(found: list[LossOfControl]) -> tuple[LossOfControl, ...]:
+    """The first of each kind, in order of time."""
     firsts = [min((f for f in found if f.kind is k), key=_when, default=None) for k in LossKind]
-    signs_found = [sign for sign in firsts if sign is not None]
-    return tuple(sorted([*_led(track, min(map(_when, signs_found))), *signs_found], key=_when))
+    return tuple(sorted((sign for sign in firsts if sign is not None), key=_when))
 
 
 def movements(track: FlightTrack) -> Movements:

@@ -171,12 +171,13 @@ def _voltage(track: FlightTrack, airframe: Airframe, battery: StatedBattery) -> 
     share = found / airframe.nominal_voltage
     verdict = _verdict(share, share, CLOSE_VOLTAGE, POSSIBLE_VOLTAGE)
     words = (
-        f"{found:.1f} V in flight, {share:.0%} of the {airframe.nominal_voltage:.1f} V of airframe "
+        f"{found:.1f} V in flight, {100 * share:.0f} % of the {airframe.nominal_voltage:.1f} V of "
+        "airframe "
         f"{airframe.name}"
     )
     if verdict == "contradicts":
         low, high = POSSIBLE_VOLTAGE
-        words += f"; the same battery stays within {low:.0%} to {high:.0%}"
+        words += f"; the same battery stays within {100 * low:.0f} % to {100 * high:.0f} %"
     return Comparison(check="voltage", verdict=verdict, words=words, brief=f"{found:.1f} V")
 
 
@@ -222,7 +223,8 @@ def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
         verdict="contradicts",
         words=(
             f"a rotor turns at up to {fastest:,.0f} rpm, where airframe {airframe.name} reaches at "
-            f"most {limit.item():,.0f} rpm at this voltage: {use.max():.0%} of its thrust would be "
+            f"most {limit.item():,.0f} rpm at this voltage: {100 * use.max():.0f} % of its thrust "
+            "would be "
             "in use"
         ),
     )
@@ -242,7 +244,7 @@ def _output(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> 
     verdict = _verdict(low, high, CLOSE_OUTPUT, POSSIBLE_OUTPUT)
     # Most aircraft hover near half of their thrust: without the load that is no likeness.
     verdict = "fits" if verdict == "close" and not known else verdict
-    brief = f"motor outputs of {output:.0%}"
+    brief = f"motor outputs of {100 * output:.0f} %"
     weighs = airframe.empty_mass + tank[1]
     words = f"{brief} would lift {mass:.3g} kg with the rotors of airframe {airframe.name}, "
     words += f"which weighs {weighs:.3g} kg" + (" by the gauge" if known else " full")
@@ -278,7 +280,7 @@ def _for_mass(track: FlightTrack, airframe: Airframe, ratio: float) -> str:
         full = airframe.empty_mass + airframe.tank_capacity_kg
         return f"for {airframe.empty_mass:.0f} to {full:.0f} kg"
     mass = airframe.empty_mass + known_median(tank_kg)
-    return f"for {mass:.0f} kg within {max(abs(ratio - 1.0), 0.01):.0%}"
+    return f"for {mass:.0f} kg within {100 * max(abs(ratio - 1.0), 0.01):.0f} %"
 
 
 def _verdict(

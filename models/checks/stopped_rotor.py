@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.atmosphere import G0
 
 #: s of flight before and after that are compared, and about the moment that are left out
@@ -24,16 +24,20 @@ TAKEN_OVER = 0.6  # share of the whole step from which the others carry what it 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoppedRotor:
-    """A rotor from 0, and s of the flight at which it was last known to turn."""
+    """A rotor from 0, and s of the flight at which it was last known to turn, and at which again;
+    infinite where it does not."""
 
     rotor: int
     time_s: float
+    until_s: float = np.inf
 
 
 def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
     """Rotors that stopped in flight for LOOK seconds or more, in order of time.
 
-    Of T rows and R measured speeds; inferred ones are no evidence.
+    One that stands at the last row needs to have done so for the time that the comparison takes,
+    which is less: whoever listens cannot wait. Of T rows and R measured speeds; inferred ones are
+    no evidence.
     """
     turning = track.measured("rotor_speed_rpm")
     squares = np.where(turning > 0.0, turning, np.nan) ** 2
@@ -45,11 +49,35 @@ def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
     for rotor in range(track.rotor_count):
         others = np.sum(np.delete(squares, rotor, axis=1), axis=1) / felt
         known = np.flatnonzero(track.flying & np.isfinite(squares[:, rotor]))
-        for row in known[np.diff(track.time_s[known], append=np.inf) > LOOK].tolist():
-            if _taken_over(track, squares[:, rotor] / felt, others, float(track.time_s[row])):
-                found.append(StoppedRotor(rotor=rotor, time_s=float(track.time_s[row])))
+        times = track.time_s[known]
+        later = np.append(times[1:], np.inf)
+        for row in np.flatnonzero(later - times > LOOK).tolist():
+            last_s, until_s = float(times[row]), float(later[row])
+            if _taken_over(track, squares[:, rotor] / felt, others, last_s):
+                found.append(StoppedRotor(rotor=rotor, time_s=last_s, until_s=until_s))
                 break
     return tuple(sorted(found, key=lambda one: one.time_s))
+
+
+class StoppedWatch:
+    """The same of a flight that goes on, of which it keeps the rows that a comparison needs."""
+
+    def __init__(self) -> None:
+        self._kept: FlightTrack | None = None
+
+    def add(self, track: FlightTrack) -> Bools:
+        """(N, R) of N new rows, in order: True in the last one of a rotor that stands by then."""
+        kept, found = self._kept, np.zeros(track.rotor_speed_rpm.shape, dtype=np.bool_)
+        if not track.time_s.size:
+            return found
+        begin_s, goes_on = float(track.time_s[0]), kept and kept.rotor_count == track.rotor_count
+        if kept and goes_on and kept.time_s[-1] < begin_s:  # else it was started anew
+            first = int(np.searchsorted(kept.time_s, begin_s - 2.0 * (LOOK + LEFT_OUT)))
+            track = kept.followed_by(track, first)
+        self._kept = track
+        for one in stopped_rotors(track):
+            found[-1, one.rotor] = np.isinf(one.until_s)
+        return found
 
 
 def _taken_over(track: FlightTrack, own: Floats, others: Floats, time_s: float) -> bool:

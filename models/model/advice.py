@@ -109,6 +109,11 @@ class Advice:
         """The gravest."""
         return self.levels[0]
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where each rotor sits; of an aircraft that is not known it has its number alone."""
+        return () if self.withheld else self.rotor_names
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Advised:
@@ -160,14 +165,15 @@ def advise(
     episodes, known = fault_episodes(found), faults_in_model(analysis.model)
     repaired = tuple(e.fault for e in episodes if e.end_s is not None and e.fault in known)
     faults = tuple(e for e in episodes if e.fault not in repaired)
-    faults = tuple(sorted([*_stopped(track), *faults], key=lambda one: one.begin_s))
+    faults = () if analysis.withheld else faults
+    faults = tuple(sorted([*stopped_episodes(track), *faults], key=lambda one: one.begin_s))
     battery = _battery(analysis)
     airborne_s = float(seconds[track.flying].sum())
     in_the_air = float(whole.track.row_seconds[whole.track.flying].sum())
     shown_s = float(seconds[track.flying & analysis.any_measured].sum())
     predicted_alone = not planned and use.known_s > 0.0 and shown_s < 0.5 * airborne_s
     levels: list[FlightLevel] = []
-    if not analysis.withheld and faults:
+    if faults:
         levels.append(FlightLevel.DAMAGED)
     if losses:
         levels.append(FlightLevel.LOST)
@@ -216,13 +222,18 @@ def _load_level(use: ThrustUse, free: Floats, reach: Floats) -> FlightLevel:
     return FlightLevel.UNDER
 
 
-def _stopped(track: FlightTrack) -> list[FaultEpisode]:
+def stopped_fault(rotor: int) -> RotorFault:
+    """Of a rotor, from 0, that stands still."""
+    return RotorFault(kind="stopped", rotor=rotor, size=1.0, lower=1.0, upper=1.0)
+
+
+def stopped_episodes(track: FlightTrack) -> list[FaultEpisode]:
     """Rotors that stood still while the aircraft flew on."""
     return [
         FaultEpisode(
             begin_s=one.time_s,
-            end_s=None,
-            fault=RotorFault(kind="stopped", rotor=one.rotor, size=1.0, lower=1.0, upper=1.0),
+            end_s=one.until_s if np.isfinite(one.until_s) else None,
+            fault=stopped_fault(one.rotor),
         )
         for one in stopped_rotors(track)
     ]

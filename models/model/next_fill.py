@@ -96,6 +96,8 @@ def next_fill(
     # What the gauge does not know of may be in the tank or not: a hidden mass, a weak rotor.
     kg = float(np.min(lows)) - analysis.beyond_gauge_kg
     reason = REASONS[int(np.argmin(lows))]
+    if reason == "tank" and analysis.beyond_gauge_kg > 0.0:
+        reason = "unreported"
     flown = np.where(use.surely_above, track.tank_kg, np.nan)
     above = flown[np.isfinite(flown)]
     if above.size and above.min() < kg:

@@ -228,11 +228,12 @@ def _extrapolated(
     them physics adds for airspeed and load."""
     assert model.training_domain is not None
     airspeed, tank_kg = track.airspeed[rows], track.tank_kg[rows]
+    slow = np.clip(airspeed, model.training_domain.airspeed[0], model.known_airspeed)
+    light = np.clip(tank_kg, *model.training_domain.tank_kg)
     held = model.held_speed(airspeed, tank_kg)
-    near = model.held_speed(
-        np.clip(airspeed, model.training_domain.airspeed[0], model.known_airspeed),
-        np.clip(tank_kg, *model.training_domain.tank_kg),
-    )
+    near = held.copy()
+    beyond = (slow != airspeed) | (light != tank_kg)
+    near[beyond] = model.held_speed(slow[beyond], light[beyond])
     # An effect that follows density takes the row's air into account: not twice.
     thin = 1.0 if follows_density(model) else np.sqrt(model.reference_density / density[rows])
     thin = np.broadcast_to(thin, airspeed.shape)[:, None]

@@ -64,6 +64,10 @@ class FaultEpisode:
     end_s: float | None
     fault: RotorFault  # as it was known last
 
+    def holds(self, time_s: float) -> bool:
+        """Whether it stands at a time of the flight."""
+        return self.begin_s <= time_s and (self.end_s is None or time_s < self.end_s)
+
 
 class RotorFaults:
     """Both tests of one vehicle, row by row; `current` is what was found and not cleared."""

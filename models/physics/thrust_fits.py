@@ -220,7 +220,8 @@ def _agreeing(speed: Floats, force: Floats) -> Bools:
     usual = 1.4826 * float(np.median(np.abs(off)))
     if usual > FAR_SHARE:
         raise DataError(
-            f"bench points lie {usual:.0%} about T = a N², too far for one curve; keep the rows of "
+            f"bench points lie {100 * usual:.0f} % about T = a N², too far for one curve; keep the "
+            "rows of "
             "one motor with one propeller"
         )
     return np.abs(off) <= max(FAR * usual, FAR_SHARE)

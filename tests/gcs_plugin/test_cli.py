@@ -110,7 +110,7 @@ def test_json_never_takes_a_log_as_its_file(sitl_logs, tmp_path):
     flight.write_bytes(b"a log that is kept")
     for command in ("inspect", "report"):
         done = started(command, str(sitl_logs / "dev" / "none.tlog"), "--json", str(flight))
-        assert done.returncode == 1
+        assert done.returncode == 2
         assert "end its name in .json" in done.stderr
     assert flight.read_bytes() == b"a log that is kept"
 
@@ -158,3 +158,42 @@ def test_an_error_names_its_file_once(words, kind, tmp_path, monkeypatch, capsys
 def test_descriptions_of_options_are_wrapped_by_the_terminal_alone():
     described = command_function("report").__doc__ or ""
     assert "without an airframe, the one that ships is used for a flight" in described
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "report demo --air-temperature 99",
+        "report demo --load -1",
+        "report demo --tank barrel",
+        "report demo --max-utilisation 2",
+        "report demo --out report.txt",
+        "fill --airframe topxgun-f16 --air-temperature 99",
+        "forecast demo --fill 99",
+        "replay demo --port 99999",
+        "demo --port 99999",
+    ],
+)
+def test_a_wrong_command_line_is_exit_2_before_any_log_is_read(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(line.split()) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("thrustmargin: ")
+    assert "v4_m16_q2.5" not in said
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "report none.tlog",
+        "report demo --airframe none",
+        "report demo --out none/report.html",
+        "forecast none.plan --fill 1",
+        "forecast demo --fill 1 --sorties none",
+        "cover none.kml --swath 5",
+    ],
+)
+def test_what_is_named_and_not_there_is_exit_1(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(line.split()) == 1
+    assert "none" in capsys.readouterr().err

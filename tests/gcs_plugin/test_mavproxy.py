@@ -242,16 +242,16 @@ class TestInMavproxy:
         self, mavproxy: MavProxy, flight
     ):
         name = "margin max-utilisation"
-        assert mavproxy.ask(name, f"{name} (.*)")[1] == "0.5"
+        assert mavproxy.ask(name, f"{name} (.*)")[1] == "50%"
         for wrong in ("x", "50", "0", "1", "-1", "nan"):
             mavproxy.ask(f"{name} {wrong}", f"{name} {wrong} is not a share")
-        mavproxy.ask("margin limit 45", "is now max-utilisation.* margin of 45 % write 0.55")
-        assert mavproxy.ask(name, f"{name} (.*)")[1] == "0.5"
-        mavproxy.ask(f"{name} 0.8", f"{name} 0.8")
+        mavproxy.ask("margin limit 45", "is now max-utilisation.* margin of 45 % write 55%")
+        assert mavproxy.ask(name, f"{name} (.*)")[1] == "50%"
+        mavproxy.ask(f"{name} 80%", f"{name} 80%")
         with playing(flight, mavproxy.port, 50.0, 70.0, 1.0):
             mavproxy.wait_for_field("Margin", {"green"}, r"^Margin [34]\d % R[1-4]$")
             assert not [line for line in mavproxy.printed if line.startswith("Thrust margin")]
-            mavproxy.ask(f"{name} 0.4", f"{name} 0.4")
+            mavproxy.ask(f"{name} 0.4", f"{name} 40%")
             mavproxy.wait(r"Thrust margin [34]\d% below 60%, rotor [1-4]: fly gently")
             mavproxy.ask("margin", "ALARM Thrust margin")
             mavproxy.wait_for_field("Margin", {"red"})
@@ -307,7 +307,7 @@ class TestInMavproxy:
         mavproxy.ask_until("probe", r'"threads": \[((?!thrustmargin)[^]])*\]', "PROBE")
         loaded = f'{MODULE}:{{"model":"{model}","max_utilisation":0.55}}'
         mavproxy.ask(f"module load {loaded}", "Loaded module")
-        mavproxy.ask("margin max-utilisation", "margin max-utilisation 0.55")
+        mavproxy.ask("margin max-utilisation", "margin max-utilisation 55%")
         mavproxy.ask(f"module reload {loaded}", f"Reloaded module {MODULE}")
         mavproxy.ask("margin", "margin: no vehicle heard yet")
         assert mavproxy.probe()["threads"].count("thrustmargin") == 1

@@ -124,7 +124,7 @@ def _stretches(made: PlanForecast, flown: FlightTrack, use: Floats) -> tuple[Str
     real = real + 1e-9 * np.arange(real.size)  # in hover it stands still
     forecast_use = 100.0 * np.max(made.advised.analysis.utilisation_predicted, axis=1)
     found = []
-    for span, leg in zip(made.flight.spans, made.legs, strict=True):
+    for span, leg in zip(made.flight.course.spans, made.legs, strict=True):
         ends = planned[[span.first, span.last - 1]]
         first, last = np.searchsorted(real, ends)
         if span.kind not in ("leg", "turn") or last - first < LEAST_ROWS:

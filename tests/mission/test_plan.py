@@ -15,6 +15,8 @@ from tests.mission.coverage.fields_made import outline, rectangle
 from thrustmargin.mission.coverage.coverage_plan import CoverageOrder, cover_field
 from thrustmargin.mission.plan import MissionPlan, PlanItem, plan_from_items, read_plan, write_plan
 from thrustmargin.mission.plan_items import FenceCircle, FencePolygon
+from thrustmargin.mission.sortie_plans import line_ends, split_plan
+from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.whole_file import whole_file
 
@@ -146,9 +148,13 @@ def test_what_is_written_is_read_back(tmp_path: Path):
 
 
 SPRAYED = cover_field(outline(rectangle()), CoverageOrder(swath=5.0, speed=4.0, height=2.5)).plan
+SPRAYED_STEPS = plan_steps(SPRAYED)
+SORTIE = split_plan(SPRAYED, SPRAYED_STEPS, line_ends(SPRAYED, SPRAYED_STEPS)[5:6])[1]
 
 
-@pytest.mark.parametrize("plan", [PLAN, SPRAYED], ids=["by hand", "over a field"])
+@pytest.mark.parametrize(
+    "plan", [PLAN, SPRAYED, SORTIE], ids=["by hand", "over a field", "a second sortie"]
+)
 def test_mavsdk_reads_the_same_mission_from_a_written_plan(tmp_path: Path, plan: MissionPlan):
     from mavsdk import Configuration, Mavsdk
     from mavsdk.plugins.mavlink_direct import MavlinkDirect
@@ -512,9 +518,9 @@ def test_a_survey_without_items_is_rebuilt_from_its_line_and_says_so(tmp_path: P
     [
         '{"fileType":"Plan","mission":{"items":[' + "{}," * 10_000_000 + "{}]}}",
         '{"a":' * 500_000,
-        json.dumps(changed("items", to=[QGC["mission"]["items"][0]] * 70_000)),
+        json.dumps(changed("items", to=[QGC["mission"]["items"][0]] * 25_001)),
         json.dumps(changed("items", 0, "params", to=[0, 0, 0, 0, NAN, 8.0, 5.0])),
-        "QGC WPL 110\n" + "0\t1\t0\t16\t0\t0\t0\t0\t48\t11\t5\t1\n" * 700_000,
+        "QGC WPL 110\n" + "0\t1\t0\t16\t0\t0\t0\t0\t48\t11\t5\t1\n" * 25_003,
         bytes(range(256)).decode("latin-1") * 1000,
     ],
     ids=["dicts", "deep", "items", "nan", "lines", "noise"],
@@ -539,6 +545,13 @@ def test_ten_thousand_waypoints_are_read_at_once(tmp_path: Path):
 
 
 # --- from a vehicle's list --------------------------------------------------------------------
+
+
+def test_a_vehicle_that_holds_more_than_is_forecast_is_refused():
+    raw = [item(k, at=(48.0, 11.0, 5.0)) for k in range(25_001)]
+    with pytest.raises(PlanError, match="more than 25000 mission items; split"):
+        plan_from_items(raw, home_first=True)
+    assert len(plan_from_items(raw[1:], home_first=True).items) == 24_999
 
 
 def test_item_zero_of_an_ardupilot_is_home_and_jumps_stand():

@@ -79,7 +79,7 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
         finding
         for log in logs
         for finding in inspect_log(log, craft).findings
-        if finding.check in _OF_INSPECT and (finding.check != "tank" or craft.tank_volume_l)
+        if finding.check in _OF_INSPECT
     ]
     # The same answer of several flights is one answer, the graver of two the first.
     order = {"warning": 0, "ok": 1, "unknown": 2}
@@ -116,7 +116,8 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
         words += f": cannot tell whether they agree, {TOO_SHORT}"
     elif level == "warning":
         words += (
-            f": {abs(apart):.0%} {'more' if apart > 0 else 'less'} than the flights show; is the "
+            f": {100 * abs(apart):.0f} % {'more' if apart > 0 else 'less'} than the flights show; "
+            "is the "
             f"mass {craft.empty_mass:g} kg and the load right? else `airframe new --hover`"
         )
     yield Finding(check=check, level=level, words=words)

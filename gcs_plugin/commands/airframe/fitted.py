@@ -193,7 +193,7 @@ def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
 
 def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
     """What a hover says of trim, each part with its interval."""
-    trims = ", ".join(f"{n + 1}: {t.value:.0%}" for n, t in enumerate(fit.trim))
+    trims = ", ".join(f"{n + 1}: {100 * t.value:.0f} %" for n, t in enumerate(fit.trim))
     place = ", ".join(
         f"{abs(e.value) * 1000:.0f} mm {forward if e.value >= 0 else back} "
         + (f"({abs(e.high - e.low) * 500:.0f} either way)" if e.bounded else f"({NO_INTERVAL})")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.options import check_port
 from thrustmargin.gcs_plugin.commands.shared.typed import BUNDLED
 
 
@@ -41,6 +42,7 @@ def demo(
     from thrustmargin.models.errors import LogError
     from thrustmargin.models.model.model_file import shipped_model
 
+    check_port(port)
     if log is None:
         log = BUNDLED
     if not log.exists():

@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 
@@ -30,7 +30,7 @@ def export(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
-    max_utilisation: float | None = None,
+    max_utilisation: Share | None = None,
 ) -> None:
     """Write a flight as messages that Foxglove and other viewers of MCAP show.
 
@@ -50,7 +50,7 @@ def export(
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the log is read.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; without it
-            0.5, or what a recording was made with.
+            50%, or what a recording was made with.
     """
     from thrustmargin.gcs_plugin.reports.margin import report_flight
     from thrustmargin.gcs_plugin.reports.streams.foxglove_layout import layout_text

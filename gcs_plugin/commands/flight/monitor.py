@@ -13,8 +13,17 @@ import tyro
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    UsageError,
+    check_port,
+    check_utilisation,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    Share,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, require
@@ -38,7 +47,7 @@ def monitor(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
-    max_utilisation: float = 0.5,
+    max_utilisation: Share = 0.5,
     announce: bool = False,
     announce_battery: bool = False,
     bar: int | None = None,
@@ -107,6 +116,7 @@ def monitor(
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 
+    check_port(port)
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
@@ -202,8 +212,14 @@ def monitor(
     watch = None
     if planned is not None:
         from thrustmargin.gcs_plugin.live.plan_watch import PlanWatch
+        from thrustmargin.gcs_plugin.wording.live_words import of_vehicle
 
-        watch = PlanWatch(planned, chosen, print_line)
+        def say(vehicle: int, words: str) -> None:
+            print_line(of_vehicle(vehicle, words))
+            if page is not None:
+                page.on_plan(vehicle, words)
+
+        watch = PlanWatch(planned, chosen, say)
         live.subscribers.append(watch)
     if not sys.stdout.isatty():
         from thrustmargin.gcs_plugin.live.console import EventPrinter

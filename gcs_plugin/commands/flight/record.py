@@ -69,8 +69,6 @@ class JobStatement:
     """Nozzles and other spray equipment, with what reduces drift."""
     wind: str | None = None
     """Wind, such as "3 m/s from 240"; without it the autopilot's estimate."""
-    temperature: str | None = None
-    """Temperature of the air, °C."""
     humidity: str | None = None
     """Relative humidity, %."""
     inversion: str | None = None
@@ -175,7 +173,7 @@ def record(
         fields |= of_field(outline, done)
         of_file = EntrySource.FILE
         fields["field"] = Entry(value=outline.name, source=of_file, detail="option --field")
-    fields |= _stated_fields(stated, weather_source)
+    fields |= _stated_fields(stated, reading.air_temperature_c, weather_source)
     rules = [one for name, one in job_rules().items() if not rule or name in rule]
     if sys.stdin.isatty():
         for name in fields_asked(rules):
@@ -267,7 +265,9 @@ def _by_pump(
     return made
 
 
-def _stated_fields(stated: JobStatement, weather: str) -> dict[str, Entry]:
+def _stated_fields(
+    stated: JobStatement, air_temperature_c: float | None, weather: str
+) -> dict[str, Entry]:
     from thrustmargin.gcs_plugin.reports.record.job_record import Entry, EntrySource
 
     sources = {
@@ -276,11 +276,12 @@ def _stated_fields(stated: JobStatement, weather: str) -> dict[str, Entry]:
         "forecast": EntrySource.FORECAST,
     }
     made = {}
-    for name, value in asdict(stated).items():
+    celsius = None if air_temperature_c is None else f"{air_temperature_c:g}"
+    for name, value in (*asdict(stated).items(), ("temperature", celsius)):
         if value is None or not value.strip():
             continue
         source = sources[weather] if name in _WEATHER else EntrySource.OPTION
-        option = f"option --{name.replace('_', '-')}"
+        option = f"option --{name.replace('_', '-')}".replace("--temp", "--air-temp")
         made[name] = Entry(value=value.strip(), source=source, detail=option)
     for name in ("aircraft_registration", "aircraft_serial"):
         if name in made:  # a mark comes before a number

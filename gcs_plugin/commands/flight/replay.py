@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_port, require_logs
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -69,6 +69,7 @@ def replay(
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.view.replay_view import run_replay
 
+    check_port(port)
     logs = require_logs([log])
     first, *others = logs
     if others:

@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
@@ -40,7 +40,7 @@ def report(
     json: Path | None = None,
     pdf: Path | None = None,
     plan: Path | None = None,
-    max_utilisation: float | None = None,
+    max_utilisation: Share | None = None,
     anonymise: bool = False,
 ) -> int:
     """Write a margin report of one or more flights: how close it was, where, and with which rotor.
@@ -59,15 +59,15 @@ def report(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the logs are read.
-        out: Page to write (.html); without it report.html, unless --json or --pdf
-            is given.
+        out: Page to write, to look at (.html) or to print (.pdf); without it report.html, unless
+            --json or --pdf is given.
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
         pdf: Write the page to this file (.pdf) too, on A4 to print; needs no browser.
         plan: Plan that was flown (.plan, .waypoints, or the log itself): its forecast is put beside
             the flight, with which assumption was off.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; without it
-            0.5, or what a recording was made with.
+            50%, or what a recording was made with.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
@@ -86,6 +86,8 @@ def report(
         console,
     )
     check_utilisation(chosen.limit)
+    if out is not None and pdf is None and out.suffix.lower() == ".pdf":
+        out, pdf = None, out
     if out is None and json is None and pdf is None:
         out = Path("report.html")
     outputs = [

@@ -41,10 +41,11 @@ def cover(
 
     Lines back and forth, the pump on along them and off between; holes are flown around.
 
-    Example: thrustmargin cover north.kml --swath 5 --speed 4 --height 3 -o north.plan
+    Example: thrustmargin cover demo --swath 5 --speed 4 --height 3 -o field.plan
 
     Args:
-        field: Outline of the field: KML, KMZ, GeoJSON, shapefile (.shp with .prj) or ISOXML.
+        field: Outline of the field: KML, KMZ, GeoJSON, shapefile (.shp with .prj) or ISOXML;
+            demo is a bundled one.
         swath: m between lines.
         speed: m/s over the ground.
         height: m above home, or above the ground with --above-ground.

@@ -17,7 +17,10 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     check_utilisation,
 )
+from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.numbers import number
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -36,7 +39,7 @@ def fill(
     voltage: float | None = None,
     speed: float = 5.0,
     wind: float = 0.0,
-    max_utilisation: float = 0.5,
+    max_utilisation: Share = 0.5,
     rotor_lost: bool = True,
     out: Path | None = None,
     json: Path | None = None,
@@ -101,7 +104,8 @@ def fill(
     console.print(table.advice, style="bold")
     for sentence in made.conditions(table):
         console.print(f"  {sentence}")
-    for state, volts in table.voltages.items():
+    # Without a tank every place of the grids is the same "none".
+    for state, volts in table.voltages.items() if rotor_model.airframe.tank_volume_l else ():
         console.print(_grid(table, state, volts, made.temperatures(table)))
     for path, text in ((out, made.html_text), (json, made.json_text)):
         if path == STDOUT:
@@ -131,9 +135,13 @@ def _check_voltage(voltage: float, nominal: float) -> None:
 
 
 def _grid(table: FillTable, state: str, volts: float, heads: list[str]) -> Table:
-    grid = Table(title=f"battery {state}, {volts:.1f} V", box=box.SIMPLE_HEAD, title_justify="left")
+    grid = Table(
+        title=f"{say(f'battery {state}')}, {number(volts, 'V')}",
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+    )
     for head in ("above the sea", *heads):
-        grid.add_column(head, justify="right")
+        grid.add_column(say(head), justify="right")
     for name, cells in table.rows(state):
         grid.add_row(name, *cells)
     return grid

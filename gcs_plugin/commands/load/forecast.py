@@ -19,9 +19,12 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     Output,
     UsageError,
     check_outputs,
+    check_port,
     check_utilisation,
 )
+from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 
@@ -52,7 +55,7 @@ def forecast(
     voltage: float | None = None,
     capacity: float | None = None,
     resistance: float | None = None,
-    max_utilisation: float = 0.5,
+    max_utilisation: Share = 0.5,
     out: UseAppendAction[tuple[Path, ...]] = (),
     json: Path | None = None,
     csv: Path | None = None,
@@ -106,6 +109,7 @@ def forecast(
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 
     check_utilisation(max_utilisation)
+    check_port(port)
     for name, value, low, high, unit in (
         ("--air-temperature", air_temperature, -60.0, 60.0, "°C"),
         ("--altitude", altitude, -430.0, 9000.0, "m"),
@@ -133,7 +137,7 @@ def forecast(
     ]
     check_outputs(outputs, inputs=[plan, model, airframe, parameters])
     if sorties is not None and not sorties.is_dir():
-        raise UsageError(f"--sorties {sorties} is no folder; make it, or give another")
+        raise DataError(f"no folder {sorties}; make it, or give another --sorties")
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.mission.ahead import plan_forecast
@@ -229,7 +233,7 @@ def _show(made: PlanForecast, console: Terminal) -> None:
     console.print(words.survivable_words(made))
     for line in (*words.sortie_words(made), words.way_back_words(made)):
         console.print(line)
-    console.print("Assumed:")
+    console.print(f"{say('Assumed')}:")
     for line in words.assumed_words(made):
         console.print(f"  {line}")
 

@@ -91,7 +91,7 @@ def load_table(matching: Matching) -> Table:
     table.add_column("empty tank", justify="right")
     load, capacity = matching.load, matching.airframe.tank_capacity_kg
     table.add_row("load a rotor", f"{load.full_load:.2f} kg", f"{load.empty_load:.2f} kg")
-    table.add_row("increase over empty (Eq. 8)", f"{load.load_increase:.2%}", "")
+    table.add_row("increase over empty (Eq. 8)", f"{100 * load.load_increase:.2f} %", "")
     table.add_row(
         "rotor speed in hover",
         f"{matching.rotor_speed_full_rpm:.0f} rpm",
@@ -100,7 +100,11 @@ def load_table(matching: Matching) -> Table:
     for limit in matching.ceilings:
         table.add_section()
         table.add_row(Text(limit.name), f"{limit.max_thrust / G0:.2f} kgf a rotor", "")
-        table.add_row("  thrust utilisation", f"{limit.use_full:.1%}", f"{limit.use_empty:.1%}")
+        table.add_row(
+            "  thrust utilisation",
+            f"{100 * limit.use_full:.1f} %",
+            f"{100 * limit.use_empty:.1f} %",
+        )
         table.add_row(
             f"  {ONE_LOST}, {SPINS}",
             f"{limit.redundancy_yaw_uncontrolled_full:.2f} x weight",

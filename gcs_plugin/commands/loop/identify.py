@@ -56,8 +56,7 @@ def identify(
     hidden mass, thin air, an off-centre load, ...), and takes in those that make flights left out
     better by more than chance. Give two flights or more, at different tank levels.
 
-    Example: thrustmargin identify sitl_logs/dev/worn_prop_1.tlog sitl_logs/dev/worn_prop_2.tlog
-    --held-out sitl_logs/dev/worn_prop_3.tlog --out-model worn.safetensors --out worn.html
+    Example: thrustmargin identify demo --out demo.html
 
     Args:
         logs: Recorded flights to learn from: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.

@@ -46,6 +46,7 @@ def train(
     The interval is conformal from 9 flights on, below that a wider one by Student's t.
 
     Example: thrustmargin train flights --airframe my-aircraft.toml --out-model mine.safetensors
+    (flights is the folder of your logs, my-aircraft.toml made by `thrustmargin airframe new`)
 
     Args:
         logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders of

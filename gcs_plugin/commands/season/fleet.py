@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.whole_file import regular, whole_file
 
@@ -99,7 +100,7 @@ def fleet(
     alone = aircraft is not None
     for one in season.aircraft:
         for found in one.findings if alone else one.findings[:1]:
-            console.print(f"{one.name}: {found.sentence}. Do: {found.action}")
+            console.print(f"{one.name}: {found.sentence}. {say('Do')}: {found.action}")
     texts: Sequence[tuple[Path | None, Callable[[], str]]] = (
         (out, lambda: fleet_page.html_text(season, alone=alone)),
         (csv, lambda: fleet_page.as_csv(season)),
@@ -173,7 +174,9 @@ def _table(season: FleetSeason) -> Table:
 
     grid = Table(box=box.SIMPLE_HEAD)
     for head in HEADS[:6]:
-        grid.add_column(head, justify="left" if head in HEADS[:2] else "right", overflow="fold")
+        grid.add_column(
+            say(head), justify="left" if head in HEADS[:2] else "right", overflow="fold"
+        )
     for one in season.aircraft:
         grid.add_row(*cells(one)[:6])
     return grid

@@ -26,7 +26,12 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     check_utilisation,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    Share,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, transfer_bar
 from thrustmargin.models.errors import DataError, require
 
@@ -51,7 +56,7 @@ def ingest(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
-    max_utilisation: float = 0.5,
+    max_utilisation: Share = 0.5,
     workers: int | None = None,
     cluster: str | None = None,
     anonymise: bool = False,

@@ -30,10 +30,12 @@ from thrustmargin.gcs_plugin.store.schema import ROTORS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
+from thrustmargin.gcs_plugin.wording.margin_verdict import PREDICTED_ALONE
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, for_verdict, worst_rotor
 from thrustmargin.models.model.model_file import model_digest
@@ -174,9 +176,12 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
 def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> dict[str, Any]:
     """The columns of `schema.FLIGHTS` that the report or the log knows."""
     track, verdict, flight = log.track, report.verdict, report.flight
-    worst, quality = verdict.worst, report.quality
+    # What a prediction alone calls good is no margin of this flight; what it calls bad counts.
+    no_ground = verdict.predicted_alone and verdict.level is FlightLevel.UNKNOWN
+    worst, quality = None if no_ground else verdict.worst, report.quality
     withheld, airframe = bool(report.withheld), analysis.model.airframe
-    use = np.where(track.flying[:, None], analysis.known_utilisation, np.nan)
+    use = analysis.utilisation if no_ground else analysis.known_utilisation
+    use = np.where(track.flying[:, None], use, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = track.rotor_speed_rpm / analysis.prediction.rotor_speed_rpm
     ratio[~track.flying] = np.nan
@@ -210,7 +215,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "airspeed_source": _words_of(track, "airspeed"),
         "verdict": verdict.level,
         "verdict_reason": "; ".join(report.withheld)
-        or _without(verdict.level, track)
+        or (PREDICTED_ALONE if no_ground else _without(verdict.level, track))
         or verdict.headline,
         "action": verdict.action or None,
         "limit": verdict.limit,

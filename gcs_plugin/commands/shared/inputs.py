@@ -117,6 +117,7 @@ def read_logs(
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
+    reading_keywords(reading)  # what is wrong on the command line is wrong in no log
     described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
     quiet = not console.is_terminal
     for path in track(logs, described, console=console, transient=True, disable=quiet):
@@ -131,9 +132,10 @@ def read_logs(
 
 
 def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
-    """Remarks on the log of a sortie that holds others, or stretches that are none."""
+    """Remarks on the log of a sortie that holds others, stretches that are none, or columns that
+    are left out."""
     several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
-    return (*several, *log.unflown.words)
+    return (*several, *log.unflown.words, *log.other_units)
 
 
 def unnamed(error: Exception, path: Path) -> str:
@@ -186,7 +188,7 @@ def read_flights(
     from thrustmargin.models.model.inferred.prepared import prepared
     from thrustmargin.models.model.predict import flown_airframe
 
-    keywords = {**reading_keywords(reading), "any_vehicle": any_vehicle}
+    keywords = {**reading_keywords(reading), "any_vehicle": any_vehicle, "sought": given}
     craft = flown_airframe(model)
 
     def claims_of(logs: Iterable[FlightLog]) -> list[AirframeClaim]:

@@ -87,6 +87,12 @@ def check_utilisation(value: float) -> None:
         )
 
 
+def check_port(port: int) -> None:
+    """Raise UsageError unless `port` is one."""
+    if not 0 <= port <= 65535:
+        raise UsageError(f"--port {port} is none; ports are 0 to 65535")
+
+
 @dataclass(frozen=True, slots=True)
 class Output:
     """A file that a command is asked to write, and the option that names it."""
@@ -98,7 +104,8 @@ class Output:
 
 
 def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | None]) -> None:
-    """Raise DataError when a result would have no place or would harm one of the `inputs`.
+    """Raise DataError when a result would have no place or would harm one of the `inputs`, and
+    UsageError when a name is wrong by itself.
 
     Those are all files that the command reads: logs, models, airframes, keys; None and names of
     what is shipped are passed over.
@@ -113,7 +120,7 @@ def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | No
             what = "a folder" if path.is_dir() else "a device or a pipe"
             raise DataError(f"{path} is {what}, not a file; give another {output.option}")
         if output.endings and path.suffix.lower() not in output.endings:
-            raise DataError(f"cannot write {path}; end its name in {' or '.join(output.endings)}")
+            raise UsageError(f"cannot write {path}; end its name in {' or '.join(output.endings)}")
         if not path.parent.is_dir():
             raise DataError(f"no folder {path.parent}; make it, or give another {output.option}")
         for read in inputs:
@@ -124,7 +131,7 @@ def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | No
         # Many disks do not distinguish capitals.
         name = str(path.resolve()).casefold()
         if name in taken:
-            raise DataError(f"{path} is asked for twice; give another {output.option}")
+            raise UsageError(f"{path} is asked for twice; give another {output.option}")
         taken.add(name)
         if output.keep and path.exists():
             raise DataError(

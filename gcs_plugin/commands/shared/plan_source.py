@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from thrustmargin.mission import plan as plan_files
 from thrustmargin.mission.plan_items import (
     FIRMWARE_ARDUPILOT,
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
 _ENDINGS = (".plan", ".mission", ".waypoints")
 #: What `cover` reads.
 _FIELDS = (".kml", ".kmz", ".geojson", ".shp", ".xml")
+#: Bytes of a file beyond which it is not searched to its end for a log that it may not be: so many
+#: samples of so many bytes each hold messages in hundreds, and noise next to none.
+_LARGE, _SAMPLES, _SAMPLE, _FEW = 32 << 20, 16, 1 << 16, 20
 _FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
 
 
@@ -67,7 +72,10 @@ def _plan_of_log(path: Path, vehicle: int | None) -> MissionPlan:
         "DataFlash text": dataflash_text_boots,
     }
     try:
-        readers = [read for kind in formats(path) if (read := boots.get(kind.name))]
+        kinds = formats(path)
+        if not any(kind.is_text for kind in kinds) and not _holds_messages(path):
+            raise LogError("no messages show in it")
+        readers = [read for kind in kinds if (read := boots.get(kind.name))]
     except LogError as error:
         raise PlanError(
             f"{path.name} is neither a plan (.plan, .waypoints) nor a log with one ({error})"
@@ -82,6 +90,24 @@ def _plan_of_log(path: Path, vehicle: int | None) -> MissionPlan:
                 holding[-1].waypoints, autopilot=holding[-1].autopilot, source=path.name
             )
     raise PlanError(f"{path.name} holds no whole mission; name a .plan or .waypoints file")
+
+
+def _holds_messages(path: Path) -> bool:
+    """False for a large file in which neither MAVLink nor DataFlash messages show."""
+    from thrustmargin.gcs_plugin.logs.dataflash.message_scan import HEAD
+    from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
+
+    size = path.stat().st_size
+    if size <= _LARGE:
+        return True
+    with path.open("rb") as file:
+        for place in range(0, size, size // _SAMPLES):
+            file.seek(place)
+            part = file.read(_SAMPLE)
+            frames = scan(np.frombuffer(part + bytes(PADDING), dtype=np.uint8), len(part))
+            if max(frames.start.size, part.count(bytes(HEAD))) >= _FEW:
+                return True
+    return False
 
 
 def plan_of_waypoints(waypoints: Sequence[Waypoint], *, autopilot: str, source: str) -> MissionPlan:

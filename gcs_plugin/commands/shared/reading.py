@@ -7,11 +7,25 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import tyro
+from tyro.constructors import PrimitiveConstructorSpec
 
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError
+from thrustmargin.models.errors import LogError
 
 #: °C. No multirotor flies outside these.
 COLDEST_C, HOTTEST_C = -60.0, 60.0
+
+#: A limit, which help shows in percent as pages do; `as_read` has made a share of what is typed.
+Share = Annotated[
+    float,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="PERCENT",
+        instance_from_str=lambda words: float(words[0]),
+        is_instance=lambda value: isinstance(value, float),
+        str_from_instance=lambda value: [f"{100.0 * value:g}%"],
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +69,7 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
     """The options as `read_log` and `WatchSettings` take them, checked.
 
-    Raises UsageError or LogError when one of them is impossible or two exclude each other.
+    Raises UsageError when one of them is impossible or two exclude each other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
@@ -68,7 +82,10 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
     for option, mass in given.items():
         if mass is not None and not 0.0 <= mass < math.inf:
             raise UsageError(f"{option} {mass:g} is no mass on board; give kg, 0 or more")
-    check_source(reading.tank)
+    try:
+        check_source(reading.tank)
+    except LogError as error:
+        raise UsageError(f"--tank: {error}") from error
     load, end, celsius = reading.load, reading.load_end, reading.air_temperature_c
     if load is not None:
         other = reading.tank_start_kg is not None or reading.tank.strip().lower() != "auto"

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 #: In the wheel as in the project, beside `gcs_plugin`.
 BUNDLED = Path(__file__).resolve().parents[3] / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
+#: The field of `cover demo`, in the wheel too.
+BUNDLED_FIELD = Path(__file__).resolve().parents[3] / "mission" / "coverage" / "demo_field.kml"
 #: In place of a log: the bundled flight.
 DEMO = "demo"
 #: Options whose value may be that word and is no log.
@@ -22,7 +24,7 @@ _SHARE = "--max-utilisation"
 
 
 def as_read(argv: Sequence[str]) -> list[str]:
-    """The words with `demo` as the bundled flight, and the limit in percent as a share.
+    """The words with `demo` as what is bundled, and the limit in percent as a share.
 
     A file or folder of that name in the working folder is meant itself.
     """
@@ -35,7 +37,7 @@ def as_read(argv: Sequence[str]) -> list[str]:
         if before == _SHARE or word.startswith(f"{_SHARE}="):
             word = _share(word)
         if word == DEMO and words and before not in _NO_LOG and not Path(DEMO).exists():
-            word = str(BUNDLED)
+            word = str(BUNDLED_FIELD if words[0] == "cover" else BUNDLED)
         words.append(word)
     return words
 

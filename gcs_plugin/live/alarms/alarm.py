@@ -13,7 +13,7 @@ CRITICAL, WARNING, NOTICE = 2, 4, 5
 #: Names of alarms, the gravest first: a part that is bad, control, battery, thrust, then the load,
 #: then what an instrument says. Of one severity they are listed so.
 GRAVEST_FIRST = (
-    *("telemetry", "control", "rotor", "motor", "esc", "battery", "saturation"),
+    *("telemetry", "control", "stopped", "rotor", "motor", "esc", "battery", "saturation"),
     *("margin", "predicted margin", "margin ahead", "tank", "gauge"),
     *("rotor speeds", "misfit", "airframe", "envelope"),
 )

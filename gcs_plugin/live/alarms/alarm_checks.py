@@ -47,6 +47,7 @@ class RowsNow:
     #: (N,) faults by kind that was tested, at the ends of blocks; empty between
     faults: Sequence[dict[Kind, tuple[RotorFault, ...]]] = ()
     balances: Sequence[TankBalance | None] = ()  # (N,) about one a second
+    stopped: Bools | None = None  # (N, R) rotors that were found to stand still by that row
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,23 +1,6 @@
 """Every alarm is one rule here: a name, the times that it must hold, and what it goes by.
 
-| alarm | raised when | for | cleared when | for |
-|---|---|---|---|---|
-| `control` | over, spinning, falling, or not as asked (`loss_of_control`) | - | calm | 3 s |
-| `margin` | worst rotor's measured thrust margin < limit | 7.5 s | > limit + 0.03 | 3 s + 20 |
-| `predicted margin` | predicted, without any speed, < limit | 7.5 s | above, or one is | 3 s + 20 |
-| `margin ahead` | predicted on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s + 20 |
-| `battery` | < 3.0 V a cell | 1 s | > 3.2 V a cell | 5 s |
-| `esc` | the ESC reports a failure of its own (ESC_INFO) | - | it reports none | 3 s |
-| `rotor` | one rotor makes less thrust (likelihood ratio, RotorFaults) | - | it is sound | - |
-| `motor` | one rotor is slower than its output asks (the same) | - | it is sound | - |
-| `tank` | gauge and pump part (TankBalance) | 5 s | they agree again | 10 s |
-| `gauge` | thrust carries 3 kg more or less than the gauge says | 5 s | they agree again | 10 s |
-| `envelope` | the flight is outside the training of the model's network | 5 s | inside | 5 s |
-| `saturation` | a motor's output or rotor's speed > 0.97 of its most | 0.5 s | < 0.92 | 2 s + 20 |
-| `airframe` | the flight is not known to be one of the airframe | 8 s | it is | - |
-| `misfit` | one that was known to be of it no longer fits | - | it fits again | - |
-| `telemetry` | nothing heard | 3 s | heard | 1 s |
-| `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
+When each is raised and when it is over: the table of docs/live.md.
 The signs of lost control must last themselves, 0.3 s or 1 s.
 A lull of 20 s follows: what comes back in them (the next corner) is the same alarm, counted.
 What is not known (NaN) neither raises nor clears; after 3 s of it an alarm cannot be confirmed. A
@@ -32,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -54,7 +38,7 @@ from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.models.checks.loss_of_control import losing
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.model.advice import cells
+from thrustmargin.models.model.advice import cells, stopped_fault
 from thrustmargin.models.model.analysis import Basis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -65,6 +49,8 @@ LASTS = 7.5  # s: over half of the 15 s of the report's lasting use: a turn is n
 LULL = 20.0  # s: from one corner of a field to the next
 MOVEMENT_ROWS = 20  # rows of two seconds, in which every sign of a loss has lasted its time
 CELL_HYSTERESIS = 0.2  # V
+#: alarm, and the fault that it is of
+PARTS: tuple[tuple[str, Kind], ...] = (("rotor", "propeller"), ("motor", "motor"))
 
 
 def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
@@ -168,6 +154,21 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     )
 
 
+def stopped(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    turning = now.analysis.track.measured("rotor_speed_rpm")[now.rows] > 0.0
+    names = () if now.analysis.withheld else now.analysis.model.airframe.rotor_names
+    found = np.zeros_like(turning) if now.stopped is None else now.stopped
+    return AlarmChecks(
+        found,
+        turning,
+        # Its own silence says nothing new; without the others' speeds nothing is known.
+        np.broadcast_to(turning.any(axis=1, keepdims=True), turning.shape),
+        severity=lambda *_: CRITICAL,
+        text=lambda _, k: fault_words(stopped_fault(k), names),
+        rotor=turning.shape[1],
+    )
+
+
 def battery(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     craft, volts = now.analysis.model.airframe, now.analysis.track.voltage[now.rows]
     count = max(cells(craft), 1)
@@ -222,15 +223,7 @@ def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
     return one_alarm(found, ~found, every, severity=lambda *_: severity, text=lambda *_: text)
 
 
-def rotor_thrust(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    return _faulty(now, "propeller")
-
-
-def motor_speed(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    return _faulty(now, "motor")
-
-
-def _faulty(now: RowsNow, kind: Kind) -> AlarmChecks:
+def faulty(kind: Kind, s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     """The faults of one kind, one by one, then one of several rotors: all else is sound."""
     rotors, names = now.analysis.track.rotor_count, now.analysis.model.airframe.rotor_names
     on = np.zeros((len(now.faults), rotors + 1), dtype=np.bool_)
@@ -337,6 +330,7 @@ def rotor_speeds(s: AlarmSettings, now: LinkNow) -> AlarmChecks:
 OF_ROWS = (
     # An aircraft that lies there has not regained it: calm flight alone clears it.
     AlarmRule("control", 0.0, 3.0, control, Missing.ATTITUDE, on_ground="kept"),
+    AlarmRule("stopped", 0.0, 3.0, stopped, Missing.SPEEDS, on_ground="kept"),
     AlarmRule("esc", 0.0, 3.0, esc, Missing.ESC, on_ground="checked"),
     AlarmRule("margin", LASTS, 3.0, margin, Missing.SPEEDS, lull=LULL, of_airframe=True),
     AlarmRule(
@@ -349,11 +343,14 @@ OF_ROWS = (
 )
 OF_SETTLED_ROWS = (
     # On the ground nothing of the flight stands, but for a rotor that was found bad.
-    AlarmRule(
-        "rotor", 0.0, 0.0, rotor_thrust, Missing.SPEEDS, "kept", sampled=True, of_airframe=True
-    ),
-    AlarmRule(
-        "motor", 0.0, 0.0, motor_speed, Missing.SPEEDS, "kept", sampled=True, of_airframe=True
+    *(
+        AlarmRule(
+            *(name, 0.0, 0.0, partial(faulty, kind), Missing.SPEEDS),
+            on_ground="kept",
+            sampled=True,
+            of_airframe=True,
+        )
+        for name, kind in PARTS
     ),
     AlarmRule(
         "predicted margin", LASTS, 3.0, predicted_margin, Missing.LOAD, lull=LULL, of_airframe=True

@@ -32,6 +32,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
 )
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
 from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.models.checks.stopped_rotor import StoppedWatch
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
@@ -61,7 +62,7 @@ class Alarms:
         self.listed: dict[Key, Alarm] = {}
         self._faults: RotorFaults | None = None
         self._weighed_s = float("-inf")
-        self._balance = BalanceWatch()
+        self._balance, self._stopped = BalanceWatch(), StoppedWatch()
         self._rest_voltage = float("nan")
         self._conditions: dict[Key, _Condition] = {}
         self._cleared: dict[Key, tuple[Alarm, float]] = {}  # and when
@@ -101,6 +102,7 @@ class Alarms:
             rest_voltage=self._rest_voltage,
             faults=faults,
             balances=balances,
+            stopped=self._stopped.add(analysis.track.rows(new)),
         )
         events: list[AlarmEvent] = []
         for rules, rows in ((OF_ROWS, new), (OF_SETTLED_ROWS, final)):
@@ -174,6 +176,9 @@ class Alarms:
         made from motor outputs. `rows_behind` is the age of the last row at the last message, s.
         """
         events: list[AlarmEvent] = []
+        # A rotor that stands owes no speed.
+        owes = [("stopped", k + 1) not in self.listed for k in range(rotors_behind.size)]
+        rotors_behind = np.where(owes, rotors_behind, 0.0)
         link = LinkNow(
             silent=silent, rotors_behind=rotors_behind, flying=flying, from_outputs=from_outputs
         )

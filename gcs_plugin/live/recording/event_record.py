@@ -7,6 +7,7 @@ first heard. However late it was found out, and however many messages were analy
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import GONE
@@ -14,15 +15,19 @@ from thrustmargin.gcs_plugin.wording.live_words import heard_words, silent_words
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
-    from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+    from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
     from thrustmargin.gcs_plugin.live.recording.recorder import Recorder
 
 
 class EventRecord:
-    """Hands events to `recorder`, which may be None. Times are the ground's clock, µs."""
+    """Hands events to `recorder`, which may be None, and notes on vehicles to `subscribers` too.
 
-    def __init__(self, recorder: Recorder | None) -> None:
+    Times are the ground's clock, µs.
+    """
+
+    def __init__(self, recorder: Recorder | None, subscribers: Sequence[Subscriber] = ()) -> None:
         self._recorder = recorder
+        self._subscribers = subscribers
         self._known: set[int] = set()
         self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
 
@@ -58,6 +63,8 @@ class EventRecord:
                 self.note(watch.first_us, number, "appeared", heard_words(number))
             for at_us, text in watch.notes:
                 self.note(at_us, number, "note", text)
+                for subscriber in self._subscribers:
+                    subscriber.on_note(number, text, at_us * 1e-6)
             watch.notes.clear()
             if number not in self._gone and watch.silent(now_us) > GONE:
                 self._gone[number] = watch.last_us

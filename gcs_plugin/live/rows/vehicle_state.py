@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.text import printable
@@ -136,7 +138,7 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
         return replace(state, mission={**state.mission, waypoint.number: waypoint})
     if arriving.keys() < set(range(state.expected)):
         return replace(state, arriving=arriving)
-    other = bool(state.mission) and state.mission != arriving
+    other = bool(state.mission) and not _same(state.mission, arriving)
     return replace(
         state,
         mission=arriving,
@@ -145,6 +147,16 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
         arriving={},
         expected=0,
     )
+
+
+def _same(one: Mapping[int, Waypoint], other: Mapping[int, Waypoint]) -> bool:
+    """Whether two missions are alike; a NaN, where an item has no number, is like another."""
+
+    def numbers(mission: Mapping[int, Waypoint]) -> list[tuple[float, ...]]:
+        items = [mission[n] for n in sorted(mission)]
+        return [(w.number, w.command, w.frame, *w.plan_item.parameters) for w in items]
+
+    return len(one) == len(other) and np.array_equal(numbers(one), numbers(other), equal_nan=True)
 
 
 def _replaced(state: VehicleState, at_us: int) -> VehicleState:

@@ -2,7 +2,8 @@
 
 The rows are those of the monitor, which are the file's (tests: test_live_is_the_file.py); load and
 speeds are inferred anew over all of them, as of a file. A flight begins at the first row heard, and
-anew at the first take-off after a stay of LONG_DOWN on the ground, or one in which it was disarmed.
+anew at the first take-off after a stay of LONG_DOWN on the ground, or one in which it was disarmed,
+or its tank or battery became fuller, as a file is divided.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
-from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, REST
+from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, serviced
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import check_motor_order
+from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack, Floats, joined
 from thrustmargin.models.model.advice import Advice, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -52,9 +54,12 @@ class FlightSoFar:
     def advice(self) -> Advice:
         """As of a report of these rows."""
         craft = None if self.claim.withheld else flown_airframe(self.model)
-        track = prepared(self.track, craft, self.parameters)
+        claim, track = self.claim, prepared(self.track, craft, self.parameters)
+        if craft is not None:
+            # The claim was decided in the first climb, where outputs show more than the weight.
+            claim = replace(claim, outputs=output_evidence(self.track, craft, self.parameters))
         made = advise(
-            analyse(track, self.model, claim=self.claim),
+            analyse(track, self.model, claim=claim),
             limit=self.limit,
             names_known=craft is None or _names_known(track, self.model),
             history=self.faults,
@@ -83,6 +88,7 @@ class SortieRows:
         self._zero_s = self._begin_s = 0.0  # clock when the track's time is 0; of the flight
         self._flown = self._disarmed = False
         self._landed_s = math.nan
+        self._stay: tuple[float, float] | None = None  # landing and take-off, until it is checked
         self._made_s = -math.inf
         self._said: tuple[AirframeClaim, VehicleState] | None = None
         self.now: FlightSoFar | None = None  # None before the first take-off
@@ -103,6 +109,11 @@ class SortieRows:
         if flying.size:
             self._take_off(float(track.time_s[flying[0]]))
         self._parts.append(track)
+        if self._stay is not None and end_s >= self._stay[1] + LOOK:
+            self._parts = [joined([(part, slice(None)) for part in self._parts])]
+            if serviced(self._parts[0], self._parts[0].time_s, *self._stay):
+                self._begin(*self._stay)
+            self._stay = None
         landed = self._flown and not track.flying[-1]
         if landed:
             self._disarmed |= not state.armed
@@ -148,14 +159,23 @@ class SortieRows:
 
     def _take_off(self, time_s: float) -> None:
         if self._flown and (self._disarmed or time_s - self._landed_s >= LONG_DOWN):
-            self._keep(max(time_s - REST, 0.5 * (self._landed_s + time_s)))
-            self._begin_s = float(self._parts[0].time_s[0]) if self._parts else time_s
-            self._made_s = -math.inf
+            self._begin(self._landed_s, time_s)
+        elif self._flown and self._landed_s < time_s:
+            self._stay = self._landed_s, time_s
         self._flown, self._disarmed, self._landed_s = True, False, math.nan
 
+    def _begin(self, down_s: float, up_s: float) -> None:
+        """The flight after a stay is another, with the ground that is nearer to it."""
+        self._keep(max(up_s - REST, 0.5 * (down_s + up_s)))
+        self._begin_s = float(self._parts[0].time_s[0]) if self._parts else up_s
+        self._made_s = -math.inf
+
     def _keep(self, since_s: float) -> None:
-        """Forget the parts that ended before a time."""
-        self._parts = [part for part in self._parts if part.time_s[-1] >= since_s]
+        """Forget the rows before a time."""
+        kept = [part for part in self._parts if part.time_s[-1] >= since_s]
+        if kept and kept[0].time_s[0] < since_s:
+            kept[0] = kept[0].rows(kept[0].time_s >= since_s)
+        self._parts = kept
 
 
 def _since(history: FaultHistory, zero_s: float) -> FaultHistory:

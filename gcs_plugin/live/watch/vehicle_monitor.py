@@ -81,7 +81,7 @@ class VehicleMonitor:
         self.shared_until_us = 0
         #: What happened since they were last taken, and when by the ground's clock, µs.
         self.notes: list[tuple[int, str]] = []
-        self.not_followed = ""  # what it was asked for in vain, in words
+        self.not_followed: Mapping[str, tuple[float, float]] = {}  # in vain: Hz that come, asked
         self.last: Update | None = None
         self.rows = 0
         self.first_us = 0  # ground's clock when it was first heard
@@ -278,9 +278,10 @@ class VehicleMonitor:
         """The claim with the new rows, and what the model goes on from: nothing after a change."""
         before = self.claim
         claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
-        if claim is before:
+        if claim is before and self.last is not None:
             return claim, start
-        self.notes.append((int(new.stamp_us[-1]), claim.described))
+        helps = [claim.remedy] if claim.withheld else []
+        self.notes.append((int(new.stamp_us[-1]), "; ".join([claim.described, *helps])))
         return claim, None if bool(before.withheld) != bool(claim.withheld) else start
 
     def _window(self, last: Update) -> tuple[slice, FlightState | None]:
@@ -321,10 +322,9 @@ class VehicleMonitor:
         behind = (self.telemetry.stamp_us - self._rotor_us) * 1e-6
         if self.shared:  # what comes is not used: that is no fault of the ESCs
             behind = np.zeros_like(behind)
+        behind = np.where(self._rotor_us > 0, behind, np.nan)
         return self.alarms.heard(
-            now_us * 1e-6,
-            self.silent(now_us),
-            np.where(self._rotor_us > 0, behind, np.nan),
+            *(now_us * 1e-6, self.silent(now_us), behind),
             flying=self.flying,
             from_outputs=self._inferred.outputs.in_use,
             rows_behind=self._rows_behind,

@@ -12,6 +12,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, how_sure
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number
 from thrustmargin.models.model.fill_limits import Fills, largest_fills
 from thrustmargin.models.model.next_fill import NextFill, before_take_off
@@ -75,9 +76,9 @@ class FillTable:
 
     def _cell(self, k: int) -> str:
         fill = float(self.around.sure[k])
-        if fill <= 0.0:
-            return "none"
-        return ("full, " if self.around.reason[k] == "tank" else "") + amount(fill)
+        if fill < 0.1:  # less than an amount shows
+            return say("none")
+        return (say("full, ") if self.around.reason[k] == "tank" else "") + amount(fill)
 
 
 def fill_table(
@@ -130,16 +131,16 @@ def conditions(table: FillTable) -> list[str]:
     airframe = table.model.airframe
     sure = how_sure(table.fill)
     remarks = [
-        f"For {table.day.words}.",
+        say("For {day}.", day=table.day.words),
         *([f"{sure[:1].upper()}{sure[1:]}."] if sure else []),
         words.fill_limit(table.limit, rotor_lost=table.rotor_lost),
-        words.NOTHING_KEPT_BACK,
-        f"Model: {table.model.description}.",
+        say(words.NOTHING_KEPT_BACK),
+        f"{say('Model')}: {table.model.description}.",
     ]
     if table.model.network is None and table.day.airspeed > 0.0:
-        remarks.append(words.NO_AIRSPEED_LEARNT)
+        remarks.append(say(words.NO_AIRSPEED_LEARNT))
     if not np.isfinite(airframe.max_takeoff_mass):
-        remarks.append(words.NO_MAKERS_LIMIT)
+        remarks.append(say(words.NO_MAKERS_LIMIT))
     if airframe.guessed:
         remarks.append(words.guessed(airframe.guessed))
     return remarks

@@ -9,6 +9,8 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.reports.fleet.parts import Part, PartHistory
 from thrustmargin.gcs_plugin.reports.fleet.same_aircraft import at_once, boards_in_turns, each_once
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.models.errors import DataError
@@ -22,19 +24,19 @@ from thrustmargin.models.identification.season.season_changes import (
 from thrustmargin.models.identification.season.season_sums import season_sums
 
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
-CHECK, FINE = "check the instrument", "sound"
+NONE, CHECK, FINE = "no verdict", "check the instrument", "sound"
 #: Worst first: the aircraft itself, its loads, then what its instruments say of them.
-LEVELS = (FIRST, ACT, LOAD, CHECK, WATCH, FINE)
+LEVELS = (FIRST, ACT, LOAD, NONE, CHECK, WATCH, FINE)
 INSTRUMENTS = ("tank gauge", "airspeed sensor", "settings", "logs")  # parts of actions
 #: times what sound aircraft differ by, now or, as it goes on, in RECENT flights
 ACTS, FIRSTS = 3.0, 10.0
-NO_THRUST = 1e3  # weight of a flight that ended so: before all else
-#: Verdicts that ground an aircraft, and what to do then, the gravest first.
+GRAVE = 1e3  # weight of a verdict that goes before all else of its level
+#: Verdicts that ground an aircraft, the gravest first; what to do where the store does not say.
 GROUNDING = {
-    "damaged": None,  # as the report of the flight says
-    "lost": words.GROUND_WRECK,
-    "battery": words.GROUND_BATTERY,
-    "no_thrust": words.GROUND_IT,
+    "damaged": actions.GROUND_IT,
+    "lost": actions.GROUND_WRECK,
+    "battery": actions.GROUND_BATTERY,
+    "no_thrust": actions.GROUND_IT,
 }
 RECENT, DAY = 10, 86400.0  # flights; s
 
@@ -47,6 +49,7 @@ class SeasonFinding:
     weight: float  # within its level
     sentence: str
     action: str
+    verdict: str = ""  # of the flights that it is about
     flight: int | None = None  # from 0
     then: str = ""  # what was reported then
 
@@ -148,7 +151,7 @@ def aircraft_season(
         else "",
         counted=tuple(order[s["flight"]] for s, _ in kept),
         changes=found,
-        no_changes=missing,
+        no_changes=say(missing),
         findings=(),
     )
     mine = [p for p in parts if p.aircraft == name]
@@ -172,7 +175,7 @@ def in_order(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...]:
 def _several(season: AircraftSeason) -> Iterable[SeasonFinding]:
     if season.several:
         yield SeasonFinding(
-            level=ACT, weight=float("inf"), sentence=season.several, action=words.NAME_EACH
+            level=ACT, weight=float("inf"), sentence=season.several, action=say(words.NAME_EACH)
         )
 
 
@@ -196,10 +199,10 @@ def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFi
             advised = words.value_words(trend.name).action
             action = advised.text
             if trend.instead:
-                others = [words.value_words(n).title for n in trend.instead[:3]]
-                action += f"; it may also be: {', '.join(others)}"
+                others = [say(words.value_words(n).title) for n in trend.instead[:3]]
+                action += f"; {say('it may also be')}: {', '.join(others)}"
             if ended and last and entry.ramp:
-                action = "it has stopped; " + action
+                action = f"{say('it has stopped')}; {action}"
             when = words.flight_words(at, season.flights[at]["started_unix_s"])
             yield SeasonFinding(
                 level=level_of(ratio, part=advised.part) if counts else FINE,
@@ -222,14 +225,14 @@ def _swapped(
             continue
         if before < part.installed_s <= after + DAY:
             return f"{part.position} {part.name}, installed {words.day(part.installed_s)}"
-    return words.SWAP_UNKNOWN
+    return say(words.SWAP_UNKNOWN)
 
 
 def reported_then(season: AircraftSeason, at: int) -> str:
     """The alarms around one of its flights."""
     near = season.flights[max(at - 1, 0) : at + 2]
     texts = dict.fromkeys(text for f in near for text in f["alarms"] or ())
-    return "; ".join(list(texts)[:3]) or words.SILENT
+    return "; ".join(list(texts)[:3]) or say(words.SILENT)
 
 
 def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
@@ -237,12 +240,13 @@ def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
         trend = season.changes.trend(one.name) if season.changes else None
         ratio = abs(one.value) / trend.usual if trend else 0.0
         words_of = words.value_words(one.name)
-        also = [words.value_words(n).title for n in one.instead[:3]]
+        also = [say(words.value_words(n).title) for n in one.instead[:3]]
         yield SeasonFinding(
             level=level_of(ratio, part=words_of.action.part),
             weight=ratio,
             sentence=words.shared_sentence(one.name, one.value, one.error),
-            action=words_of.action.text + (f"; it may also be: {', '.join(also)}" if also else ""),
+            action=words_of.action.text
+            + (f"; {say('it may also be')}: {', '.join(also)}" if also else ""),
         )
 
 
@@ -261,24 +265,27 @@ def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
         if bad:
             yield SeasonFinding(
                 level=FIRST,
-                weight=NO_THRUST - gravity,
+                weight=GRAVE - gravity,
                 sentence=words.grounding_sentence(verdict, len(bad), len(recent), bad[-1]),
-                action=action or bad[-1]["action"] or words.GROUND_IT,
+                action=bad[-1]["action"] or action.text,
+                verdict=verdict,
             )
-    heavy = [f for f in recent if _verdict_of(f) in ("critical", "over")]
-    if heavy:
-        worst = min(heavy, key=lambda f: (f["verdict"] != "critical", f["worst_margin"]))
-        yield SeasonFinding(
-            level=LOAD,
-            weight=float(len(heavy)),
-            sentence=words.margin_sentence(len(heavy), len(recent), worst),
-            action=worst["action"] or words.FILL_LESS,
-        )
+    for gravity, verdict in enumerate(("critical", "over", "near"), start=1):
+        heavy = [f for f in recent if _verdict_of(f) == verdict]
+        if heavy:
+            worst = min(heavy, key=lambda f: f["worst_margin"])
+            yield SeasonFinding(
+                level=LOAD,
+                weight=GRAVE / gravity + len(heavy),
+                sentence=words.margin_sentence(verdict, len(heavy), len(recent), worst),
+                action=worst["action"] or actions.FILL_LESS.text,
+                verdict=verdict,
+            )
     if season.without_verdict and len(season.without_verdict) * 2 > count:
         reason, action = words.no_verdict(season.without_verdict[-1])
         yield SeasonFinding(
-            level=ACT,
+            level=NONE,
             weight=0.0,
-            sentence=f"{len(season.without_verdict)} of {count} flights have no verdict: {reason}",
+            sentence=words.without_verdict(len(season.without_verdict), count, reason),
             action=action,
         )

@@ -20,11 +20,13 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     FIRST,
     LEVELS,
     LOAD,
+    NONE,
     WATCH,
     AircraftSeason,
     sum_of,
 )
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
@@ -35,13 +37,14 @@ COLOURS = {
     FIRST: "critical",
     LOAD: "over",
     ACT: "over",
+    NONE: "unknown",
     CHECK: "unknown",
     WATCH: "unknown",
     FINE: "under",
 }
 MOST_LISTED = 20
 WIDE, HIGH = 520.0, 96.0  # of a small chart, in its own units
-HEADS = ("aircraft", "look", "flights", "hours", "worst margin", "above limit", "why", "do")
+HEADS = ("aircraft", "look", "flights", "hours", "worst margin", "to act on", "why", "do")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,9 +64,9 @@ class FleetSeason:
         """The one sentence to act on."""
         first = self.aircraft[0] if self.aircraft else None
         if first is None:
-            return "no flights in the store"
+            return say("no flights in the store")
         if not first.findings or first.level in (FINE, WATCH):
-            return "no aircraft has to be looked at"
+            return say("no aircraft has to be looked at")
         return f"{first.name}: {first.findings[0].action.split(';')[0]}"
 
     @property
@@ -81,7 +84,7 @@ class FleetSeason:
         """First and last day of flying."""
         known = [f["started_unix_s"] for a in self.aircraft for f in a.flights]
         known = [s for s in known if finite(s)]
-        return f"{words.day(min(known))} to {words.day(max(known))}" if known else "no dates"
+        return f"{words.day(min(known))} to {words.day(max(known))}" if known else say("no dates")
 
     @property
     def reasons(self) -> list[tuple[str, int]]:
@@ -91,7 +94,7 @@ class FleetSeason:
 
     @property
     def above_limit(self) -> list[tuple[str, Any]]:
-        """Flights above the limit, the worst first."""
+        """Flights to act on, the least margin first."""
         found = [(a.name, f) for a in self.aircraft for f in a.above_limit]
         return sorted(found, key=lambda one: one[1]["worst_margin"])[:MOST_LISTED]
 
@@ -113,12 +116,12 @@ def cells(one: AircraftSeason) -> tuple[str, ...]:
     worst = one.worst
     return (
         one.name,
-        one.level,
+        say(one.level),
         str(len(one.flights)),
         number(one.hours, "", 1),
-        percent(worst["worst_margin"]) if worst else "unknown",
+        percent(worst["worst_margin"]) if worst else say("none measured"),
         str(len(one.above_limit)),
-        top.sentence if top else one.no_changes or words.HEALTHY,
+        top.sentence if top else one.no_changes or say(words.HEALTHY),
         top.action if top else "",
     )
 
@@ -269,8 +272,10 @@ def _plain(value: Any) -> Any:
 
 
 def as_csv(fleet: FleetSeason) -> str:
-    """One row an aircraft."""
-    return csv_text(HEADS, [cells(one) for one in fleet.aircraft])
+    """One row an aircraft; heads, levels and numbers are those of the file in every language."""
+    own = ((one, cells(one)) for one in fleet.aircraft)
+    rows = [(*c[:1], one.level, c[2], f"{one.hours:.1f}", *c[4:]) for one, c in own]
+    return csv_text(HEADS, rows)
 
 
 def csv_text(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     sum_of,
 )
 from thrustmargin.gcs_plugin.reports.fleet.parts import NAN, Part, PartHistory
+from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import (
@@ -103,8 +104,8 @@ def _with_cause(
     """What was found before; that there was no thrust left names a battery that is worn out."""
     worn = any(f.level == FIRST for f in of_batteries)
     for one in season.findings:
-        named = worn and one.action == words.GROUND_IT
-        yield replace(one, action=words.GROUND_BATTERY) if named else one
+        named = worn and one.verdict == "no_thrust"
+        yield replace(one, action=actions.GROUND_BATTERY.text) if named else one
 
 
 def _flights_of_parts(

@@ -20,10 +20,10 @@ def csv_text(made: PlanForecast) -> str:
     use, rotor = worst_rotor(analysis.utilisation_predicted)
     which = np.nan_to_num(rotor).astype(int)
     reach = INTERVAL * analysis.utilisation_error[np.arange(use.size), which]
-    items = np.array([timed.leg.item for timed in flight.legs])
+    items = np.array([timed.leg.item for timed in flight.course.legs])
     columns = {
         "time [s]": track.time_s,
-        "item": items[flight.active],
+        "item": items[flight.course.active],
         "north [m]": track.position_ned[:, 0],
         "east [m]": track.position_ned[:, 1],
         "height above home [m]": -track.position_ned[:, 2],

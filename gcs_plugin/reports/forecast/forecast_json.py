@@ -13,6 +13,7 @@ from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 def json_text(made: PlanForecast) -> str:
     """The forecast; kg, s, Wh and shares of thrust."""
     use, weakest = made.advised.advice.use, made.weakest
+    sorties = () if made.needs.short_of else made.needs.sorties  # no split is possible
     content: dict[str, Any] = {
         "schema": "thrustmargin.forecast/1",
         "verdict": {"level": made.level.value, "words": verdict(made)},
@@ -40,13 +41,13 @@ def json_text(made: PlanForecast) -> str:
         "sorties": [
             {
                 "items": [s.first_item, s.last_item],
-                "refill": s.last_item if k + 1 < len(made.needs.sorties) else None,
+                "refill": s.last_item if k + 1 < len(sorties) else None,
                 "litres": s.kg / made.advised.analysis.model.airframe.liquid_density,
                 "hectares": s.lines * made.swath / 1e4,
                 "minutes": s.seconds / 60.0,
                 "energy_wh": s.energy_wh,
             }
-            for k, s in enumerate(made.needs.sorties)
+            for k, s in enumerate(sorties)
         ],
         "point_of_no_return": {
             "item": made.way_back.item,

@@ -15,6 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, JsonObject, RotorAccuracy
 from thrustmargin.gcs_plugin.wording import report_words as words
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_things
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.flight import Floats
@@ -135,7 +136,7 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
         blocks=blocks,
         confidence=CONFIDENCE,
         trained_on=trained,
-        words=f"{words.TRAINED_ON} {text}" if trained else text,
+        words=f"{say(words.TRAINED_ON)} {text}" if trained else text,
     )
 
 

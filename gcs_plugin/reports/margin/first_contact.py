@@ -16,7 +16,10 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.physics.flight_phases import hover_rows
-from thrustmargin.models.provenance import Meaning
+from thrustmargin.models.provenance import Meaning, SourceKind
+
+#: Sources of a load that nothing on board reported.
+NO_GAUGE = (SourceKind.STATED, SourceKind.AIRFRAME, SourceKind.INFERRED)
 
 
 def first_contact(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
@@ -52,7 +55,7 @@ def first_contact(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
         cells=0 if nominal is None else round(nominal.value / CELL),
         hover_s=float(track.row_seconds[hover].sum()),
         esc_speeds=speeds,
-        gauge=track.reports("tank_kg"),
+        gauge=track.reports("tank_kg") and track.source("tank_kg").kind not in NO_GAUGE,
         airspeed=track.reports("airspeed")
         and track.source("airspeed").meaning is not Meaning.GROUND_SPEED,
         autopilot=log.autopilot,

@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, mean
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.gcs_plugin.wording.flight_words import NAMES_WRONG
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
@@ -57,6 +58,7 @@ def worst_moments(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> tup
 
 def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, ...]) -> Moment:
     track = analysis.track
+    tankless = not analysis.model.airframe.tank_volume_l
     rotor = int(np.nanargmax(use[row]))
     value = float(use[row, rotor])
     reach = INTERVAL * float(analysis.utilisation_error[row, rotor])
@@ -85,7 +87,8 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         margin=1.0 - value,
         basis=analysis.basis_of(row, rotor),
         doing=doing(analysis, row),
-        tank_kg=float(track.tank_kg[row]),
+        # An aircraft without a tank carries no 0 kg of liquid, but may carry a payload.
+        tank_kg=float(track.tank_kg[row] or np.nan) if tankless else float(track.tank_kg[row]),
         ground_speed=float(np.hypot(*track.velocity_ned[row, :2])),
         airspeed=float(track.airspeed[row]),
         climb_rate=-float(track.velocity_ned[row, 2]),
@@ -128,13 +131,13 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
     roll, pitch = mean(track.attitude[near, 0]), mean(track.attitude[near, 1])
     tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
     if tilt > BANK:
-        words.append(f"tilted {np.degrees(tilt):.0f}°")
+        words.append(say("tilted {angle}°", angle=f"{np.degrees(tilt):.0f}"))
     spraying = track.spraying[row]
     if spraying > 0.5:
         words.append("spraying")
     elif np.isfinite(spraying) and not words:
         words.append(NOT_SPRAYING)
-    return tuple(words)
+    return tuple(map(say, words))
 
 
 def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:

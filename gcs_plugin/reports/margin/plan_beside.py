@@ -42,8 +42,8 @@ def plan_beside(analysis: FlightAnalysis, log: FlightLog, plan: MissionPlan) -> 
     return {
         "words": beside_words(
             [off_sentence(one) for one in off],
+            made.stretches,
             left_at=made.left_at,
-            compared=len(made.stretches),
         ),
         "left_at": made.left_at,
         "off": [
@@ -53,7 +53,7 @@ def plan_beside(analysis: FlightAnalysis, log: FlightLog, plan: MissionPlan) -> 
             "fill_kg": given.fill_kg,
             "density": given.density,
             "wind": math.hypot(*given.wind_ned),
-            "limits": list(to_fly.limits.assumed),
+            "limits": list(to_fly.course.limits.assumed),
         },
         "stretches": [_stretch(s) for s in made.stretches],
     }

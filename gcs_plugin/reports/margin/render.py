@@ -18,7 +18,13 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
-from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
+from thrustmargin.gcs_plugin.wording.fault_words import (
+    DESCENDED,
+    HELD,
+    MAXIMUM_FILL,
+    SPINS,
+    place_words,
+)
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
 from thrustmargin.gcs_plugin.wording.report_words import TO_COPY
@@ -42,6 +48,7 @@ _WORDS = {
         words.from_direction,
         words.within,
         moment_words,
+        place_words,
     )
 }
 

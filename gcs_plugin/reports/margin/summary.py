@@ -172,6 +172,7 @@ def _verdict(
         basis=basis,
         speed_basis=made.analysis.speed_basis,
         measured_share=measured_share,
+        predicted_alone=advice.predicted_alone,
         lasting_use=use.lasting_most,
         lasting_use_low=use.lasting_low,
         lasting_use_high=use.lasting_high,

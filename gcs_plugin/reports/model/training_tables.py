@@ -163,14 +163,16 @@ def interval_sentence(interval: Interval) -> str:
     measured = interval.measured
     if measured is None:
         return (
-            f"Interval for {interval.coverage:.0%} of the rows of a new flight{how}; its coverage "
+            f"Interval for {100 * interval.coverage:.0f} % of the rows of a new flight{how}; its "
+            "coverage "
             f"could not be measured, which needs {interval.flights + 1} flights."
         )
     below = sum(share < interval.coverage for share in measured.per_flight)
     return (
-        f"Interval for {interval.coverage:.0%} of the rows of a new flight{how}: on flights left "
-        f"out it held {measured.mean:.1%} (worst flight {min(measured.per_flight):.0%}, "
-        f"{below} of {len(measured.per_flight)} flights below {interval.coverage:.0%}); "
+        f"Interval for {100 * interval.coverage:.0f} % of the rows of a new flight{how}: on "
+        f"flights left out it held {100 * measured.mean:.1f} % "
+        f"(worst flight {100 * min(measured.per_flight):.0f} %, "
+        f"{below} of {len(measured.per_flight)} flights below {100 * interval.coverage:.0f} %); "
         f"mean width {measured.width_rpm:.0f} rpm."
     )
 

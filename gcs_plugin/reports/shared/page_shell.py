@@ -20,7 +20,7 @@ import jinja2
 from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.wording import numbers as words
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.language import say, sentence, spoken
 
 _SHELL = "thrustmargin.gcs_plugin.reports.shared"
 
@@ -53,7 +53,9 @@ def page_text(
     )
     environment.globals |= functions
     environment.filters["unbroken"] = words.unbroken
-    environment.filters["spoken"] = say
+    environment.filters["sentence"] = sentence
+    environment.filters["spoken"] = environment.globals["say"] = say
+    environment.globals["language"] = spoken
     return environment.get_template("page.html").render(
         context,
         policy=content_policy(gzip.decompress(library).decode() if draws else "", draw),

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter
+from thrustmargin.gcs_plugin.wording.fault_words import place_words
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.flight import Floats
 
 INK = "#000000"
@@ -80,7 +82,11 @@ def rotor_panels(
 ) -> list[Panel]:
     """A strip a rotor, alike in `panel`; `traces(rotor, legend)` makes those of a 0-based rotor."""
     return [
-        Panel(traces=traces(k, k == 0), title=f"rotor {k + 1}, {name}", **panel)
+        Panel(
+            traces=traces(k, k == 0),
+            title=f"{say('rotor')} {k + 1}, {place_words(name)}",
+            **panel,
+        )
         for k, name in enumerate(names)
     ]
 
@@ -143,6 +149,7 @@ def line(
     legend: bool = True,
 ) -> Trace | None:
     """A line of (T,) `values`, thinned with its extremes kept; None when it has no number."""
+    name = say(name)
     if not np.any(np.isfinite(values)):
         return None
     kept = keep_extremes(values, LINE_BUCKETS)
@@ -173,6 +180,7 @@ def band(
     low, high = lower[known], upper[known]
     kept = np.union1d(keep_extremes(low, LINE_BUCKETS), keep_extremes(high, LINE_BUCKETS))
     x = milliseconds(time_s[known[kept]])
+    name = say(name) if name else ""
     shown = {"name": escape(name), "legendgroup": escape(name), "showlegend": legend}
     return filled(x, low[kept], high[kept], color=color, **shown)
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.json_values import to_json_values
 
 Trace = dict[str, Any]
@@ -48,7 +49,7 @@ def scatter(x: Any, y: Any, **properties: Any) -> Trace:
 
 def titled(text: str, **properties: Any) -> dict[str, Any]:
     """Properties of an axis with this title."""
-    return {"title": {"text": text}, **properties}
+    return {"title": {"text": say(text)}, **properties}
 
 
 def _packed(array: np.ndarray) -> dict[str, str]:

@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.wording import view_words as words
-from thrustmargin.gcs_plugin.wording.language import spoken
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES, spoken
 from thrustmargin.gcs_plugin.wording.palette import legend
 from thrustmargin.models.errors import DataError
 
@@ -74,8 +74,8 @@ class PageState:
             "recorded": recorded,
             "planned": planned,
             "timeline": list(timeline),
-            "spoken": "" if spoken() == words.LANGUAGES[0] else spoken(),
-            "catalogues": {one: words.catalogue(one) for one in words.LANGUAGES},
+            "spoken": "" if spoken() == LANGUAGES[0] else spoken(),
+            "catalogues": {one: words.catalogue(one) for one in LANGUAGES},
         }
         files = resources.files("thrustmargin.gcs_plugin.view.figures")
         parts = ("software_drawing.html", "screen_style.html", "screen.html")
@@ -85,7 +85,7 @@ class PageState:
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         """An alarm changed: a line of the history."""
-        self._note(vehicle, event.kind, event.alarm.text)
+        self.note(vehicle, event.kind, event.alarm.text)
 
     def acknowledge(self) -> None:
         """All alarms that stand now are known to the pilot."""
@@ -96,7 +96,7 @@ class PageState:
                     fresh = key not in self._known
                     self._known.add(key)
                 if fresh:
-                    self._note(one.number, "acknowledged", alarm.text)
+                    self.note(one.number, "acknowledged", alarm.text)
                     if self._acknowledged is not None:
                         self._acknowledged(one.number, alarm)
 
@@ -197,7 +197,8 @@ class PageState:
             ahead["remarks"] = list(one.update.beside_the_airframe)
         return {**entry, "figures": {**figures, **ahead}}
 
-    def _note(self, vehicle: int, kind: str, text: str) -> None:
+    def note(self, vehicle: int, kind: str, text: str) -> None:
+        """A line of the history, of now; from any thread."""
         at = time.strftime("%H:%M:%S")
         with self._lock:
             self._history.appendleft(

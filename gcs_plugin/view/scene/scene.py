@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.view.scene.camera import (
     nose_north,
     overview,
 )
-from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu, told_apart
 from thrustmargin.gcs_plugin.view.scene.surroundings import Surroundings
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, line_colours, sent_for
@@ -165,12 +165,14 @@ class Scene:
     def set_plan(self, key: str, points_enu: Floats, ground: float) -> None:
         """Draw an aircraft's planned path through (W, 3) places in m, flat on the `ground`, m.
 
-        Without two places none is drawn, and one that was drawn is taken away.
+        Without two places none is drawn, and one that was drawn is taken away. Legs of a large
+        plan that no picture of it can distinguish are drawn once.
         """
         name = f"/world/plan_{key}"
-        if len(points_enu) > 1:
-            on_ground = np.column_stack([points_enu[:, :2], np.full(len(points_enu), ground)])
-            self._lines(name, [on_ground], PLAN_GREY, 2.0)
+        legs = told_apart(points_enu[:, :2])
+        if legs.size:
+            on_ground = np.dstack([legs, np.full(legs.shape[:2], ground)])
+            self._lines(name, list(on_ground), PLAN_GREY, 2.0)
             self._planned.add(name)
         elif name in self._planned:
             self._api.remove_by_name(name)

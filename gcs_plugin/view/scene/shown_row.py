@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import Waypoint
 
 MARGIN_LIMIT = 0.5  # where the colours of a margin change
+PIXELS = 2000  # of a picture's longer side, by which legs of a plan are distinguished
 #: The rotation from NED to ENU, and the one from forward-left-up to forward-right-down.
 ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_FLU = np.diag([1.0, -1.0, -1.0])
@@ -204,3 +205,16 @@ def plan_enu(waypoints: Sequence[Waypoint], origin: Origin | None, ground: float
         for w in places
     ]
     return np.column_stack([east, north, up])
+
+
+def told_apart(points: Floats) -> Floats:
+    """(S, 2, 2) legs of the way through (W, 2) places that a picture of the whole shows: of those
+    whose ends fall on the same two pixels the first, and none within one."""
+    if len(points) < 2:
+        return np.empty((0, 2, 2))
+    pixel = max(float(np.max(np.ptp(points, axis=0))) / PIXELS, 1e-6)
+    at = np.unique(np.round(points / pixel), axis=0, return_inverse=True)[1].ravel()
+    ends = np.sort(np.column_stack([at[:-1], at[1:]]), axis=1)
+    first = np.sort(np.unique(ends, axis=0, return_index=True)[1])
+    legs = first[ends[first, 0] != ends[first, 1]]
+    return np.stack([points[legs], points[legs + 1]], axis=1)

@@ -10,6 +10,7 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import WORDS
 from thrustmargin.gcs_plugin.wording.numbers import known, number, within
 from thrustmargin.models.effects import BY_KEY
@@ -51,8 +52,6 @@ TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "t
 SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
-GROUND_WRECK = actions.GROUND_WRECK.text
-GROUND_IT, GROUND_BATTERY = actions.GROUND_IT.text, actions.GROUND_BATTERY.text
 NAME_EACH = "take its logs in with ingest --again --aircraft, a name for each aircraft"
 NO_SUMS = "no flight has sums: they need measured rotor speeds and a model"
 SET_AIRFRAME = (
@@ -63,7 +62,6 @@ OTHER_AIRFRAME = (
     "set the airframe: these flights do not fit the one given; take them in with "
     "ingest --again --airframe and their own"
 )
-FILL_LESS = actions.FILL_LESS.text
 
 
 def rotor_of(name: str) -> int | None:
@@ -76,7 +74,8 @@ def value_words(name: str) -> ValueWords:
     rotor = rotor_of(name)
     if rotor is not None:
         action = actions.change_propeller(rotor)
-        return ValueWords(f"thrust lost by rotor {rotor}", "%", 100.0, 1, action)
+        title = say("thrust lost by rotor {rotor}", rotor=rotor)
+        return ValueWords(title, "%", 100.0, 1, action)
     if name in VALUES:
         return VALUES[name]
     effect, _, value = name.rpartition(".")
@@ -102,7 +101,7 @@ def day(unix_s: float | None) -> str:
 def flight_words(index: int, unix_s: float | None) -> str:
     """`flight 61 (12 Jun 2026)` of a flight counted from 0."""
     date = day(unix_s)
-    return f"flight {index + 1}" + (f" ({date})" if date else "")
+    return f"{say('flight')} {index + 1}" + (f" ({date})" if date else "")
 
 
 def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str:
@@ -110,15 +109,27 @@ def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str
     words = value_words(name)
     since = when
     if entry.latest > entry.earliest:
-        since += f", between {entry.earliest + 1} and {entry.latest + 1}"
+        since += say(
+            ", between {first} and {last}", first=entry.earliest + 1, last=entry.latest + 1
+        )
     start, end = words.amount(entry.before), words.amount(entry.after)
     if entry.ramp:
         each = number(entry.per_flight * words.factor, words.unit, words.decimals + 1)
-        until = f"until flight {entry.until}" if ended else "still going on"
-        return f"{words.title}: {each} more a flight since {since}: from {start} to {end}, {until}"
-    if rotor_of(name) is not None and back_to_sound(entry):
-        return f"{words.title}: back from {start} to {end} at {since}"
-    return f"{words.title}: from {start} to {end} at {since}"
+        until = say("still going on")
+        if ended:
+            until = say("until flight {flight}", flight=entry.until)
+        more = say(
+            "{each} more a flight since {since}: from {start} to {end}, {until}",
+            each=each,
+            since=since,
+            start=start,
+            end=end,
+            until=until,
+        )
+        return f"{say(words.title)}: {more}"
+    back = rotor_of(name) is not None and back_to_sound(entry)
+    step = "back from {start} to {end} at {since}" if back else "from {start} to {end} at {since}"
+    return f"{say(words.title)}: {say(step, start=start, end=end, since=since)}"
 
 
 def back_to_sound(entry: SeasonEntry) -> bool:
@@ -131,58 +142,68 @@ def shared_sentence(name: str, value: float, error: float) -> str:
     words = value_words(name)
     ends = (value - 1.96 * error, value + 1.96 * error)
     amount, interval = within(value, *ends, words.unit, factor=words.factor)
-    return f"{words.title}: {amount} in all flights {interval}".rstrip()
+    return f"{say(words.title)}: {amount} {say('in all flights')} {interval}".rstrip()
 
 
 def several_aircraft(at_once: int, flights: int) -> str:
     """Flights at the same time under one name."""
-    return (
-        f"{at_once} of {flights} flights are at the time of another one: more than one aircraft "
-        "has this name, so its figures may mix them"
+    return say(
+        "{count} of {all} flights are at the time of another one: more than one aircraft has this "
+        "name, so its figures may mix them",
+        count=at_once,
+        all=flights,
     )
 
 
 def frame(rotors: int | None, layout: str | None) -> str:
     """`6 rotors, hexa-x`."""
-    counted = "rotors not known" if rotors is None else f"{rotors} rotors"
+    counted = say("rotors not known") if rotors is None else say("{count} rotors", count=rotors)
     return f"{counted}, {layout}" if layout else counted
 
 
 def one_name(frames: Mapping[str, int]) -> str:
     """Aircraft that share a name, with the flights of each."""
-    each = "; ".join(f"{words}: {count} flights" for words, count in frames.items())
-    return f"its name is that of {len(frames)} aircraft, each shown by itself ({each})"
+    each = "; ".join(
+        f"{words}: {say('{count} flights', count=count)}" for words, count in frames.items()
+    )
+    return say(
+        "its name is that of {count} aircraft, each shown by itself ({each})",
+        count=len(frames),
+        each=each,
+    )
 
 
 def several_boards(boards: int) -> str:
     """Flights of several autopilots in turns."""
-    return (
-        f"{boards} autopilots flew in turns under this name: more than one aircraft has it, so "
-        "its figures may mix them"
+    return say(
+        "{count} autopilots flew in turns under this name: more than one aircraft has it, so its "
+        "figures may mix them",
+        count=boards,
     )
 
 
 def older_model(flights: int) -> str:
     """Sums that cannot be read or compared with the newest."""
-    return (
-        f"{flights} flights are about an older model, or of an older version, and are left out; "
-        "ingest --again takes them in"
+    return say(
+        "{count} flights are about an older model, or of an older version, and are left out; "
+        "ingest --again takes them in",
+        count=flights,
     )
 
 
 def of_battery(name: str, elsewhere: str) -> str:
     """Whose resistance it is: `battery B-3 (then on sprayer-2): `."""
-    then = f" (then on {elsewhere})" if elsewhere else ""
+    then = say(" (then on {aircraft})", aircraft=elsewhere) if elsewhere else ""
     return f"{name}{then}, " if name else ""
 
 
 def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
     """Why a flight has no verdict, and what helps."""
-    reason = str(flight["verdict_reason"] or "not known why")
+    reason = str(flight["verdict_reason"] or say("not known why"))
     if flight["airframe_basis"] == "not known":
-        return reason, SET_AIRFRAME
+        return reason, say(SET_AIRFRAME)
     if flight["airframe_basis"] is not None and flight["airframe"] is None:
-        return reason, OTHER_AIRFRAME
+        return reason, say(OTHER_AIRFRAME)
     if "rotor_speed_rpm" in (flight["missing_channels"] or ()):
         return reason, actions.ESC_TELEMETRY.text
     if "tank_kg" in (flight["missing_channels"] or ()):
@@ -192,7 +213,8 @@ def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
 
 def least_loss(least: float) -> str:
     """The sensitivity of a season."""
-    return f"a loss of {number(100 * least, '%', 2)} in the last 10 flights would have been seen"
+    words = "a loss of {loss} in the last 10 flights would have been seen"
+    return say(words, loss=number(100 * least, "%", 2))
 
 
 #: What a grave verdict is called where its flights are counted.
@@ -211,16 +233,39 @@ def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str,
     cause = "; ".join(last["alarms"] or ()) if verdict == "damaged" else ""
     margin = last["worst_margin"]
     if verdict == "no_thrust" and known(margin):
-        cause = f"least thrust margin {number(100.0 * margin, '%', 0)}, rotor {last['worst_rotor']}"
+        cause = _least(last)
     tail = f": {cause}" if cause else ""
-    return f"{_GROUNDED[verdict]} in {count} of the last {recent} flights{tail}"
+    return _counted(_GROUNDED[verdict], count, recent) + tail
 
 
-def margin_sentence(bad: int, recent: int, worst: Mapping[str, Any]) -> str:
-    """Flights that used more thrust than is allowed."""
-    least = number(100.0 * worst["worst_margin"], "%", 0)
-    doing = f" in {worst['worst_doing']}" if worst["worst_doing"] else ""
-    return (
-        f"above the limit in {bad} of the last {recent} flights; least thrust margin {least}, "
-        f"rotor {worst['worst_rotor']}{doing}"
-    )
+def _counted(what: str, count: int, recent: int) -> str:
+    words = "{what} in {count} of the last {recent} flights"
+    return say(words, what=say(what), count=count, recent=recent)
+
+
+def _least(flight: Mapping[str, Any]) -> str:
+    words = "least thrust margin {margin}, rotor {rotor}"
+    margin = number(100.0 * flight["worst_margin"], "%", 0)
+    return say(words, margin=margin, rotor=flight["worst_rotor"])
+
+
+#: What a verdict about the load is called where its flights are counted.
+_LOADED: Mapping[str, str] = MappingProxyType(
+    {
+        "critical": "a failed rotor would have brought it down",
+        "over": "above the limit",
+        "near": "near the limit, cannot tell",
+    }
+)
+
+
+def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
+    """Flights that were too heavy, or may have been."""
+    doing = f", {worst['worst_doing']}" if worst["worst_doing"] else ""
+    return f"{_counted(_LOADED[verdict], bad, recent)}; {_least(worst)}{doing}"
+
+
+def without_verdict(without: int, flights: int, reason: str) -> str:
+    """Flights of which nothing can be said, and why the last has none."""
+    words = "{count} of {all} flights have no verdict: {reason}"
+    return say(words, count=without, all=flights, reason=reason)

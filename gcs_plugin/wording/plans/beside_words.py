@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 
 NOT_BESIDE = "the plan could not be put beside the flight"
-#: Assumption -> what is so of it, from the amounts flown and forecast.
-_OFF: Mapping[str, Callable[[float, float], str]] = {
-    "wind": lambda flown, planned: (
-        f"wind of {number(flown, 'm/s')}, {number(planned, 'm/s')} assumed"
+#: Assumption -> what is so of it, and the unit and digits of what was flown and forecast.
+_OFF: Mapping[str, tuple[str, str, int]] = {
+    "wind": ("wind of {flown}, {forecast} assumed", "m/s", 1),
+    "fill": ("took off with {flown}, {forecast} assumed", "kg", 1),
+    "density": ("air of {flown}, {forecast} assumed", "kg/m³", 3),
+    "flow": (
+        "used {flown}, {forecast} forecast: the pump gave {share} of the flow assumed",
+        "kg",
+        1,
     ),
-    "fill": lambda flown, planned: (
-        f"took off with {number(flown, 'kg')}, {number(planned, 'kg')} assumed"
-    ),
-    "density": lambda flown, planned: (
-        f"air of {number(flown, 'kg/m³', 3)}, {number(planned, 'kg/m³', 3)} assumed"
-    ),
-    "flow": lambda flown, planned: (
-        f"used {number(flown, 'kg')}, {number(planned, 'kg')} forecast: the pump gave "
-        f"{percent(flown / planned)} of the flow assumed"
-    ),
-    "battery": lambda flown, planned: (
-        f"battery at {number(flown, 'V')} on average, {number(planned, 'V')} forecast"
-    ),
-    "model": lambda flown, planned: (
-        f"{percent(flown)} of thrust in use, {percent(planned)} forecast, and no assumption "
-        "explains it: look for the cause with identify"
+    "battery": ("battery at {flown} on average, {forecast} forecast", "V", 1),
+    "model": (
+        "{flown} of thrust in use, {forecast} forecast, and no assumption explains it: look for "
+        "the cause with identify",
+        "%",
+        0,
     ),
 }
 
@@ -40,6 +37,8 @@ class FlownFigure(Protocol):
     def forecast(self) -> float: ...
     @property
     def flown(self) -> float: ...
+    @property
+    def off(self) -> float: ...
 
 
 class AssumptionOff(Protocol):
@@ -78,10 +77,18 @@ class SpokenStretch(Protocol):
 
 def off_sentence(off: AssumptionOff) -> str:
     """`took off with 16.0 kg, 13.0 kg assumed`."""
-    words = _OFF[off.what](off.amount.flown, off.amount.forecast)
+    sentence, unit, digits = _OFF[off.what]
+    flown, forecast = off.amount.flown, off.amount.forecast
+    percents = 100.0 if unit == "%" else 1.0
+    words = say(
+        sentence,
+        flown=number(percents * flown, unit, digits),
+        forecast=number(percents * forecast, unit, digits),
+        share=percent(flown / forecast) if forecast else "",
+    )
     if off.what == "model":
-        return f"to item {off.item} {words}"
-    return words if off.mattered else f"{words}, which took no more thrust"
+        return f"{say('to item')} {off.item} {words}"
+    return words if off.mattered else f"{words}{say(', which took no more thrust')}"
 
 
 def stretch_words(stretch: SpokenStretch) -> str:
@@ -96,15 +103,21 @@ def stretch_words(stretch: SpokenStretch) -> str:
     )
     parts = [
         *(f"{number(p.flown, unit, d)} ({number(p.forecast, unit, d)})" for p, unit, d in figures),
-        f"thrust in use {mean}, at most {most}",
+        say("thrust in use {mean}, at most {most}", mean=mean, most=most),
     ]
-    return f"{stretch.kind} to item {stretch.item}: {', '.join(parts)}"
+    return f"{say(stretch.kind)} {say('to item')} {stretch.item}: {', '.join(parts)}"
 
 
-def beside_words(off: Sequence[str], *, left_at: int | None, compared: int) -> str:
+def beside_words(
+    off: Sequence[str], stretches: Sequence[SpokenStretch], *, left_at: int | None
+) -> str:
     """One sentence on what of a forecast did not come: `as forecast`, or what was off."""
-    left = "" if left_at is None else f"the plan was left on the way to item {left_at}"
-    if not compared:
-        return left or "nothing of the plan was flown"
-    as_forecast = "until then flown as forecast" if left else "flown as forecast"
-    return "; ".join(part for part in (left, *(off or (as_forecast,))) if part)
+    left = ""
+    if left_at is not None:
+        left = say("the plan was left on the way to item {item}", item=left_at)
+    if not stretches:
+        return left or say("nothing of the plan was flown")
+    so = say("until then flown as forecast" if left else "flown as forecast")
+    if not any(math.isfinite(s.utilisation.off) for s in stretches):
+        so = say("its thrust in use is not known")
+    return "; ".join(part for part in (left, *(off or (so,))) if part)

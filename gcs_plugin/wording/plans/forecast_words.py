@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.fill_words import amount
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import area, duration, number, percent, percent_within
 from thrustmargin.gcs_plugin.wording.plans.forecast_parts import (
     ForecastParts,
@@ -43,10 +44,10 @@ ASSUMED: Mapping[str, str] = {
 }
 LEFT_OUT = "gusts and turbulence are not in it, nor the time of ways to and from a refill"
 _KINDS: Mapping[str, str] = {
-    "leg": "on the way to item {0}",
-    "turn": "in the turn at item {0}",
-    "climb": "in climb or descent to item {0}",
-    "wait": "while it waits at item {0}",
+    "leg": "on the way to item {item}",
+    "turn": "in the turn at item {item}",
+    "climb": "in climb or descent to item {item}",
+    "wait": "while it waits at item {item}",
 }
 #: Kinds of stretch in a table.
 STRETCHES: Mapping[str, str] = {
@@ -66,79 +67,92 @@ def verdict(made: ForecastParts) -> str:
     """The first line: may it take off with this, and why."""
     advice = made.advised.advice
     use, limit = advice.use, percent(advice.limit)
-    fill = amount(_fill(made), _liquid(made))
+    fill = ""
+    if _has_tank(made):
+        fill = say(" WITH {amount}", amount=amount(_fill(made), _liquid(made)))
     lasting = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
-    no = f"DO NOT TAKE OFF WITH {fill}:"
+    no = f"{say('DO NOT TAKE OFF{fill}', fill=fill)}: "
     if made.too_heavy:
-        return f"{no} over the maker's maximum take-off mass"
+        return no + say("over the maker's maximum take-off mass")
     level = made.level
     if level is FlightLevel.UNKNOWN:
-        return NO_VERDICT
+        return say(NO_VERDICT)
     if level is FlightLevel.BATTERY:
-        return f"{no} the battery does not last"
+        return no + say("the battery does not last")
     if level is FlightLevel.NO_THRUST:
-        return f"{no} no thrust is left for {duration(use.spent_s)}"
+        return no + say("no thrust is left for {long}", long=duration(use.spent_s))
     if level is FlightLevel.CRITICAL:
-        return f"{no} for {duration(advice.lost.not_survivable_s)} a lost rotor brings it down"
+        long = duration(advice.lost.not_survivable_s)
+        return no + say("for {long} a lost rotor brings it down", long=long)
+    known = {"lasting": lasting, "limit": limit}
     if level is FlightLevel.OVER:
-        return f"{no} lasting use of thrust {lasting}, above the {limit} limit"
+        return no + say("lasting use of thrust {lasting}, above the {limit} limit", **known)
+    why = say("lasting use of thrust {lasting}, limit {limit}", **known)
     if level is FlightLevel.NEAR:
-        return f"TOO CLOSE TO TELL WITH {fill}: lasting use {lasting}, limit {limit}"
+        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}: {why}"
     if level is FlightLevel.UNDER:
-        with_it = f"{fill}{_as_far(made)}"
-        return f"MAY TAKE OFF WITH {with_it}: lasting use of thrust {lasting}, limit {limit}"
-    return f"{no} control would be lost"
+        return f"{say('MAY TAKE OFF{fill}', fill=fill)}{_as_far(made)}: {why}"
+    return no + say("control would be lost")
 
 
 def weakest_words(weakest: WeakestPlace | None) -> str:
     """The place with the largest utilisation, and what makes it so."""
     if weakest is None:
-        return "Weakest place unknown."
+        return say("Weakest place unknown.")
     parts = [
         (
             weakest.manoeuvre,
-            "by the turn" if weakest.kind == "turn" else "by turning and speeding up",
+            say("by the turn" if weakest.kind == "turn" else "by turning and speeding up"),
         ),
-        (weakest.load, f"by {number(weakest.tank_kg, 'kg')} in the tank"),
-        (weakest.wind, "by the wind"),
-        (weakest.battery, "by the fallen voltage"),
+        (weakest.load, say("by {kg} on board", kg=number(weakest.tank_kg, "kg"))),
+        (weakest.wind, say("by the wind")),
+        (weakest.battery, say("by the fallen voltage")),
     ]
     named = [
-        f"{number(100.0 * share, 'points', 0)} {why}" for share, why in sorted(parts, reverse=True)
+        f"{number(100.0 * share, say('points' if share >= 0.015 else 'point'), 0)} {why}"
+        for share, why in sorted(parts, reverse=True)
         if share >= LEAST_SHARE
-    ]  # fmt: skip
+    ]
     use = percent_within(weakest.utilisation, *weakest.interval)
-    beyond = "; more than the rotors can give" if weakest.utilisation > 1.0 else ""
-    where = _KINDS[weakest.kind].format(weakest.item)
-    return f"Weakest {where}: {use} of a rotor's thrust{beyond} ({', '.join(named)})."
+    beyond = say("; more than the rotors can give") if weakest.utilisation > 1.0 else ""
+    where = say(_KINDS[weakest.kind], item=weakest.item)
+    why = f" ({', '.join(named)})" if named else ""
+    words = say("Weakest {where}: {use} of a rotor's thrust", where=where, use=use)
+    return f"{words}{beyond}{why}."
 
 
 def fill_words(made: ForecastParts) -> str:
     """The largest fill that keeps the limit all along."""
     liquid, limit = _liquid(made), percent(made.advised.advice.limit)
     if not math.isfinite(made.largest_fill_kg):
-        return "Largest fill unknown."
+        return say("Largest fill unknown.")
+    if not _has_tank(made):
+        return f"{say('Nothing to fill: {why}', why=say('it has no tank'))}."
     if made.largest_fill_kg <= 0.0:
-        return f"No fill keeps the {limit} limit and survives a lost rotor all along."
-    fill = amount(made.largest_fill_kg, liquid)
-    return f"Fill at most {fill}: keeps the {limit} limit and survives a lost rotor all along."
+        words = "No fill keeps the {limit} limit and survives a lost rotor all along."
+        return say(words, limit=limit)
+    words = "Fill at most {fill}: keeps the {limit} limit and survives a lost rotor all along."
+    return say(words, fill=amount(made.largest_fill_kg, liquid), limit=limit)
 
 
 def survivable_words(made: ForecastParts) -> str:
     """From which litre on a lost rotor is survived."""
     below = made.survivable_below_kg
     if not math.isfinite(below):
-        return "Whether a lost rotor is survivable is unknown."
+        return say("Whether a lost rotor is survivable is unknown.")
     if below <= 0.0:
-        return "A lost rotor is never survivable, not even with an empty tank."
+        return say("A lost rotor is never survivable, not even with an empty tank.")
     track = made.flight.track
     after = track.time_s[track.tank_kg > below + 1e-9]
     if not after.size:
-        return "A lost rotor is survivable all along, spinning."
-    words = f"A lost rotor is survivable from {amount(below, _liquid(made))} down, spinning"
+        return say("A lost rotor is survivable all along, spinning.")
+    words = say(
+        "With this fill a lost rotor is survivable from {amount} down, spinning",
+        amount=amount(below, _liquid(made)),
+    )
     if track.tank_kg[-1] > below:
-        return f"{words}: the plan never gets there."
-    return f"{words}: after {duration(float(after[-1]))}."
+        return f"{words}: {say('the plan never gets there')}."
+    return f"{words}: {say('after {long}', long=duration(float(after[-1])))}."
 
 
 def sortie_words(made: ForecastParts) -> tuple[str, ...]:
@@ -147,18 +161,29 @@ def sortie_words(made: ForecastParts) -> tuple[str, ...]:
     sprayed = sum(s.kg for s in sorties)
     energy = sum(s.energy_wh for s in sorties)
     last = _fill(made) - (sorties[-1].kg if sorties else 0.0)
+    flown = {"long": duration(made.flight_s), "energy": number(energy, "Wh", 0)}
+    if not _has_tank(made):
+        return (say("Flight {long}, {energy}.", **flown),)
     found = [
-        f"Flight {duration(made.flight_s)}, sprays {number(sprayed, 'kg')}, "
-        f"{number(energy, 'Wh', 0)}, lands with {amount(max(last, 0.0), liquid)}."
+        say(
+            "Flight {long}, sprays {kg}, {energy}, lands with {left}.",
+            kg=number(sprayed, "kg"),
+            left=amount(max(last, 0.0), liquid),
+            **flown,
+        )
     ]
     if made.needs.short_of:
-        found.append(f"No split is possible: {_SHORT[made.needs.short_of]}.")
-    if len(sorties) > 1:
+        found.append(f"{say('No split is possible')}: {say(_SHORT[made.needs.short_of])}.")
+    elif len(sorties) > 1:
         places = [str(s.last_item) for s in sorties[:-1]]
-        more = f" and {len(places) - 8} more" if len(places) > 8 else ""
+        more = say(" and {count} more", count=len(places) - 8) if len(places) > 8 else ""
         found.append(
-            f"{len(sorties)} sorties, each with a full tank and a fresh battery: refill after item "
-            f"{', '.join(places[:8])}{more}."
+            say(
+                "{count} sorties, each with a full tank and a fresh battery: refill after item "
+                "{items}.",
+                count=len(sorties),
+                items=f"{', '.join(places[:8])}{more}",
+            )
         )
         found += _cut([_sortie(k, s, liquid, made.swath) for k, s in enumerate(sorties, start=1)])
     return tuple(found)
@@ -167,31 +192,46 @@ def sortie_words(made: ForecastParts) -> tuple[str, ...]:
 def _sortie(which: int, one: OneFilling, liquid: float, swath: float) -> str:
     """`  sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`."""
     field = f"{area(one.lines * swath)}, " if math.isfinite(swath) else ""
-    return (
-        f"  sortie {which}: items {one.first_item} to {one.last_item}, "
-        f"{number(one.kg / liquid, 'L')}, {field}{duration(one.seconds)}, "
-        f"{number(one.energy_wh, 'Wh', 0)}"
+    items = say(
+        "  sortie {which}: items {first} to {last}",
+        which=which,
+        first=one.first_item,
+        last=one.last_item,
     )
+    long, energy = duration(one.seconds), number(one.energy_wh, "Wh", 0)
+    return f"{items}, {number(one.kg / liquid, 'L')}, {field}{long}, {energy}"
 
 
 def way_back_words(made: ForecastParts) -> str:
     """From where on home is out of the battery's reach, the reserve kept."""
     back = made.way_back
-    kept = f"with {percent(back.charge_kept)} of the battery kept"
     if not math.isfinite(back.spare_wh):
-        return "Point of no return unknown: give --capacity."
-    at = f"on the way to item {back.item}, {number(back.distance, 'm', 0)} from home"
+        return say("Point of no return unknown: give --capacity.")
+    known = {
+        "kept": percent(back.charge_kept),
+        "item": back.item,
+        "away": number(back.distance, "m", 0),
+    }
     if math.isfinite(back.time_s):
-        return f"Point of no return after {duration(back.time_s)}, {at}, {kept}."
-    spare = number(back.spare_wh, "Wh", 0)
-    return f"Home is in reach all along, {kept}: least to spare {spare}, {at}."
+        return say(
+            "Point of no return after {long}, on the way to item {item}, {away} from home, with "
+            "{kept} of the battery kept.",
+            long=duration(back.time_s),
+            **known,
+        )
+    return say(
+        "Home is in reach all along, with {kept} of the battery kept: least to spare {spare}, on "
+        "the way to item {item}, {away} from home.",
+        spare=number(back.spare_wh, "Wh", 0),
+        **known,
+    )
 
 
 def plan_faults(made: ForecastParts) -> tuple[str, ...]:
     """What is wrong with the plan or not understood of it, first."""
-    wrong = [f"Plan: {fault_words(f.fault, f.items)}." for f in made.findings]
+    wrong = [f"{say('Plan')}: {fault_words(f.fault, f.items)}." for f in made.findings]
     unknown = [
-        f"Not reckoned: {not_understood_words(n.item, n.command, n.why, n.touches)}."
+        f"{say('Not reckoned')}: {not_understood_words(n.item, n.command, n.why, n.touches)}."
         for n in made.not_understood
     ]
     return (*_cut(wrong), *_cut(unknown))
@@ -202,26 +242,33 @@ def assumed_words(made: ForecastParts) -> tuple[str, ...]:
     return (
         *made.plan.notes,
         *(_assumed(key, values) for key, values in made.assumed.items()),
-        LEFT_OUT,
+        say(LEFT_OUT),
     )
 
 
 def _as_far(made: ForecastParts) -> str:
     """What the answer does not reach: stated in it, for it is read alone."""
-    parts = [", AS FAR AS THE PLAN IS UNDERSTOOD"] if made.not_understood else []
+    parts = [say(", AS FAR AS THE PLAN IS UNDERSTOOD")] if made.not_understood else []
     if "first part" in made.assumed:
-        parts.append(f", AS {made.assumed['first part'][0]} MIN OF IT SHOW")
+        parts.append(say(", AS {minutes} MIN OF IT SHOW", minutes=made.assumed["first part"][0]))
     return "".join(parts)
 
 
 def _assumed(key: str, values: Sequence[str]) -> str:
     listed = values if key in ("first part", "alike") else [", ".join(values)]
-    return ASSUMED[key].format(*listed)
+    return say(ASSUMED[key]).format(*listed)
 
 
 def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
     rest = len(lines) - most
-    return [*lines[:most], *([f"... and {rest} more of these."] if rest > 0 else [])]
+    return [
+        *lines[:most],
+        *([say("... and {count} more of these.", count=rest)] if rest > 0 else []),
+    ]
+
+
+def _has_tank(made: ForecastParts) -> bool:
+    return made.advised.analysis.model.airframe.tank_volume_l > 0.0
 
 
 def _fill(made: ForecastParts) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 
 #: Why an item is not understood -> what is so, and what to do.
@@ -78,17 +79,18 @@ def not_understood_words(item: int, command: int, why: str, touches: Sequence[st
     """`item 12 (MAV_CMD 42): what this command does is not known; take it out, or allow for it
     (distance, time not reckoned)`."""
     what, to_do = NOT_UNDERSTOOD[why]
-    return f"item {item} (MAV_CMD {command}): {what}; {to_do} (touches {', '.join(touches)})"
+    of = say("touches {what}", what=", ".join(map(say, touches)))
+    return f"{say('item')} {item} (MAV_CMD {command}): {say(what)}; {say(to_do)} ({of})"
 
 
 def fault_words(fault: str, items: Sequence[int]) -> str:
     """`items 4, 7, 9: the pump stays on in turns; switch it off at the line end`."""
-    what, to_do = FAULTS[fault]
+    words = "; ".join(map(say, FAULTS[fault]))
     if not items:
-        return f"{what}; {to_do}"
-    more = f" and {len(items) - _SHOWN} more" if len(items) > _SHOWN else ""
-    plural = "s" if len(items) > 1 else ""
-    return f"item{plural} {', '.join(map(str, items[:_SHOWN]))}{more}: {what}; {to_do}"
+        return words
+    more = say(" and {count} more", count=len(items) - _SHOWN) if len(items) > _SHOWN else ""
+    which = say("items" if len(items) > 1 else "item")
+    return f"{which} {', '.join(map(str, items[:_SHOWN]))}{more}: {words}"
 
 
 def coverage_words(

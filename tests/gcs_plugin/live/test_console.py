@@ -136,7 +136,15 @@ def test_without_a_terminal_every_event_is_a_line_with_its_time(monitor):
     printer.on_event(3, AlarmEvent(alarm, AlarmState.CLEARED, 0.0, unix_s=1e9))
     printer.on_round(fleet, vehicle.stamp_us)
     printer.on_round(fleet, vehicle.stamp_us)
-    claim = "vehicle 3: airframe topxgun-f16-sitl, given"
+    printer.on_note(3, "the vehicle restarted", vehicle.stamp_us * 1e-6)
+    # What is asked for in vain is a line once, however its rate changes.
+    watch = fleet.vehicles[3]
+    for came in ({"WIND": (0.2, 1.0)}, {"WIND": (0.0, 1.0)}, {}, {"WIND": (0.1, 1.0)}):
+        watch.not_followed = came
+        printer.on_round(fleet, vehicle.stamp_us)
+    *said, in_vain = said
+    assert "vehicle 3: does not send as asked: WIND 0.2 of 1 Hz" in in_vain
+    claim = "vehicle 3: the vehicle restarted"
     times, words = zip(*((line[:19], line[20:]) for line in said), strict=True)
     assert list(words) == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard", claim]
     local = [time.mktime(time.strptime(stamp, "%Y-%m-%d %H:%M:%S")) for stamp in times]

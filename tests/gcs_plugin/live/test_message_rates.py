@@ -126,12 +126,12 @@ def test_a_vehicle_that_does_not_follow_is_asked_ever_more_rarely_and_it_is_said
     times = aboard.asked(ATTITUDE)
     assert 5 <= len(times) <= 7
     assert times[-1] - times[-2] > 40.0
-    words = aboard.fleet.vehicles[1].not_followed
-    assert "ATTITUDE 1.0 of 10 Hz" in words
+    came, asked = aboard.fleet.vehicles[1].not_followed["ATTITUDE"]
+    assert (round(came), asked) == (1, 10.0)
     aboard.deaf = False
     aboard.fly(70.0)
     assert "ATTITUDE" not in aboard.fleet.vehicles[1].not_followed
-    assert "SCALED_PRESSURE 0.0 of 2 Hz" in aboard.fleet.vehicles[1].not_followed
+    assert aboard.fleet.vehicles[1].not_followed["SCALED_PRESSURE"] == (0.0, 2.0)
 
 
 def test_a_pause_of_the_link_is_no_lowered_rate():

@@ -3,13 +3,16 @@
 # pyright: reportArgumentType=false
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG, log, model
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 from thrustmargin.gcs_plugin.live.plan_watch import PlanWatch
+from thrustmargin.gcs_plugin.wording.live_words import of_vehicle
 from thrustmargin.models.model.analysis import analyse
 
 
@@ -31,10 +34,14 @@ def fly(watch: PlanWatch, until_s: float, pieces: int = 3) -> None:
         first = end
 
 
+def watching(lines: list[str]) -> PlanWatch:
+    return PlanWatch(read_plan(LOG), model(), lambda one, text: lines.append(of_vehicle(one, text)))
+
+
 @pytest.fixture(scope="module")
 def said():
     lines = []
-    watch = PlanWatch(read_plan(LOG), model(), lines.append)
+    watch = watching(lines)
     fly(watch, until_s=1e4)
     watch.close()
     return lines
@@ -57,7 +64,7 @@ def test_flown_and_forecast_of_a_line_agree(said):
 
 def test_a_stretch_that_is_not_over_is_not_said():
     lines = []
-    watch = PlanWatch(read_plan(LOG), model(), lines.append)
+    watch = watching(lines)
     # Half-way along the first line, which takes 23 s.
     took_off = float(log().track.time_s[log().track.flying][0] - log().track.time_s[0])
     fly(watch, until_s=took_off + 20.0, pieces=1)
@@ -66,3 +73,26 @@ def test_a_stretch_that_is_not_over_is_not_said():
     watch._look(1, flight, flight.rows[0], ended=False)
     assert not any("leg to item 5" in line for line in lines)
     assert any("climb to item 1" in line for line in lines)
+
+
+def test_a_cause_is_not_said_again_for_each_tenth_of_it():
+    """A wind that grows from 4 to 12 m/s has another mean at each stretch."""
+    lines: list[str] = []
+    watch = watching(lines)
+    track = log().track
+    wind = np.column_stack(
+        [np.linspace(4.0, 12.0, track.time_s.size), *np.zeros((2, track.time_s.size))]
+    )
+    analysis = analyse(replace(track, wind_ned=wind), model())
+    clock = track.time_s - track.time_s[0]
+    watch.on_update(SimpleNamespace(vehicle=1, analysis=analysis, first=0, clock_s=clock))
+    flight = watch._flights[1]
+    flight.parameters, rows = log().parameters, flight.rows[0]
+    for share in (0.3, 0.5, 0.7, 0.9):
+        watch._look(1, flight, rows[: int(share * len(rows))], ended=False)
+    assert sum("wind of" in line for line in lines) == 1
+    watch._look(1, flight, rows, ended=True)
+    watch.close()
+    said = [line for line in lines if "wind of" in line]
+    assert len(said) == 2
+    assert said[0] != said[1]

@@ -10,8 +10,10 @@ from hypothesis.extra import numpy as arrays
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv, write_csv
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Origin
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
@@ -264,12 +266,16 @@ def test_a_column_of_another_unit_is_not_used_and_said(tmp_path):
     rows = [f"{t / 10},{0 if t < 20 else 55},{2000 + t},-1" for t in range(100)]
     path = tmp_path / "percent.csv"
     path.write_text("\n".join(["time_s,throttle_1,rotor_speed_rpm_1,tank_kg", *rows]))
-    track = read_log(path).track
+    log = read_log(path)
+    track = log.track
     assert not track.reports("throttle")
     assert not track.reports("tank_kg")
     assert track.reports("rotor_speed_rpm")
     (said,) = (note for note in track.notes if note.startswith("throttle"))
     assert said.startswith("throttle: 80 of 100 rows are not within 0 to 1: not used")
+    assert said in log_lines(log, stated=False)
+    found = inspect_log(log, load_airframe("topxgun-f16-sitl")).findings
+    assert ("units", "warning", said) in [(f.check, f.level, f.words) for f in found]
     # A few that cannot be are the sensor's.
     rows[50] = rows[50].replace(",55,", ",-7,")
     path.write_text(

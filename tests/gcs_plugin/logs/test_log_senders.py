@@ -8,8 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.logs.log_files import frames_of
 from tests.gcs_plugin.logs.tlog_files import FLIGHT, STAMPED, flight_of, link, stamped, written
-from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.errors import LogError
+from thrustmargin.gcs_plugin.logs import read_log, read_sorties
+from thrustmargin.models.errors import AirframeError, LogError
+from thrustmargin.models.physics.airframe import load_airframe
 
 
 def beats(kind: int, autopilot: int, system: int, component: int = 1, seconds: int = 10) -> bytes:
@@ -106,3 +107,24 @@ def test_copies_change_no_row_and_are_counted(tmp_path, late_s):
     assert any(f"{own} frame(s) came twice" in note for note in log.track.notes)
     for name in ("time_s", "rotor_speed_rpm", "attitude", "tank_kg", "voltage", "airspeed"):
         np.testing.assert_array_equal(getattr(log.track, name), getattr(plain.track, name))
+
+
+def test_an_airframe_takes_the_vehicle_with_its_rotors_or_asks_which(tmp_path):
+    quad, hexa, tricopter = 2, 13, 15
+    airframe = load_airframe("topxgun-f16-sitl")
+    first = beats(hexa, 3, 1, seconds=20) + craft(1, seconds=20, rpm=2500)
+    path = written(tmp_path, first + beats(quad, 3, 7) + craft(7))
+    assert read_log(path).vehicle == 1
+    log = read_log(path, airframe=airframe)
+    assert (log.vehicle, log.vehicles, log.track.rotor_count) == (7, (1, 7), 4)
+    with pytest.raises(AirframeError, match="6 rotors by "):
+        read_log(path, airframe=airframe, vehicle=1)
+    # An airframe that nobody gave chooses no vehicle.
+    with pytest.raises(AirframeError, match="6 rotors by "):
+        read_sorties(path, airframe=airframe, sought=False)
+    two = written(tmp_path, first + beats(quad, 3, 7) + craft(7) + beats(quad, 3, 9) + craft(9))
+    with pytest.raises(LogError, match="fits vehicles 7 and 9; say which with --vehicle"):
+        read_log(two, airframe=airframe)
+    none = written(tmp_path, first + beats(tricopter, 3, 7) + craft(7))
+    with pytest.raises(AirframeError, match="6 rotors by "):
+        read_log(none, airframe=airframe)

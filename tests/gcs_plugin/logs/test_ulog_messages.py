@@ -49,6 +49,32 @@ def test_the_messages_around_damage_are_kept_and_the_damage_is_told_by_place(hur
     assert all(whole[name] - 2 <= kept[name] <= whole[name] for name in whole)
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"L" + b"6" + bytes(8),
+        b"C" + b"6" + bytes(10),
+        b"I\x0fchar[16] ver_hw ",
+        b"M\x00\x0eint32_t[3] fan",
+        b"P\x0bint32_t ABC",
+        b"D\x00\x00",
+    ],
+    ids=["text", "tagged text", "information", "several", "parameter", "row"],
+)
+@pytest.mark.parametrize("much", [20_000, 60_000])
+def test_a_false_head_takes_no_more_with_it_than_itself(head, much):
+    data = px4_log()
+    rows = data.index(message("D", b"")[2:], len(data) // 2)
+    row = next(k for k in range(rows, len(data)) if whole_messages(data[:k], TOPICS).skipped == ())
+    part = data[row:]
+    false = struct.pack("<H", much) + head
+    long = data + part * (2 * much // len(part) + 2)  # so that it could end within the log
+    hurt = long[:row] + false + long[row:]
+    found = whole_messages(hurt, TOPICS)
+    assert sum(length for _, length in found.skipped) <= len(false)
+    assert found.data == whole_messages(long, TOPICS).data
+
+
 def test_an_inspection_counts_the_bytes_that_were_left_out(tmp_path):
     data = bytearray(px4_log())
     data[len(data) // 2 : len(data) // 2 + 30] = b"\xff" * 30

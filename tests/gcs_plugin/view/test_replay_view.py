@@ -216,6 +216,26 @@ def test_a_rotor_found_bad_is_marked_on_its_card_and_in_the_scene(analysis, monk
     view.stop()
 
 
+def test_a_rotor_that_stands_still_is_marked_while_it_does(analysis, monkeypatch):
+    monkeypatch.setattr(replaying, "fault_history", lambda _: [])
+    track = analysis.track
+    row = int(np.flatnonzero(track.flying)[100])
+    begin_s, end_s = float(track.time_s[row]), float(track.time_s[row + 100])
+    gone = (track.time_s > begin_s) & (track.time_s <= end_s)
+    taken = np.where(gone, np.sqrt(4.0 / 3.0), 1.0)  # by the three others
+    speeds = np.full_like(track.rotor_speed_rpm, 1800.0) * taken[:, None]
+    speeds[gone, 1] = np.nan
+    still = replace(analysis, track=replace(track, rotor_speed_rpm=speeds))
+    view = ReplayView(still, port=0, paused=True)
+    view.start()
+    rings = [node(view, f"/world/vehicle_1/fault_{i}") for i in range(1, 5)]
+    start_s = float(track.time_s[0])
+    for at_s, marked in ((begin_s + 5.0, True), (end_s + 5.0, False), (begin_s - 5.0, False)):
+        view.seek(at_s - start_s)
+        settled(view, lambda m=marked: [r.visible for r in rings] == [False, m, False, False])
+    view.stop()
+
+
 def test_the_worst_moment_is_pinned_and_one_press_away(view, analysis):
     use = analysis.utilisation.max(axis=1)
     worst = int(np.argmax(use))

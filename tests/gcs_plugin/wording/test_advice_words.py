@@ -154,8 +154,8 @@ def test_the_facts_say_how_much_and_how_long():
         "turns and gusts": "up to 73 %, above 50 % 5 times for 7.0 s at most",
         "one rotor lost": "would have brought it down for 3 min of 3 min 20 s (at worst 0.92 × the "
         "weight can be held)",
-        "fill, how sure": "limit at 9.7 kg (8.6 to 10.8); 12.0 kg (12.0 L) with the battery as at "
-        "the start",
+        "fill, how sure": "limit at 9.7 kg (8.6 to 10.8); at most 12.0 kg (12.0 L) with the "
+        "battery as at the start",
     }
     unsure = replace(USE, lasting_above_s=0.0, lasting_low=0.45, lasting_high=0.53)
     near = replace(ADVICE, use=replace(unsure, lasting_most=0.49, passing=0, surely_above=NO))

@@ -24,7 +24,7 @@ def test_a_fill_is_rounded_down_in_kilograms_and_litres():
 def test_how_sure_it_is_stands_beside_it():
     known = fill(8.68, limit_kg=9.87, low_kg=8.68, high_kg=10.84, fresh_kg=12.05)
     assert how_sure(known) == (
-        "limit at 9.8 kg (8.6 to 10.9); 12.0 kg (12.0 L) with the battery as at the start"
+        "limit at 9.8 kg (8.6 to 10.9); at most 12.0 kg (12.0 L) with the battery as at the start"
     )
     assert how_sure(fill(9.8)) == ""
     assert how_sure(fill(NAN)) == ""
@@ -55,14 +55,12 @@ def test_each_reason_has_its_sentence():
 
 def test_an_aircraft_without_a_tank_is_not_told_what_to_fill():
     light = fill_advice(fill(0.0, "tank", nothing_fits="tank"), 0.5)
-    assert light == "Nothing to fill: it has no tank to fill"
+    assert light == "Nothing to fill: it has no tank"
     heavy = fill_advice(fill(-2.0, "one rotor lost", nothing_fits="tank"), 0.5)
-    assert heavy == (
-        "Too heavy as it is: it would descend after losing a rotor; it has no tank to fill"
-    )
+    assert heavy == ("Too heavy as it is: it would descend after losing a rotor; it has no tank")
     unsure = fill(-2.0, "one rotor lost", nothing_fits="tank", limit_kg=-0.1, high_kg=0.4)
     assert fill_advice(unsure, 0.5) == (
-        "Cannot tell whether it is too heavy as it is: weigh it; it has no tank to fill"
+        "Cannot tell whether it is too heavy as it is: weigh it; it has no tank"
     )
     full = fill_advice(fill(0.0, "take-off mass", nothing_fits="take-off mass"), 0.5)
     assert full == "Nothing to fill: empty it has the maker's maximum take-off mass already"

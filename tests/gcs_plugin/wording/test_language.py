@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jinja2 import Environment, nodes
 
 from tests.gcs_plugin.wording.test_advice_words import ADVICE, FILL, with_fault
 from thrustmargin.gcs_plugin.live.alarms.alarm import GRAVEST_FIRST
@@ -18,25 +19,35 @@ from thrustmargin.gcs_plugin.wording import (
     fault_words,
     fill_words,
     live_words,
+    numbers,
 )
 from thrustmargin.gcs_plugin.wording.answer import answer_of
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words as of_fault
-from thrustmargin.gcs_plugin.wording.language import VARIABLE, say, translations
-from thrustmargin.gcs_plugin.wording.view_words import LANGUAGES
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES, VARIABLE, say, translations
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.advice import Battery, FlightLevel
 from thrustmargin.models.model.fault_test import RotorFault
 
 WORDING = Path(alarm_words.__file__).parent
-#: Modules all of whose sentences are of alarms, the answer and the fill.
-MODULES = ("alarm_words", "fault_words", "advice_words", "answer", "fill_words")
+#: Modules all of whose sentences a pilot can meet: alarms, answer, fill, report, plan, season.
+MODULES = (
+    *("alarm_words", "fault_words", "advice_words", "answer", "fill_words"),
+    *("report_words", "margin_verdict", "flight_words", "loop/fleet_words"),
+    *("plans/forecast_words", "plans/plan_words", "plans/beside_words"),
+)
+#: Pages that a pilot reads. That of `identify` is for engineers, and English.
+PAGES = ("margin", "fill", "forecast", "fleet", "shared")
+#: Tags, values and units in the text of a template are no words of it.
+NO_WORDS = re.compile(r"<[^>]*>?|[^<]*>|thrustmargin|DOCTYPE|doctype|html")
 OTHERS = [language for language in LANGUAGES if language != "en"]
-#: What is for reports and commands alone, which are English.
+#: Data that looks like a text; what commands for engineers say.
 NOT_SPOKEN = {
-    *("with yaw control", "maximum fill to survive one rotor failure", "would have descended"),
-    *("take-off mass", "as flown"),  # reasons, which are data
+    *("take-off mass", "as flown", "first part", "not known"),
     *("holds height and heading", "holds height, but it will spin", "WOULD DESCEND"),
+    *("in the air in this log", "in this log"),  # ends of sentences that are translated whole
+    *("the start", "Home is taken where the first line starts; give --home for another."),
+    "; the load that you state is taken for each of them",
 }
 
 
@@ -51,11 +62,13 @@ def asked_for() -> set[str]:
             for n in ast.walk(tree)
             if isinstance(n, ast.Expr) and isinstance(n.value, ast.Constant)
         }
+        dicts = [n for n in ast.walk(tree) if isinstance(n, ast.Dict)]
+        keys = {id(key) for one in dicts for key in one.keys}
         for node in ast.walk(tree):
             text = node.value if isinstance(node, ast.Constant) else None
-            if not isinstance(text, str) or id(node) in inside | documents:
+            if not isinstance(text, str) or id(node) in inside | documents | keys:
                 continue
-            if re.search("[A-Za-z]{2,} .*[a-zA-Z]{2}", text):
+            if re.search("[A-Za-z]{2,} .*[a-zA-Z]{2}", text) and not text.startswith("--"):
                 found.add(text)
     used = {actions.LAND, actions.GROUND_WRECK, actions.TEST_BATTERY, actions.CHECK_LOAD}
     found |= {action.words for action in used | {actions.FLY_GENTLY}}
@@ -67,6 +80,38 @@ def asked_for() -> set[str]:
     return found - NOT_SPOKEN | {reason.words for reason in reasons}
 
 
+def templates() -> list[nodes.Template]:
+    files = [
+        f for page in PAGES for f in sorted((WORDING.parent / "reports" / page).glob("*.html"))
+    ]
+    return [Environment().parse(file.read_text("utf-8")) for file in files]
+
+
+def asked_by_pages() -> set[str]:
+    """Texts that the templates hand to what speaks: say, spoken, and heads of tables and tiles."""
+    found: set[str] = set()
+    for page in templates():
+        for call in page.find_all(nodes.Call):
+            name = getattr(call.node, "name", "")
+            first = call.args[1:2] if name == "figure" else call.args[:1]
+            if name in ("say", "figure", "tile", "table", "logs"):
+                texts = [c for one in first for c in (one, *getattr(one, "items", ()))]
+                found |= {c.value for c in texts if isinstance(c, nodes.Const)}
+            if name == "table":
+                found |= {c.value for c in call.args[1:] if isinstance(c, nodes.Const)}
+        for one in page.find_all(nodes.Filter):
+            if one.name == "spoken" and isinstance(one.node, nodes.Const):
+                found.add(one.node.value)
+    return {text.removeprefix("words:") for text in found if re.search("[a-z]{3}", text)}
+
+
+def test_no_words_of_a_page_are_written_past_the_table():
+    for page in templates():
+        for text in page.find_all(nodes.TemplateData):
+            left = NO_WORDS.sub(" ", text.data)
+            assert not re.search(r"[A-Za-z]{2,} [a-z]{2,}", left), left
+
+
 def placeholders(text: str) -> list[str]:
     return sorted(re.findall(r"\{(\w*)\}", text))
 
@@ -75,10 +120,12 @@ def placeholders(text: str) -> list[str]:
 def test_no_sentence_of_an_alarm_or_advice_lacks_its_translation(language: str):
     table = translations(language)
     assert asked_for() - set(table) == set()
+    assert asked_by_pages() - set(table) == set()
     for english, other in table.items():
         assert placeholders(english) == placeholders(other), english
         assert other.strip()
-    assert len(asked_for()) > 100
+    assert len(asked_for()) > 300
+    assert len(asked_by_pages()) > 100
 
 
 @pytest.fixture(params=OTHERS)
@@ -157,6 +204,14 @@ def test_the_answer_is_spoken_with_the_numbers_of_the_language():
     assert "the " not in " ".join(text for _, text in advice_words.facts(ADVICE))
     assert fill_words.fill_advice(replace(FILL, kg=np.nan, reason=None), 0.5).startswith("Keine")
     assert fault_words.place_words("front left upper") == "vorn links oben"
+
+
+@pytest.mark.usefixtures("language")
+def test_numbers_have_the_decimal_sign_of_the_language():
+    assert numbers.number(-1234.56, "kg", 2) == "\N{MINUS SIGN}1 234,56 kg"
+    assert numbers.within(8.0, 7.8, 8.2, "%") == ("8 %", "(7,8 bis 8,2)")
+    assert numbers.within(0.5, 0.42, 0.58, "kg") == ("0,5 kg", "(0,42 bis 0,58)")
+    assert numbers.place(12.0, -40.0) == "12 m nördlich, 40 m westlich vom Start"
 
 
 def test_a_language_that_there_is_not_is_refused(monkeypatch):

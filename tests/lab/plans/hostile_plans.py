@@ -124,27 +124,27 @@ def plans() -> Iterator[tuple[str, str | bytes]]:
     yield "item-numbers-huge.plan", plan([place(48.001, 11, number=10**9), NEAR])
     yield "item-numbers-alike.plan", plan([NEAR, FAR, NEAR, jump(1, 5)])
     yield "many-items.plan", plan(zigzag(200_000))
-    yield "most-items.plan", plan(numbered([*zigzag(65_000), item(20)]))
-    yield "most-items-one-place.plan", plan(numbered([NEAR] * 65_000 + [FAR]))
-    yield "most-items-near.plan", plan(numbered(zigzag(65_000, step=1e-8)))
-    yield "most-waits.plan", plan(numbered([FAR, NEAR] * 32_000)).replace("48.0015", "48.2")
+    yield "most-items.plan", plan(numbered([*zigzag(24_900), item(20)]))
+    yield "most-items-one-place.plan", plan(numbered([NEAR] * 24_900 + [FAR]))
+    yield "most-items-near.plan", plan(numbered(zigzag(24_900, step=1e-8)))
+    yield "most-waits.plan", plan(numbered([FAR, NEAR] * 12_400)).replace("48.0015", "48.2")
     yield (
         "most-kinds.plan",
         plan(
             numbered(
                 [
                     place(48 + 1e-6 * (k * 7919 % 5000), 11 + 1e-6 * k, 5 + k % 90)
-                    for k in range(60_000)
+                    for k in range(24_900)
                 ]
             )
         ),
     )
-    orders = [item(178, 1, 1 + k % 9, -1) for k in range(60_000)]
+    orders = [item(178, 1, 1 + k % 9, -1) for k in range(24_900)]
     yield "most-orders.plan", plan(numbered([*orders, *ways]))
-    yield "most-jumps.plan", plan(numbered([NEAR, FAR, *[jump(2, 65535)] * 60_000]))
+    yield "most-jumps.plan", plan(numbered([NEAR, FAR, *[jump(2, 65535)] * 24_900]))
     yield (
         "unknown-commands.plan",
-        plan(numbered([NEAR, FAR, *[item(31000 + k % 999) for k in range(60_000)]])),
+        plan(numbered([NEAR, FAR, *[item(31000 + k % 999) for k in range(24_900)]])),
     )
     yield (
         "most-pumps.plan",
@@ -152,12 +152,13 @@ def plans() -> Iterator[tuple[str, str | bytes]]:
             numbered(
                 [
                     x
-                    for k in range(30_000)
+                    for k in range(12_400)
                     for x in (place(48 + 1e-3 * (k % 2), 11 + 1e-5 * k), item(216, k % 2))
                 ]
             )
         ),
     )
+    yield "jump-most.plan", plan(numbered([NEAR, FAR, jump(2, 9_900), item(20)]))
     yield "jump-itself.plan", plan(numbered([NEAR, FAR, jump(4, 5)]))
     yield "jump-nowhere.plan", plan(numbered([NEAR, FAR, jump(99, 5)]))
     yield "jump-bomb.plan", plan(numbered([NEAR, FAR, *[jump(2, 65535)] * 6, item(20)]))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.mission.ahead.course import course
 from thrustmargin.mission.ahead.limits import flight_limits
 from thrustmargin.mission.ahead.plan_flight import PlanConditions, Used, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
@@ -25,11 +26,11 @@ GIVEN = PlanConditions(fill_kg=10.0, density=1.225)
 def flown(*rows, limits=LIMITS, given=GIVEN, anew=None, **plan):
     made = plan_of(*(rows or TWO_LINES), **plan)
     legs = plan_legs(made, plan_steps(made), limits)
-    return fly_plan("a plan", legs, limits, MODEL, given, anew=anew)
+    return fly_plan("a plan", course(legs, limits), MODEL, given, anew=anew)
 
 
 def span(flight, kind):
-    found = [s for s in flight.spans if s.kind == kind]
+    found = [s for s in flight.course.spans if s.kind == kind]
     assert found
     return found
 
@@ -43,7 +44,7 @@ def test_it_starts_and_ends_on_the_ground_at_home():
 def test_time_is_that_of_the_way_and_its_stops():
     """A line of 111.2 m at 4 m/s takes 27.8 s, and speeding up and braking 1.3 s each more."""
     flight = flown()
-    line = [t for t in flight.legs if t.leg.item == 5]
+    line = [t for t in flight.course.legs if t.leg.item == 5]
     assert line[0].profile.seconds == pytest.approx(111.2 / 4.0 + 4.0 / 1.5 + 1.5 + 0.79, abs=0.5)
 
 
@@ -98,7 +99,7 @@ def test_litres_a_hectare_are_by_the_way_sprayed():
 def test_an_empty_tank_stays_empty_and_a_refill_fills_it():
     given = replace(GIVEN, fill_kg=2.0, flow=0.05)
     assert flown(given=given).track.tank_kg[-1] == 0.0
-    legs = [t.leg.item for t in flown().legs]
+    legs = [t.leg.item for t in flown().course.legs]
     refilled = flown(given=given, anew={legs.index(5) + 1: Used(0.0, 0.0)}).track
     assert refilled.tank_kg[-1] > 0.5
 
@@ -110,9 +111,12 @@ def test_a_plan_that_flies_nowhere_is_refused():
 
 def test_spans_cover_every_row_once():
     flight = flown()
-    assert flight.spans[0].first == 0
-    assert flight.spans[-1].last == flight.track.time_s.size
-    assert all(a.last == b.first for a, b in zip(flight.spans, flight.spans[1:], strict=False))
+    assert flight.course.spans[0].first == 0
+    assert flight.course.spans[-1].last == flight.track.time_s.size
+    assert all(
+        a.last == b.first
+        for a, b in zip(flight.course.spans, flight.course.spans[1:], strict=False)
+    )
 
 
 @pytest.mark.parametrize("rise", [0.0, 100.0])
@@ -121,6 +125,8 @@ def test_a_line_that_climbs_takes_the_liquid_of_its_length_over_ground(rise: flo
     limits = replace(LIMITS, climb_acceleration=2.5)
     leg = way_leg(limits, 1, np.zeros(3), end, speed=4.0, stops=True, pump=True)
     assert leg is not None
-    sprayed = fly_plan("by hand", [leg], limits, MODEL, replace(GIVEN, flow=0.04)).sprayed_kg
+    sprayed = fly_plan(
+        "by hand", course([leg], limits), MODEL, replace(GIVEN, flow=0.04)
+    ).sprayed_kg
     # 0.04 kg/s at 4 m/s is 0.01 kg a metre over ground: 2 kg, less the ends slower than 1 m/s.
     assert sprayed[-1] == pytest.approx(2.0, abs=0.03)

@@ -8,6 +8,7 @@ import pytest
 
 from tests.mission.plans_made import HOME, plan_of, spot
 from thrustmargin.mission.ahead.battery import FlightBattery, rotor_power
+from thrustmargin.mission.ahead.course import course
 from thrustmargin.mission.ahead.limits import flight_limits
 from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan
 from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
@@ -30,7 +31,7 @@ FAR = plan_of(
 def flight(north: float = 0.0) -> PlanFlight:
     legs = plan_legs(FAR, plan_steps(FAR), LIMITS)
     given = PlanConditions(fill_kg=8.0, density=1.225, wind_ned=(north, 0.0, 0.0))
-    return fly_plan("far", legs, LIMITS, MODEL, given)
+    return fly_plan("far", course(legs, LIMITS), MODEL, given)
 
 
 def watts(airspeed: float) -> float:

@@ -11,6 +11,7 @@ import pytest
 
 from tests.mission.plans_made import HOME, TWO_LINES, plan_of
 from thrustmargin.mission.ahead.battery import FlightBattery
+from thrustmargin.mission.ahead.course import course
 from thrustmargin.mission.ahead.limits import flight_limits
 from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
@@ -26,14 +27,14 @@ from thrustmargin.models.physics.airframe import load_airframe
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 LIMITS = flight_limits({"WPNAV_ACCEL": 150.0})
 PLAN = plan_of(*TWO_LINES)
-LEGS = plan_legs(PLAN, plan_steps(PLAN), LIMITS)
+COURSE = course(plan_legs(PLAN, plan_steps(PLAN), LIMITS), LIMITS)
 CLAIM = AirframeClaim(words="made by hand")
 TRUE = PlanConditions(fill_kg=8.0, density=1.15, flow=0.05, battery=FlightBattery(voltage=54.0))
 FOUND = ShownDay(wind_ned=(0.0, 0.0, 0.0), fill_kg=8.0, density=1.15)
 
 
 def flown_by(given: PlanConditions) -> PlanFlight:
-    return fly_plan("made", LEGS, LIMITS, MODEL, given)
+    return fly_plan("made", COURSE, MODEL, given)
 
 
 def forecast_of(flight: PlanFlight) -> FlightAnalysis:
@@ -136,4 +137,4 @@ def test_a_flight_that_ends_early_leaves_the_plan_there():
 def test_a_flight_elsewhere_is_none_of_this_plan():
     made = put_beside(TRUE, flight(east=200.0))
     assert made.stretches == ()
-    assert made.left_at == LEGS[0].item
+    assert made.left_at == COURSE.legs[0].leg.item

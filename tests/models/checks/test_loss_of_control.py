@@ -5,7 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thrustmargin.models.checks.loss_of_control import LossKind, before_loss, loss_of_control
+from thrustmargin.models.checks.loss_of_control import (
+    LossKind,
+    before_loss,
+    loss_of_control,
+    recovered,
+)
 from thrustmargin.models.flight import FlightTrack
 
 G = 9.81
@@ -143,3 +148,33 @@ def test_without_attitude_the_fall_alone_tells():
     )
     assert [one.kind for one in loss_of_control(blind)] == [LossKind.FELL]
     assert loss_of_control(FlightTrack.of(name="nothing", time_s=TIME, rotor_count=4)) == ()
+
+
+@pytest.mark.parametrize(
+    ("changed", "found"),
+    [
+        ({}, []),
+        # It came back to calm flight.
+        ({"roll_deg": [(10.0, 11.0, 80.0)]}, [(LossKind.TURNED_OVER, 10.0)]),
+        ({"spin": [(10.0, 11.0, 7.0)]}, [(LossKind.SPUN, 10.0)]),
+        (
+            {"sink": [(10.0, 11.0, 7.0)], "force": [(10.0, 11.0, 1.0), (11.0, 11.2, 40.0)]},
+            [(LossKind.FELL, 10.0), (LossKind.HIT, 11.0)],
+        ),
+        # A landing at 3.5 m/s with 4 g, after which it stands.
+        (
+            {"sink": [(26.0, 27.9, 3.5)], "force": [(27.9, 28.1, 40.0)]},
+            [(LossKind.HIT, 27.9)],
+        ),
+        # A bump without a fall, and a landing that is only fast, are none.
+        ({"force": [(10.0, 10.2, 40.0)]}, []),
+        ({"sink": [(26.0, 27.9, 3.5)], "force": [(27.9, 28.1, 20.0)]}, []),
+        # What it did not come back from is the loss.
+        ({"roll_deg": [(20.0, 30.0, 120.0)]}, []),
+    ],
+)
+def test_what_calm_flight_followed_and_a_hard_landing_are_dated_and_no_loss(changed, found):
+    made = flight(**changed)
+    assert [(one.kind, round(one.time_s, 1)) for one in recovered(made)] == found
+    if found:
+        assert loss_of_control(made) == ()

@@ -36,7 +36,7 @@ def lacking(*channels: str):
 
 def test_a_flight_of_the_airframe_is_recognised_by_rotors_voltage_and_weight():
     words = known_as()
-    assert words == "4 rotors by FRAME_CLASS 1, 56.0 V, rotors at 1,840 rpm for 28 kg within 1%"
+    assert words == "4 rotors by FRAME_CLASS 1, 56.0 V, rotors at 1,840 rpm for 28 kg within 1 %"
 
 
 @pytest.mark.parametrize("name", ["agras-t20", "agras-t40", "crazyflie-rpm"])
@@ -82,8 +82,8 @@ def test_a_battery_of_other_cells_contradicts(volts, verdict):
 def test_a_contradicting_voltage_says_how_far_the_same_battery_goes():
     half = replace(TRACK, voltage=np.full_like(TRACK.voltage, 0.5 * F16.nominal_voltage))
     (words,) = doubts_of(half, F16, FACTS, PARAMETERS)
-    assert "50% of the" in words
-    assert words.endswith("; the same battery stays within 78% to 122%")
+    assert "50 % of the" in words
+    assert words.endswith("; the same battery stays within 78 % to 122 %")
     (fits,) = (c for c in comparisons(TRACK, F16, FACTS, PARAMETERS) if c.check == "voltage")
     assert fits.words.endswith("of airframe topxgun-f16-sitl")
 
@@ -140,7 +140,7 @@ def test_without_a_load_speeds_recognise_only_as_the_outputs_drive_them(output):
 
 
 def test_without_rotor_speeds_outputs_recognise_only_with_a_known_load():
-    assert "motor outputs of 67% for 28 kg" in known_as(lacking("rotor_speed_rpm"))
+    assert "motor outputs of 67 % for 28 kg" in known_as(lacking("rotor_speed_rpm"))
     assert known_as(lacking("rotor_speed_rpm", "tank_kg")) == ""
     assert known_as(lacking("rotor_speed_rpm", "throttle")) == ""
 

@@ -191,7 +191,7 @@ def test_an_empty_tank_is_a_known_load():
         throttle=np.full((200, 4), np.nan),
     )
     assert verdicts(track)["rotor speed"] == "close"
-    assert words_of(track, "rotor speed").brief.endswith("for 20 kg within 1%")
+    assert words_of(track, "rotor speed").brief.endswith("for 20 kg within 1 %")
 
 
 def words_of(track: FlightTrack, check: str, **more: float):
@@ -203,9 +203,9 @@ def test_what_is_said_has_the_numbers_of_the_flight():
     speeds[:50, 2] = np.sqrt(1.21 * 200.0 / 2e-5)
     limit = words_of(hover(rotor_speed_rpm=speeds), "rotor speed limit").words
     assert "turns at up to 3,479 rpm" in limit  # sqrt(1.21 x 1e7)
-    assert "at most 3,162 rpm at this voltage: 121% of its thrust" in limit
+    assert "at most 3,162 rpm at this voltage: 121 % of its thrust" in limit
     output = words_of(hover(throttle=np.full((200, 4), 1.05 * OUTPUT)), "motor output")
-    assert output.brief == "motor outputs of 58% for 25 kg within 5%"  # 1.05 x 0.5536
+    assert output.brief == "motor outputs of 58 % for 25 kg within 5 %"  # 1.05 x 0.5536
     lifts = 25.0 * 1.05**2
     assert f"would lift {lifts:.3g} kg with" in output.words
     assert output.words.endswith("which weighs 25 kg by the gauge")

@@ -9,6 +9,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.wording.advice_words import facts, headline
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel, advise
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.model_file import shipped_model
 
@@ -108,6 +109,11 @@ def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
     assert (made.faults[0].fault.kind, made.faults[0].fault.rotor) == ("stopped", 2)
     assert headline(made).startswith("ROTOR 3, FRONT LEFT: STOOD STILL IN FLIGHT")
     assert "Rotor 3 front left stands still: land" in dict(facts(made))["alarm"]
+    # It needs no airframe, and of one that is not known it has no place.
+    unknown = replace(sound, claim=AirframeClaim(withheld=("another battery",)))
+    made = advise(replace(unknown, track=replace(track, rotor_speed_rpm=speeds))).advice
+    assert made.level is FlightLevel.DAMAGED
+    assert headline(made).startswith("ROTOR 3: STOOD STILL IN FLIGHT")
 
 
 def test_the_gravest_has_the_smallest_gravity():

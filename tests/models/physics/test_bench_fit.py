@@ -71,7 +71,7 @@ def test_a_scatter_of_more_than_15_percent_is_no_curve():
         if fits:
             assert fit_bench(rotor_speed_rpm=SPEED, thrust=thrust).points == 9
         else:
-            with pytest.raises(DataError, match="15% about"):
+            with pytest.raises(DataError, match="15 % about"):
                 fit_bench(rotor_speed_rpm=SPEED, thrust=thrust)
 
 

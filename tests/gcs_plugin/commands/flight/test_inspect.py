@@ -179,7 +179,7 @@ def test_exit_codes(capsys, tmp_path):
 def test_a_log_is_never_overwritten_by_what_is_said_of_it(tmp_path, capsys):
     log = tmp_path / "flight.tlog"
     log.write_bytes(FLIGHT.read_bytes())
-    assert run(["inspect", str(log), "--json", str(log)]) == 1
+    assert run(["inspect", str(log), "--json", str(log)]) == 2
     assert "end its name in .json" in capsys.readouterr().err
     assert log.read_bytes() == FLIGHT.read_bytes()
 

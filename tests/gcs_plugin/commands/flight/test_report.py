@@ -71,7 +71,7 @@ def test_only_unreadable_logs_write_nothing(tmp_path, capsys, model_file):
 @pytest.mark.parametrize(
     ("options", "said", "code"),
     [
-        (["--out", "report.pdf"], "end its name in .html", 1),
+        (["--out", "report.txt"], "end its name in .html", 2),
         (["--out", "no/such/folder/r.html"], "no folder", 1),
         (["--max-utilisation", "50"], "is not a share", 2),
         (["--airframe", "nosuch"], "no airframe", 1),
@@ -148,3 +148,11 @@ def test_a_flight_of_another_aircraft_has_no_verdict_but_its_reason_and_what_hel
     assert {r["measured_max"] for r in flight["rotors"]} == {None}
     assert flight["redundancy"]["fill_limit_start_kg"] is None
     assert flight["flight"]["airborne_s"] > 100.0
+
+
+def test_out_takes_a_page_to_print_as_forecast_does(tmp_path, capsys, model_file):
+    paper = tmp_path / "flight.pdf"
+    assert run(["report", str(LOG), "--model", str(model_file), "--out", str(paper)]) == 0
+    assert paper.read_bytes().startswith(b"%PDF")
+    assert [path.name for path in tmp_path.glob("flight*")] == ["flight.pdf"]
+    assert f"wrote {paper}" in capsys.readouterr().out

@@ -53,7 +53,7 @@ def test_without_a_name_the_plan_is_field_plan_and_home_is_said(tmp_path, capsys
         (["--part", "west"], 1, "field.geojson has no part 'west'"),
         (["--headland", "120"], 1, "nothing is left of the field to fly"),
         (["--obstacles", "absent.kml"], 1, "absent.kml cannot be read"),
-        (["-o", "north.kml"], 1, "end its name in .plan or .waypoints or .txt"),
+        (["-o", "north.kml"], 2, "end its name in .plan or .waypoints or .txt"),
     ],
 )
 def test_what_cannot_be_is_one_line(tmp_path, capsys, monkeypatch, words, code, said):

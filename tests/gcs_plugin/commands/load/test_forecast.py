@@ -143,7 +143,7 @@ def test_a_line_that_the_tank_does_not_last_is_not_split(field, tmp_path, capsys
 
 def test_sorties_need_a_folder(field, tmp_path, capsys):
     code, _, err = said(capsys, field, *FIELD, "--sorties", tmp_path / "none")
-    assert code == 2
+    assert code == 1
     assert "no folder" in err
 
 
@@ -162,7 +162,7 @@ def test_a_script_for_the_vehicle_warns_and_refuses_only_where_asked(field, tmp_
     ("words", "code", "answer"),
     [
         (("--refuse",), 2, "give --lua FILE"),
-        (("--lua", "gate.txt"), 1, ".lua"),
+        (("--lua", "gate.txt"), 2, ".lua"),
         (("--lua", "gate.lua"), 1, "--capacity or --resistance"),
     ],
 )

@@ -28,9 +28,9 @@ def test_f16_prints_the_papers_matching_and_writes_both_figures(tmp_path, capsys
     text = printed(capsys)
     for said in (
         "load a rotor 9.28 kg 5.28 kg",
-        "increase over empty (Eq. 8) 75.83%",
-        "thrust utilisation 54.6% 31.0%",
-        "thrust utilisation 50.3% 28.6%",
+        "increase over empty (Eq. 8) 75.83 %",
+        "thrust utilisation 54.6 % 31.0 %",
+        "thrust utilisation 50.3 % 28.6 %",
         "fill at 50 % utilisation in hover 12.9 of 16.0 kg",
         "C_T of the thrust curve 0.0869, inside the range of Eq. 3, 0.0293 to 0.3514",
     ):

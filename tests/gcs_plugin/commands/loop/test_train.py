@@ -126,7 +126,7 @@ def test_the_interval_is_told_with_what_it_held():
         ),
     )
     sentence = interval_sentence(interval)
-    assert "held 92.0% (worst flight 59%, 1 of 12 flights below 90%)" in sentence
+    assert "held 92.0 % (worst flight 59 %, 1 of 12 flights below 90 %)" in sentence
     assert "mean width 123 rpm" in sentence
 
 

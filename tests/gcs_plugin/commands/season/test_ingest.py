@@ -10,6 +10,7 @@ import pytest
 
 from tests.gcs_plugin.store.season import content, files
 from tests.import_graph import ROOT
+from tests.stripped_logs import without
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.season.ingest import find_logs
 from thrustmargin.gcs_plugin.commands.season.season_flight import battery_resistance
@@ -72,6 +73,31 @@ def test_the_summary_is_what_the_report_says(ingested: tuple[Path, dict, dict]):
     assert stored["aircraft_by"] == "system id"
     assert set(stored) == {c.name for c in FLIGHTS} | {"aircraft", "month"}
     assert stored["sums_reason"] is None
+
+
+def test_a_good_flight_that_is_predicted_alone_has_no_margin_and_no_good_rank(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    silent = ("ESC_TELEMETRY_1_TO_4", "SERVO_OUTPUT_RAW")
+    light = ROOT / "sitl_logs/onset/reference.tlog"
+    without(light, logs / "unseen.tlog", *silent)
+    store = str(tmp_path / "store")
+    airframe = ["--airframe", "topxgun-f16-sitl"]
+    assert run(["ingest", str(logs), "--store", store, "--aircraft", "A7", *airframe]) == 0
+    (stored,) = read_flights(SeasonStore.open(store)).to_pylist()
+    assert stored["verdict"] == "unknown"
+    assert {stored[n] for n in ("worst_margin", "mean_margin", "worst_rotor")} == {None}
+    assert set(stored["margin_by_rotor"]) == {None}
+    assert stored["verdict_reason"].startswith("predicted alone")
+    capsys.readouterr()
+    assert run(["fleet", store, "--json", str(tmp_path / "fleet.json")]) == 0
+    (ranked,) = json.loads((tmp_path / "fleet.json").read_text())["aircraft"]
+    assert (ranked["level"], ranked["worst_margin"]) == ("at the next service", None)
+    said = capsys.readouterr().out
+    assert "none measured" in said
+    assert "1 of 1 flights have no verdict: predicted alone" in said
 
 
 def test_rows_and_sums_are_those_of_the_flight(ingested: tuple[Path, dict, dict]):

@@ -129,3 +129,27 @@ def test_what_is_no_plan_is_refused_before_the_rest_is_loaded(tmp_path: Path, wo
     assert made.returncode == 1, made.stderr
     assert made.stderr.count("\n") == 1
     assert 'north.plan has no "fileType": "Plan"' in made.stderr
+
+
+def large(path: Path, at: int, content: bytes) -> Path:
+    """A file of 34 MiB of zeros but for `content` at a place."""
+    with path.open("wb") as file:
+        file.truncate(34 << 20)
+        file.seek(at)
+        file.write(content)
+    return path
+
+
+def test_a_large_file_without_messages_is_refused_before_it_is_searched(tmp_path: Path):
+    empty = large(tmp_path / "empty.tlog", 0, b"")
+    with pytest.raises(PlanError, match="no messages show in it"):
+        read_plan(empty)
+    few = large(tmp_path / "few.tlog", 5 << 20, upload(3, [36.0, 36.001, 36.002]))
+    with pytest.raises(PlanError, match="no messages show in it"):
+        read_plan(few)
+
+
+def test_a_large_log_that_begins_with_zeros_is_still_read(tmp_path: Path):
+    flight = FLIGHT.read_bytes()
+    late = large(tmp_path / "late.tlog", 31 << 20, flight * 4)
+    assert read_plan(late).home[:2] == (36.65, 116.9)

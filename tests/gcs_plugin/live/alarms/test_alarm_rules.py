@@ -40,6 +40,7 @@ def test_the_times_are_those_of_the_table_that_users_read():
         "esc": (0.0, 3.0, "checked"),
         "rotor": (0.0, 0.0, "kept"),
         "motor": (0.0, 0.0, "kept"),
+        "stopped": (0.0, 3.0, "kept"),
         "tank": (5.0, 10.0, "cleared"),
         "envelope": (5.0, 5.0, "cleared"),
         "saturation": (0.5, 2.0, "cleared"),

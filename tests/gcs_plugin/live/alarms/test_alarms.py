@@ -9,7 +9,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, Debounce
 from thrustmargin.gcs_plugin.live.alarms.alarm_checks import RowsNow
-from thrustmargin.gcs_plugin.live.alarms.alarm_rules import mass_verdict, pump_verdict, rotor_thrust
+from thrustmargin.gcs_plugin.live.alarms.alarm_rules import faulty, mass_verdict, pump_verdict
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance, virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
@@ -449,7 +449,7 @@ def test_a_fault_of_one_of_several_rotors_names_none_and_says_which_it_may_be():
     fault = RotorFault(kind="propeller", rotor=5, size=0.3, lower=0.25, upper=0.4, rotors=(3, 5))
     analysis = analyse(hover(0.1), MODEL)
     now = RowsNow(analysis=analysis, rows=slice(None), faults=[{"propeller": (fault,)}])
-    found = rotor_thrust(AlarmSettings(), now)
+    found = faulty("propeller", AlarmSettings(), now)
     assert found.on.tolist() == [[False] * 4 + [True]]
     assert found.rotors is not None
     assert (found.rotor, found.rotors(0, 4)) == (4, (4, 6))
@@ -517,3 +517,48 @@ def test_lost_control_comes_before_every_alarm_but_a_lost_link():
     alarms.heard(100.0, 5.0, np.full(4, np.nan))
     standing = sorted(alarms.listed.values(), key=lambda alarm: alarm.order)
     assert [a.name for a in standing][:2] == ["telemetry", "control"]
+
+
+def stopping(carried: float) -> FlightTrack:
+    """A minute and a half of hover; after 30 s rotor 3 is silent and the others carry a share of
+    what it did; after 70 s it turns again."""
+    noise = 1.0 + 0.003 * np.random.default_rng(5).standard_normal((900, 4))
+    gone = np.zeros((900, 1))
+    gone[300:700] = 1.0
+    factor = noise * np.sqrt(1.0 + gone * carried / 3.0)
+    factor[300:700, 2] = np.nan
+    return with_rotors(hover(90.0), factor)
+
+
+@pytest.mark.parametrize("claim", [None, AirframeClaim(withheld=("another battery",))])
+def test_a_rotor_that_stands_still_is_named_within_seconds_and_kept_until_it_turns(claim):
+    track, alarms, found = stopping(1.0), Alarms(), []
+    for first in range(0, 900, 5):
+        part = track.rows(slice(first, first + 5))
+        made = flown([(part, {"claim": claim})], alarms)
+        found += [(kind, float(part.time_s[-1])) for kind, name, _ in made if name == "stopped"]
+        listed = [a for a in alarms.listed.values() if a.name == "stopped"]
+        if 330 <= first < 700:
+            (one,) = listed
+            place = "" if claim else " front left"  # which is known of a known airframe
+            assert one.line == f"Rotor 3{place} stands still: land"
+            assert (one.severity, one.rotor) == (CRITICAL, 3)
+            # It owes no speed, so that nobody looks for a broken wire.
+            assert alarms.heard(first / 10.0, 0.1, np.array([0.1, 0.1, 8.0, 0.1])) == []
+    (kind, at_s), (over, over_s) = found
+    assert (kind, over) == ("raised", "cleared")
+    assert 31.0 < at_s < 33.0
+    assert 73.0 <= over_s < 74.0
+
+
+def test_a_silent_esc_raises_no_stopped_rotor_and_lost_speeds_leave_it_unconfirmed():
+    assert [e for e in watched(stopping(0.0)) if e[2] == "stopped"] == []
+    track, alarms = stopping(1.0), Alarms()
+    blind = replace(track, rotor_speed_rpm=np.full((900, 4), np.nan))
+    part = lambda whole, a, b: [(whole.rows(slice(a, b)), {})]  # noqa: E731
+    assert ("raised", "stopped", "") in flown(part(track, 0, 400), alarms)
+    assert flown(part(blind, 400, 450), alarms) == [("unconfirmed", "stopped", "speeds")]
+    assert flown(part(track, 450, 500), alarms) == [("confirmed", "stopped", "")]
+    landed = replace(track, flying=np.zeros(900, dtype=bool))
+    assert flown(part(landed, 500, 600), alarms) == []
+    assert ("stopped", 3) in alarms.listed

@@ -58,6 +58,7 @@ def test_a_lost_link_a_restart_and_what_is_printed_have_their_own_times(tmp_path
     stamps = [time.mktime(time.strptime(line[:19], "%Y-%m-%d %H:%M:%S")) for line in printed]
     said = {line[20:]: stamp - BEGAN for line, stamp in zip(printed, stamps, strict=True)}
     assert said["vehicle 1: heard"] == 0
+    assert said["vehicle 1: the vehicle restarted: its clock went from 570 s to 2 s"] == 70
     assert said["vehicle 1: Telemetry lost in flight: fly by sight"] == 23
     assert said["vehicle 1: airframe topxgun-f16-sitl, given"] < 6
 

@@ -92,6 +92,29 @@ def test_a_download_by_anybody_changes_nothing_that_is_the_same(talk):
     assert (talk.latitudes, talk.changes) == ([36.1, 36.2], before)
 
 
+def test_items_without_a_place_or_with_unused_numbers_are_the_same_when_they_come_again(talk):
+    nan = float("nan")
+
+    def sent(sender: Vehicle, to: int, climb: float) -> None:
+        talk.say(sender.pack(dialect.MAVLink_mission_count_message(to, 1, 2, 0)))
+        rows = [(22, 0, climb, nan), (16, 366_500_000, 3.0, 0.0)]  # take-off where it stands
+        for number, (kind, latitude, altitude, unused) in enumerate(rows):
+            place = (latitude, 1_169_000_000 if latitude else 0, altitude)
+            item = dialect.MAVLink_mission_item_int_message(
+                *(to, 1, number, 3, kind, 0, 1, 0.0, 0.0, 0.0, unused, *place)
+            )
+            talk.say(sender.pack(item))
+
+    sent(talk.station, 1, 3.0)
+    talk.say(talk.vehicle.pack(dialect.MAVLink_mission_ack_message(STATION, 1, 0, 0)))
+    before = talk.fleet.vehicles[1].state.mission_changes
+    for _ in range(3):
+        sent(talk.vehicle, STATION, 3.0)
+    assert talk.fleet.vehicles[1].state.mission_changes == before
+    sent(talk.vehicle, STATION, 5.0)
+    assert talk.fleet.vehicles[1].state.mission_changes == before + 1
+
+
 def test_a_download_shows_a_mission_that_was_replaced_past_the_link(talk):
     talk.upload([36.1, 36.2])
     before = talk.changes

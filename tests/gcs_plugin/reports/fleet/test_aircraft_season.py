@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     WATCH,
     aircraft_season,
 )
+from thrustmargin.gcs_plugin.reports.fleet.fleet_page import ranked
 from thrustmargin.gcs_plugin.reports.fleet.part_history import with_parts
 from thrustmargin.gcs_plugin.reports.fleet.parts import Part
 from thrustmargin.gcs_plugin.reports.fleet.same_aircraft import by_frame
@@ -189,6 +190,18 @@ def test_a_healthy_season_says_what_it_would_have_seen():
     assert 0.0005 < found.least_seen < 0.005
 
 
+def test_aircraft_are_in_the_order_of_what_is_wrong_with_what_their_reports_say():
+    grave_first = ("damaged", "lost", "battery", "no_thrust", "critical", "over", "near", "unknown")
+    margin = {"worst_margin": 0.2, "worst_rotor": 1, "worst_doing": "climbing"}
+    made = [
+        aircraft_season(name, rows_of(3, verdict=name, action=f"do {name}", **margin), [])
+        for name in sorted((*grave_first, "under"))
+    ]
+    order = ranked("season", made).aircraft
+    assert [one.name for one in order] == [*grave_first, "under"]
+    assert [one.findings[0].action for one in order[:7]] == [f"do {v}" for v in grave_first[:7]]
+
+
 def test_flights_above_the_limit_and_without_verdict_are_reasons():
     rows = rows_of(30)
     for row in rows[-3:]:
@@ -196,7 +209,7 @@ def test_flights_above_the_limit_and_without_verdict_are_reasons():
     found = aircraft_season("a", rows, [])
     assert found.level == LOAD
     assert (
-        "3 of the last 10 flights; least thrust margin 20 %, rotor 4 in climbing"
+        "3 of the last 10 flights; least thrust margin 20 %, rotor 4, climbing"
         in found.findings[0].sentence
     )
     assert found.no_changes.startswith("no flight has sums")

@@ -25,6 +25,41 @@ def test_it_holds_the_numbers_of_the_forecast():
     assert content["utilisation"]["peak"] == pytest.approx(max(peaks), abs=1e-5)
 
 
+def test_its_keys_are_those_that_others_read():
+    content = json.loads(
+        json_text(forecast(plan_of(*TWO_LINES), shipped_model(), TakeOff(fill_kg=1.5, flow=0.04)))
+    )
+    for inside, keys in (
+        (content, "schema verdict flight_s tank_end_kg energy_wh utilisation weakest sorties"),
+        (content, "largest_fill_kg rotor_loss_survivable_below_kg legs assumed not_understood"),
+        (content["verdict"], "level words"),
+        (content["utilisation"], "typical peak peak_interval"),
+        (content["weakest"], "item what utilisation"),
+        (content["sorties"][0], "items refill litres minutes"),
+        (content["legs"][0], "item kind seconds utilisation_mean utilisation_peak interval"),
+        (content["legs"][0], "tank_end_kg"),
+    ):
+        assert set(keys.split()) <= inside.keys()
+    assert content["schema"] == "thrustmargin.forecast/1"
+    assert {leg["kind"] for leg in content["legs"]} <= {"leg", "turn", "climb", "wait"}
+    rows = [*TWO_LINES[:3], (4711, 1.0), *TWO_LINES[3:]]
+    odd = json.loads(json_text(forecast(plan_of(*rows), shipped_model(), 6.0)))
+    assert odd["not_understood"] == [
+        {
+            "item": 4,
+            "command": 4711,
+            "why": "unknown command",
+            "touches": ["distance", "time", "load"],
+        }
+    ]
+
+
+def test_where_no_split_is_possible_there_are_no_sorties():
+    made = forecast(plan_of(*TWO_LINES), shipped_model(), TakeOff(fill_kg=0.3, flow=0.04))
+    content = json.loads(json_text(made))
+    assert (content["sorties_short_of"], content["sorties"]) == ("tank", [])
+
+
 def test_without_a_network_there_is_an_answer_and_what_it_lacks_is_said():
     made = forecast(plan_of(*TWO_LINES), physics_model(load_airframe("topxgun-f16")), 6.0)
     content = json.loads(json_text(made))

@@ -59,6 +59,19 @@ def rising() -> np.ndarray:
     return use
 
 
+@pytest.mark.parametrize(
+    ("tank", "load", "said"),
+    [(20.0, 0.0, "0.0 kg on board"), (0.0, 3.0, "3.0 kg on board"), (0.0, 0.0, "")],
+)
+def test_a_worst_moment_without_a_tank_has_no_kg_but_a_payload(tank, load, said):
+    analysis = used(rising(), tank_kg=np.full(ROWS, load))
+    craft = replace(model().airframe, tank_volume_l=tank)
+    analysis = replace(analysis, model=replace(analysis.model, airframe=craft))
+    worst = report_of(analysis).verdict.worst
+    assert worst is not None
+    assert [part for part in moment_words(worst).split(", ") if "kg" in part] == [said] * bool(said)
+
+
 def test_time_above_the_limit_counts_airborne_rows_in_which_one_rotor_is_above():
     verdict = report_of(used(rising()), limit=0.55).verdict
     assert verdict.over_limit_s == pytest.approx(4.0)  # 0.6, 0.7, 0.8, 0.9; 1.0 is on the ground
@@ -200,7 +213,7 @@ MOMENT = Moment(
 
 def test_a_moment_is_named_by_rotor_time_movement_and_place():
     assert moment_words(MOMENT) == (
-        "rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg in the tank, "
+        "rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg on board, "
         "158 m north, 5 m west of the start"
     )
     bare = replace(MOMENT, doing=(), tank_kg=NAN, north=NAN)

@@ -72,7 +72,14 @@ def test_the_load_is_asked_only_where_no_gauge_says_it(gauge):
     tank = LOG.track.tank_kg if gauge else np.full(LOG.track.time_s.size, np.nan)
     contact = first_contact(replace(LOG, track=replace(LOG.track, tank_kg=tank)), UNKNOWN)
     assert ("load" in contact.asked) is not gauge
+    assert contact.gauge is gauge
     assert contact.asked[:4] == ("mass", "wheelbase", "power_set", "tank_litres")
+
+
+def test_a_load_that_is_stated_is_no_gauge_in_the_log_and_is_not_asked_again():
+    contact = first_contact(read_log(PATH, load=3.0), UNKNOWN)
+    assert not contact.gauge
+    assert "load" not in contact.asked
 
 
 def test_the_line_to_copy_works_at_once_and_answers_with_the_verdict(tmp_path, capsys):

@@ -36,7 +36,7 @@ STATED = {
     "--rate": "1.5 L/ha",
     "--pilot": "Å. Pilot",
     "--aircraft-serial": "F16-7",
-    "--temperature": "21",
+    "--air-temperature": "21",
     "--zone": "Australia/Sydney",
 }
 

@@ -141,6 +141,14 @@ def test_ages_are_of_what_flies_and_those_that_left_are_gone():
     assert screen_of(replace(ONE, gone=True)).state()["first"] is None
 
 
+def test_a_line_of_the_plan_stands_in_the_history():
+    screen = screen_of(ONE)
+    screen.note(1, "plan", "leg to item 5: 23 s (22 s)")
+    line = screen.state()["history"][0]
+    assert (line["vehicle"], line["kind"]) == (1, "plan")
+    assert line["text"] == "leg to item 5: 23 s (22 s)"
+
+
 def test_an_acknowledgement_is_of_what_stands_and_is_kept():
     heard = []
     standing = [ONE]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import Waypoint
-from thrustmargin.gcs_plugin.view.scene.shown_row import plan_enu
+from thrustmargin.gcs_plugin.view.scene.shown_row import plan_enu, told_apart
 from thrustmargin.models.flight import Origin
 
 ORIGIN = Origin(latitude_deg=36.65, longitude_deg=116.9, altitude=20.0)
@@ -47,3 +47,27 @@ def test_home_items_without_a_place_and_commands_are_left_out():
 
 def test_without_an_origin_nothing_is_placed():
     assert plan_enu([item(1), item(2)], None, 0.0).shape == (0, 3)
+
+
+def rows_of(count: int, apart: float, length: float):
+    """The corners of `count` lines, flown there and back."""
+    east = np.repeat(np.arange(count) * apart, 2)
+    north = np.tile([0.0, length, length, 0.0], count)[: 2 * count]
+    return np.column_stack([east, north])
+
+
+def test_of_a_plan_as_it_is_flown_every_leg_is_drawn():
+    """40 lines of 200 m, 5 m apart, and the 39 ways between them."""
+    assert told_apart(rows_of(40, 5.0, 200.0)).shape == (79, 2, 2)
+
+
+def test_of_lines_closer_than_a_picture_shows_one_is_drawn():
+    """5000 lines on 10 km: 2000 pixels hold 2000 of them, and as many ways between them."""
+    legs = told_apart(rows_of(5000, 2.0, 500.0))
+    assert 3900 < len(legs) < 4100
+    assert np.ptp(legs[..., 0]) == pytest.approx(9998.0, abs=5.0)
+
+
+def test_a_plan_at_one_place_has_no_leg():
+    assert told_apart(np.zeros((3, 2))).shape == (0, 2, 2)
+    assert told_apart(np.zeros((0, 2))).shape == (0, 2, 2)

@@ -276,7 +276,7 @@ def test_an_effect_that_the_model_has_is_told_as_a_change(whole):
     assert "that the model lacks" in effect_sentence(turning, whole)
     assert effect_sentence(found(changed_inertia(), [-0.3], [0.1]), whole) == (
         "The aircraft turns as if its inertia were 30 % smaller (20 to 40): with the battery off, "
-        "look at what arms and booms carry; keep it in the model with --out"
+        "look at what arms and booms carry; keep it in the model with --out-model"
     )
     parameters = {"gain": Identified(value=1.0, unit="1", ci95=(0.9, 1.1))}
     known = tuple(

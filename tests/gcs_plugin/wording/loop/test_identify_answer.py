@@ -395,7 +395,8 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
     line = answer(replace(sound, open_causes=(cause, constant)), change())[1]
     assert line == (
         "Without a name, as it was seen: pitch along airspeed (or climb (axial advance ratio)), "
-        "2.0 to 9.0 m/s (12 rpm); yaw all along (12 rpm); keep it in the model with --out, held at "
+        "2.0 to 9.0 m/s (12 rpm); yaw all along (12 rpm); keep it in the model with "
+        "--out-model, held at "
         "its edge beyond that range, with twice the interval."
     )
 

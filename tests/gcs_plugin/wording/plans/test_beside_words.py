@@ -1,5 +1,7 @@
 """What a pilot reads of a flight beside its plan."""
 
+from dataclasses import replace
+
 from thrustmargin.gcs_plugin.wording.plans.beside_words import (
     beside_words,
     off_sentence,
@@ -18,20 +20,22 @@ def test_a_pump_that_gives_less_is_said_as_a_share_of_what_was_assumed():
     assert said == "used 7.5 kg, 10.0 kg forecast: the pump gave 75 % of the flow assumed"
 
 
+TURN = StretchBeside(
+    item=9,
+    kind="turn",
+    seconds=Pair(9.9, 10.2),
+    speed=Pair(2.5, 2.4),
+    utilisation=Pair(0.58, 0.6),
+    peak=Pair(0.73, 0.7),
+    peak_interval=(0.7, 0.76),
+    tank_kg=Pair(12.1, 13.0),
+    voltage=Pair(55.8, float("nan")),
+)
+BLIND = replace(TURN, utilisation=Pair(0.58, float("nan")), peak=Pair(0.73, float("nan")))
+
+
 def test_a_stretch_has_flown_and_forecast_side_by_side():
-    said = stretch_words(
-        StretchBeside(
-            item=9,
-            kind="turn",
-            seconds=Pair(9.9, 10.2),
-            speed=Pair(2.5, 2.4),
-            utilisation=Pair(0.58, 0.6),
-            peak=Pair(0.73, 0.7),
-            peak_interval=(0.7, 0.76),
-            tank_kg=Pair(12.1, 13.0),
-            voltage=Pair(55.8, float("nan")),
-        )
-    )
+    said = stretch_words(TURN)
     assert said.startswith("turn to item 9: 10 s (10 s), 2.4 m/s (2.5 m/s), 13.0 kg (12.1 kg), ")
     assert said.endswith("thrust in use 60 % (58 %), at most 70 % (73 %)")
 
@@ -53,8 +57,15 @@ def test_what_nothing_explains_names_the_stretch_and_what_to_do():
 
 
 def test_a_plan_that_was_left_is_never_flown_as_forecast_to_its_end():
-    assert beside_words((), left_at=None, compared=9) == "flown as forecast"
-    assert beside_words((), left_at=7, compared=3) == (
+    assert beside_words((), [TURN] * 9, left_at=None) == "flown as forecast"
+    assert beside_words((), [BLIND, TURN], left_at=7) == (
         "the plan was left on the way to item 7; until then flown as forecast"
     )
-    assert beside_words((), left_at=None, compared=0) == "nothing of the plan was flown"
+    assert beside_words((), (), left_at=None) == "nothing of the plan was flown"
+
+
+def test_a_flight_of_which_no_thrust_is_known_was_not_flown_as_forecast():
+    assert beside_words((), [BLIND] * 9, left_at=None) == "its thrust in use is not known"
+    assert beside_words(["took off with 3.0 kg, 9.0 kg assumed"], [BLIND], left_at=None) == (
+        "took off with 3.0 kg, 9.0 kg assumed"
+    )

@@ -20,6 +20,7 @@ from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 
 MODEL = shipped_model()
+CARGO = replace(MODEL, network=None, airframe=replace(MODEL.airframe, tank_volume_l=0.0))
 
 
 def made(**day):
@@ -45,6 +46,15 @@ def test_the_verdict_comes_with_its_reason(day, starts, has):
     assert has in words
 
 
+def test_an_aircraft_without_a_tank_is_told_of_no_liquid():
+    bare = forecast(plan_of(*TWO_LINES), CARGO, TakeOff(fill_kg=0.0, flow=0.04))
+    assert verdict(bare).startswith("MAY TAKE OFF: ")
+    assert fill_words(bare) == "Nothing to fill: it has no tank."
+    assert len(sortie_words(bare)) == 1
+    said = " ".join((weakest_words(bare.weakest), *sortie_words(bare), *assumed_words(bare)))
+    assert not any(word in said for word in ("tank", "kg", "sprays", "()", "--flow"))
+
+
 def test_the_other_lines_say_what_they_know():
     light, heavy = made(), made(fill_kg=16.0)
     assert weakest_words(light.weakest).startswith("Weakest in the turn at item")
@@ -58,6 +68,15 @@ def test_the_other_lines_say_what_they_know():
     assert first.startswith("  sortie 1: items 1 to 5, 1.1 L, ")
     assert second.startswith("  sortie 2: items 7 to ")
     assert plan_faults(light) == ()
+
+
+def test_where_no_split_is_possible_no_sorties_are_named():
+    """A line takes 1.1 kg: with 0.3 kg the second is another sortie, and neither can be flown."""
+    short = made(fill_kg=0.3)
+    assert len(short.needs.sorties) > 1
+    flight, no_split = sortie_words(short)
+    assert flight.startswith("Flight ")
+    assert no_split.startswith("No split is possible: one line alone takes more than the tank")
 
 
 def test_whatever_is_assumed_has_words():

@@ -1,0 +1,36 @@
+"""The answer of the flight so far is that of a report of the same rows."""
+
+from dataclasses import replace
+
+import pytest
+
+from tests.import_graph import ROOT
+from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
+from thrustmargin.models.checks.output_evidence import OutputEvidence
+from thrustmargin.models.model.advice import advise
+from thrustmargin.models.model.analysis import analyse, for_verdict
+from thrustmargin.models.model.model_file import shipped_model
+
+MODEL = shipped_model()
+LOG = ROOT / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
+#: As in its first seconds: while it climbs, outputs lift 38 kg of 34 kg.
+CLIMB = OutputEvidence(lifted_kg=38.0, over_speeds=0.003, error=0.105)
+
+
+@pytest.mark.parametrize("outputs", [None, CLIMB])
+def test_the_fill_rests_on_the_outputs_of_the_whole_flight_not_of_its_first_climb(outputs):
+    ((log, claim),) = read_flights(LOG, MODEL, given=False)
+    so_far = FlightSoFar(
+        track=log.track,
+        parameters=log.parameters,
+        model=MODEL,
+        claim=replace(claim, outputs=outputs),
+        faults=[],
+        limit=0.5,
+        goes_on=False,
+    )
+    reported = advise(for_verdict(analyse(log.track, MODEL, claim=claim)), limit=0.5).advice
+    assert so_far.advice.fill.kg == pytest.approx(reported.fill.kg, abs=0.05)
+    assert so_far.advice.fill.kg == pytest.approx(8.69, abs=0.1)
+    assert so_far.answer.headline.startswith("FILL LESS: FOR 3 MIN")

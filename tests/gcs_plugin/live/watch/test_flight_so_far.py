@@ -1,0 +1,85 @@
+"""Where the flight that goes on begins: as a file of the same rows is divided."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
+from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import SortieRows
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.provenance import NOT_REPORTED
+
+FLOWN, DOWN = 40.0, 20.0  # s of each flight, and of the stay between them
+
+
+def day(*, tank: float, voltage: float, down: float) -> FlightTrack:
+    """Two flights with so much more in tank (kg) and battery (V) after `down` s on the ground."""
+    time_s = np.arange(0.0, 2 * FLOWN + down, 0.1)
+    later = time_s >= FLOWN + down
+    rows = time_s.size
+    return FlightTrack.of(
+        name="day",
+        time_s=time_s,
+        rotor_count=4,
+        rotor_speed_rpm=np.full((rows, 4), 1700.0),
+        airspeed=np.zeros(rows),
+        altitude=np.zeros(rows),
+        tank_kg=4.0 + tank * later,
+        voltage=AIRFRAME.ceiling_voltage - 6.0 + voltage * later,
+        flying=(time_s < FLOWN) | later,
+    )
+
+
+def begins(track: FlightTrack, *, armed: bool) -> float:
+    """s at which the flight that goes on began, followed in pieces of a second."""
+    sorties, claim = SortieRows(MODEL, Alarms()), AirframeClaim()
+    for first in range(0, track.time_s.size, 10):
+        part = track.rows(slice(first, first + 10))
+        on = armed or bool(part.flying.any())
+        sorties.add(part, part.time_s, claim, VehicleState(system=1, armed=on), ())
+    sorties.make()
+    assert sorties.now is not None
+    return float(track.time_s[-1] - sorties.now.track.time_s[-1])
+
+
+@pytest.mark.parametrize(
+    ("tank", "voltage", "down", "armed", "other"),
+    [
+        (0.0, 0.0, DOWN, True, False),  # a touch-down
+        (2.5, 0.0, DOWN, True, True),  # filled with the motors on
+        (1.5, 0.0, DOWN, True, False),  # a gauge that sloshes
+        (0.0, 4.0, DOWN, True, True),  # another battery
+        (5.0, 0.0, 8.0, True, False),  # nobody fills in so little time
+        (0.0, 0.0, DOWN, False, True),
+        (0.0, 0.0, 70.0, True, True),
+    ],
+)
+def test_a_refill_while_armed_divides_the_flight_as_it_divides_a_file(
+    tank, voltage, down, armed, other
+):
+    track = day(tank=tank, voltage=voltage, down=down)
+    began = begins(track, armed=armed)
+    state = ((track.time_s < FLOWN) | track.flying | armed).astype(float)
+    said = [
+        Signal("armed", NOT_REPORTED, track.time_s, state),
+        Signal("landed", NOT_REPORTED, track.time_s, 2.0 - ~track.flying),
+    ]
+    spans = flight_spans(track, 0.0, {one.channel: (one,) for one in said})
+    assert len(spans) == 1 + other
+    if other:
+        assert FLOWN < began <= FLOWN + down
+        assert began == pytest.approx(spans[-1][0], abs=1.1)  # a piece of a second
+    else:
+        assert began == 0.0
+
+
+def test_a_battery_that_is_lower_after_the_stay_is_the_same():
+    track = day(tank=0.0, voltage=-2.0, down=DOWN)
+    assert begins(track, armed=True) == 0.0
+    assert begins(replace(track, voltage=track.voltage * np.nan), armed=True) == 0.0
