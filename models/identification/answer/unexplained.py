@@ -89,10 +89,9 @@ def _matters(square: Floats, taken: Floats, usual: Floats, of_rotor: bool) -> bo
     as the laws of losses are good to.
     """
     own = square / max(float(square.max()), 1e-12)  # how much each mode is its own
-    least = (
-        (BEYOND * FORM) ** 2 * (own @ taken) if of_rotor else LEFT * (square.sum() + own @ taken)
-    )
-    return bool(square.sum() > max(least, BEYOND**2 * float(own @ usual)))
+    done, named = float(square.sum()), float(own @ taken)
+    least = (BEYOND * FORM) ** 2 * float(taken.sum()) if of_rotor else LEFT * (done + named)
+    return done > max(least, BEYOND**2 * float(own @ usual))
 
 
 def _in_place_of(c: int, search: Search) -> list[int]:

@@ -123,6 +123,7 @@ def test_the_json_of_an_answer():
         "fraction_of_variance": 0.0,
         "mode": None,
         "channel": None,
+        "channels": [],
         "rms_rpm": 0.0,
         "wanders": False,
         "rotor": None,
