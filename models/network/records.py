@@ -69,7 +69,7 @@ class GoodFlights:
     scatter: Mapping[str, float] = field(default_factory=dict)
     mode_scatter_rpm: tuple[float, ...] = ()  # of each mode's mean residual; R, or none
     slow_rpm: tuple[float, ...] = ()  # by which each mode wanders within a flight; R, or none
-    #: what a free form takes of them when let loose, by mode; R, or none
+    #: in model files from before 0.3; nothing reads it any more
     free_form_rpm: tuple[float, ...] = ()
     #: "mode.channel" -> RMS in rpm of the smooth curve of the residual over that channel, as far as
     #: flights left out confirm it; 0 where they do not
