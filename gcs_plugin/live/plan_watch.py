@@ -1,7 +1,7 @@
 """A plan beside the flight as it is flown: a line at each stretch that is over.
 
-The forecast is that of before take-off, as of `report --plan`, with the fill at take-off. It is
-made by a thread of its own, for the compute thread has no second to spare.
+The forecast is that of before take-off, with what was assumed, as of `report --plan`. It is made
+by a thread of its own, for the compute thread has no second to spare.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.wording.plans.beside_words import (
     off_sentence,
     stretch_words,
 )
+from thrustmargin.mission.ahead.plan_flight import PlanConditions
 from thrustmargin.mission.beside.blame import day_of, which_was_off
 from thrustmargin.mission.beside.plan_to_fly import PlanToFly, known_before
 from thrustmargin.mission.beside.stretches import FlownWay, shift, worst_smoothed
@@ -61,9 +62,13 @@ class PlanWatch(Subscriber):
     number of the vehicle and words."""
 
     def __init__(
-        self, plan: MissionPlan, model: RotorModel, say: Callable[[int, str], None]
+        self,
+        plan: MissionPlan,
+        model: RotorModel,
+        say: Callable[[int, str], None],
+        assumed: PlanConditions | None = None,
     ) -> None:
-        self._plan, self._model, self._say = plan, model, say
+        self._plan, self._model, self._say, self._assumed = plan, model, say, assumed
         self._flights: dict[int, _Flight] = {}
         self._lock = threading.Lock()
         self._new = threading.Event()
@@ -142,7 +147,7 @@ class PlanWatch(Subscriber):
         day = day_of(rows[:, _WIND], rows[:, _TANK], rows[:, _AIR])
         to_fly = PlanToFly.of(self._plan, flight.parameters, self._model)
         home = self._plan.home[2]
-        given = known_before(
+        given = self._assumed or known_before(
             flight.parameters,
             self._model.airframe,
             fill_kg=day.fill_kg,

@@ -75,6 +75,7 @@ class PlanForecast:
     steps: PlanSteps
     flight: PlanFlight
     advised: Advised
+    given: PlanConditions
     limits: FlightLimits
     legs: tuple[LegForecast, ...]
     weakest: Weakest | None  # None: nothing is predicted
@@ -222,6 +223,7 @@ def forecast(
         steps=steps,
         flight=flight,
         advised=advised,
+        given=given,
         limits=limits,
         legs=tuple(leg_forecast(span, analysis) for span in way.spans),
         weakest=weakest_place(flight, analysis),

@@ -1,8 +1,9 @@
 """Which assumption of a forecast was off, by flying the plan again with what was found.
 
 Each assumption alone is replaced by what the flight shows of it. The one that brings the forecast
-nearest to the flight was off, where it takes away half of what is squared between them; then the
-next is looked for. What none of them takes away is the model's, or the aircraft's.
+nearest to the flight was off, where it takes away half of what is squared between them in thrust,
+tank or voltage; then the next is looked for. What none of them takes away is the model's, or the
+aircraft's.
 """
 
 from __future__ import annotations
@@ -84,16 +85,17 @@ def which_was_off(
     """
     off: list[Off] = []
     made = fly(given)
-    far = distance(made.stretches, given.fill_kg)
-    while far > 1.0:
-        best: tuple[float, Off, PlanConditions, Beside] | None = None
+    far = distances(made.stretches, given.fill_kg)
+    while far.max() > 1.0:
+        best: tuple[Floats, Off, PlanConditions, Beside] | None = None
         for one, changed in _candidates(given, found, made.stretches):
             if any(one.what == known.what for known in off):
                 continue
             again = fly(changed)
-            nearer = distance(again.stretches, given.fill_kg)
-            if nearer <= HALF * far and (best is None or nearer < best[0]):
-                best = nearer, one, changed, again
+            left = distances(again.stretches, given.fill_kg)
+            halved = bool(np.any((far > 1.0) & (left <= HALF * far)))
+            if halved and left.sum() < (far if best is None else best[0]).sum():
+                best = left, one, changed, again
         if best is None:
             off += _model(made.stretches)
             break
@@ -116,8 +118,9 @@ def _model(stretches: Sequence[StretchBeside]) -> tuple[Off, ...]:
     return (Off(what="model", amount=worst.utilisation, item=worst.item),)
 
 
-def distance(stretches: Sequence[StretchBeside], fill_kg: float) -> float:
-    """Mean square of the differences in what is always known, in units of a good forecast's."""
+def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
+    """(3,) mean square of the differences in thrust, tank and voltage, in units of a good
+    forecast's; 0 where nothing is known."""
     sizes = (
         (THRUST, [s.utilisation for s in stretches]),
         (FILL_SHARE * max(fill_kg, 1.0), [s.tank_kg for s in stretches]),
@@ -125,8 +128,7 @@ def distance(stretches: Sequence[StretchBeside], fill_kg: float) -> float:
     )
     parts = [np.array([pair.off for pair in pairs]) / size for size, pairs in sizes]
     known = [part[np.isfinite(part)] for part in parts]
-    means = [float(np.mean(part**2)) for part in known if part.size]
-    return max(means, default=0.0)
+    return np.array([float(np.mean(part**2)) if part.size else 0.0 for part in known])
 
 
 def _candidates(

@@ -54,6 +54,7 @@ def monitor(
     request_rates: bool = False,
     fetch_mission: bool = False,
     plan: Path | None = None,
+    assumed: Path | None = None,
     signing_key_file: Path | None = None,
     view: bool = True,
     host: str = "127.0.0.1",
@@ -100,6 +101,7 @@ def monitor(
             along it.
         plan: Plan that is flown (.plan, .waypoints, or a log with it): a line at each stretch that
             is over puts its forecast beside it, and says which assumption was off.
+        assumed: With --plan, what it was forecast with: the JSON that `forecast --json` wrote.
         signing_key_file: Key of signed links; with it every frame that is not signed with it is
             dropped and counted.
         view: Show the aircraft in 3D on a page of this computer; --no-view for the table alone.
@@ -114,11 +116,12 @@ def monitor(
             losses; without it none.
         seconds: End by itself after so long.
     """
-    from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
+    from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 
     check_port(port)
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
+    beforehand = None if assumed is None else read_assumed(assumed, beside=plan)
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
@@ -219,7 +222,7 @@ def monitor(
             if page is not None:
                 page.on_plan(vehicle, words)
 
-        watch = PlanWatch(planned, chosen, say)
+        watch = PlanWatch(planned, chosen, say, beforehand)
         live.subscribers.append(watch)
     if not sys.stdout.isatty():
         from thrustmargin.gcs_plugin.live.console import EventPrinter

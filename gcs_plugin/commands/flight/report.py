@@ -40,6 +40,7 @@ def report(
     json: Path | None = None,
     pdf: Path | None = None,
     plan: Path | None = None,
+    assumed: Path | None = None,
     max_utilisation: Share | None = None,
     anonymise: bool = False,
 ) -> int:
@@ -66,14 +67,17 @@ def report(
         pdf: Write the page to this file (.pdf) too, on A4 to print; needs no browser.
         plan: Plan that was flown (.plan, .waypoints, or the log itself): its forecast is put beside
             the flight, with which assumption was off.
+        assumed: With --plan, what it was forecast with: the JSON that `forecast --json` wrote;
+            without it still, standard air, a full battery, and the fill at take-off.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; without it
             50%, or what a recording was made with.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
-    from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
+    from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
+    beforehand = None if assumed is None else read_assumed(assumed, beside=plan)
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
     from thrustmargin.models.whole_file import whole_file
@@ -100,7 +104,7 @@ def report(
             Output("--out", out.with_suffix(".json")),
             Output("--out", out.with_suffix(".csv")),
         ]
-    check_outputs(outputs, inputs=[*logs, chosen.model, chosen.airframe, plan])
+    check_outputs(outputs, inputs=[*logs, chosen.model, chosen.airframe, plan, assumed])
     flights, unread = flights_of(logs, chosen, console)
     shown = unread
     if anonymise:
@@ -110,7 +114,9 @@ def report(
         flights = [anonymous(*flight, f"flight {n}") for n, flight in enumerate(flights, 1)]
         shown = [UnusedLog(name="a log", reason="not read") for _ in unread]
     with console.status("writing the report"):
-        made = build_report(flights, max_utilisation=chosen.limit, unread=shown, plan=planned)
+        made = build_report(
+            flights, max_utilisation=chosen.limit, unread=shown, plan=planned, assumed=beforehand
+        )
         written = None
         try:
             if out is not None:

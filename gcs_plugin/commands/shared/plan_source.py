@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +23,7 @@ from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
+    from thrustmargin.mission.ahead.plan_flight import PlanConditions
 
 _ENDINGS = (".plan", ".mission", ".waypoints")
 #: What `cover` reads.
@@ -29,6 +32,43 @@ _FIELDS = (".kml", ".kmz", ".geojson", ".shp", ".xml")
 #: samples of so many bytes each hold messages in hundreds, and noise next to none.
 _LARGE, _SAMPLES, _SAMPLE, _FEW = 32 << 20, 16, 1 << 16, 20
 _FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
+
+
+def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
+    """What the plan `beside` it was forecast with, from the JSON that `forecast --json` wrote.
+
+    Raises PlanError for a file that is none, and without a plan.
+    """
+    if beside is None:
+        raise PlanError(f"{path.name} is what a plan was forecast with; give the plan with --plan")
+    from thrustmargin.mission.ahead.battery import FlightBattery
+    from thrustmargin.mission.ahead.plan_flight import PlanConditions
+
+    try:
+        content = json.loads(regular(path).read_text("utf-8"))
+        known = dict(content["conditions"])
+        battery = FlightBattery(**_numbers(known.pop("battery")))
+        north, east, down = (float(axis) for axis in known.pop("wind_ned"))
+        made = PlanConditions(battery=battery, wind_ned=(north, east, down), **_numbers(known))
+    except OSError as error:
+        raise PlanError(f"{path} cannot be read: {error.strerror}") from error
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise PlanError(
+            f"{path.name} does not hold what a plan was forecast with; write it with: "
+            "thrustmargin forecast PLAN --fill KG --json FILE.json"
+        ) from error
+    wind = math.hypot(north, east, down)
+    if not (0.0 <= made.fill_kg <= 1e4 and 0.3 < made.density < 2.0 and wind < 60.0):
+        raise PlanError(
+            f"{path.name} has {made.fill_kg:g} kg in the tank, air of {made.density:g} kg/m³ and "
+            f"a wind of {wind:g} m/s, which cannot be"
+        )
+    return made
+
+
+def _numbers(content: dict[str, float | None]) -> dict[str, float]:
+    """Those that are known."""
+    return {name: float(value) for name, value in content.items() if value is not None}
 
 
 def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from typing import Any
 
 from thrustmargin.gcs_plugin.wording.plans.forecast_words import assumed_words, verdict
@@ -17,6 +18,7 @@ def json_text(made: PlanForecast) -> str:
     content: dict[str, Any] = {
         "schema": "thrustmargin.forecast/1",
         "verdict": {"level": made.level.value, "words": verdict(made)},
+        "conditions": asdict(made.given),  # `report --assumed` reads them
         "flight_s": made.flight_s,
         "tank_end_kg": float(made.flight.track.tank_kg[-1]),
         "energy_wh": sum(s.energy_wh for s in made.needs.sorties),
@@ -81,7 +83,7 @@ def json_text(made: PlanForecast) -> str:
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if isinstance(value, float):
         return round(value, 6) if math.isfinite(value) else None

@@ -1,7 +1,7 @@
-"""A flight beside the forecast of its plan, made with what is known before a take-off.
+"""A flight beside the forecast of its plan, made with what was assumed before the take-off.
 
-Still and standard air at home's height, the battery that the parameters name, full, and the fill
-that the log has at take-off: what the flight shows of the day is kept back, and compared.
+Without that it is still and standard air at home's height, the battery that the parameters name,
+full, and the fill that the log has at take-off. What the flight shows of the day is compared.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
 from thrustmargin.gcs_plugin.wording.plans.beside_words import beside_words, off_sentence
+from thrustmargin.mission.ahead.plan_flight import PlanConditions
 from thrustmargin.mission.beside.blame import Off, shown_day, which_was_off
 from thrustmargin.mission.beside.plan_to_fly import PlanToFly, known_before
 from thrustmargin.mission.beside.stretches import Pair, StretchBeside, flown_way
@@ -18,8 +19,13 @@ from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.model.analysis import FlightAnalysis
 
 
-def plan_beside(analysis: FlightAnalysis, log: FlightLog, plan: MissionPlan) -> JsonObject:
-    """The stretches of `plan` as forecast and as flown, and which assumption was off.
+def plan_beside(
+    analysis: FlightAnalysis,
+    log: FlightLog,
+    plan: MissionPlan,
+    assumed: PlanConditions | None = None,
+) -> JsonObject:
+    """The stretches of `plan` as forecast and as flown, and which of what was `assumed` was off.
 
     Raises PlanError when the plan flies nowhere.
     """
@@ -29,7 +35,7 @@ def plan_beside(analysis: FlightAnalysis, log: FlightLog, plan: MissionPlan) -> 
     found = shown_day(analysis)
     origin = log.track.origin
     ground = math.nan if origin is None else origin.altitude
-    given = known_before(
+    given = assumed or known_before(
         log.parameters,
         model.airframe,
         fill_kg=found.fill_kg,

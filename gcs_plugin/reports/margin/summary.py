@@ -61,6 +61,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
     contact_headline,
     prediction_checked,
 )
+from thrustmargin.mission.ahead.plan_flight import PlanConditions
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.errors import DataError
@@ -78,8 +79,10 @@ def report_flight(
     *,
     max_utilisation: float,
     plan: MissionPlan | None = None,
+    assumed: PlanConditions | None = None,
 ) -> FlightReport:
-    """Everything that the report says about one flight, beside the forecast of its `plan`.
+    """Everything that the report says about one flight, beside the forecast of its `plan` with what
+    was `assumed`.
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Raises
     PlanError when the plan flies nowhere.
@@ -102,7 +105,9 @@ def report_flight(
     answer = verdict_facts(worst, advice, analysis.claim, basis, _no_flight(whole.track))
     check = None if analysis.withheld else margin_check(analysis)
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
-    against = plan_beside(analysis, log, plan) if plan and not analysis.withheld else None
+    against = None
+    if plan and not analysis.withheld:
+        against = plan_beside(analysis, log, plan, assumed)
     lines = (
         *((Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
         *look_facts(found),
@@ -295,11 +300,12 @@ def build_report(
     max_utilisation: float = 0.5,
     unread: Iterable[UnusedLog] = (),
     plan: MissionPlan | None = None,
+    assumed: PlanConditions | None = None,
 ) -> Report:
     """The numbers of a report over flights, in their order, checked against `max_utilisation`.
 
     That is the largest share of a rotor's maximum thrust that may be in use. Each flight is put
-    beside the forecast of its `plan`.
+    beside the forecast of its `plan` with what was `assumed`; without that see `plan_beside`.
 
     `unread` are logs that could not be read, to be named in it. Raises DataError when the
     share is not between 0 and 1, or there is no flight.
@@ -307,7 +313,7 @@ def build_report(
     if not 0.0 < max_utilisation < 1.0:
         raise DataError(f"max_utilisation {max_utilisation:g} is no share; give one such as 0.5")
     reports = tuple(
-        report_flight(analysis, log, max_utilisation=max_utilisation, plan=plan)
+        report_flight(analysis, log, max_utilisation=max_utilisation, plan=plan, assumed=assumed)
         for analysis, log in flights
     )
     if not reports:

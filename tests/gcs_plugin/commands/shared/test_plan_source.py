@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.logs.test_vehicles import dataflash
 from tests.gcs_plugin.logs.tlog_files import FLIGHT, WHOLE, link, stamped, written
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
+from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 from thrustmargin.mission.plan import write_plan
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.errors import PlanError
@@ -153,3 +153,30 @@ def test_a_large_log_that_begins_with_zeros_is_still_read(tmp_path: Path):
     flight = FLIGHT.read_bytes()
     late = large(tmp_path / "late.tlog", 31 << 20, flight * 4)
     assert read_plan(late).home[:2] == (36.65, 116.9)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"conditions": 3}',
+        '{"conditions": {"fill_kg": 3}}',
+        '{"conditions": {"fill_kg": null, "density": 1.2, "wind_ned": [0, 0, 0], "battery": {}}}',
+        '{"conditions": {"fill_kg": 3, "density": 1.2, "wind_ned": [0, 0], "battery": {}}}',
+        '{"conditions": {"fill_kg": 3, "density": 0, "wind_ned": [0, 0, 0], "battery": {}}}',
+        '{"conditions": {"fill_kg": NaN, "density": 1.2, "wind_ned": [0, 0, 0], "battery": {}}}',
+        '{"conditions": {"fill_kg": 3, "density": 1, "x": 1, "wind_ned": [0, 0, 0]}}',
+    ],
+)
+def test_a_file_that_no_forecast_wrote_is_refused_in_one_line(tmp_path, content):
+    file = tmp_path / "assumed.json"
+    file.write_text(content)
+    with pytest.raises(PlanError, match=r"assumed.json (does not hold|has)") as refused:
+        read_assumed(file, beside=file)
+    assert "\n" not in str(refused.value)
+    with pytest.raises(PlanError, match="give the plan with --plan"):
+        read_assumed(file, beside=None)
+    with pytest.raises(PlanError, match="cannot be read"):
+        read_assumed(tmp_path / "none.json", beside=file)

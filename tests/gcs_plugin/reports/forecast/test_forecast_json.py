@@ -30,7 +30,10 @@ def test_its_keys_are_those_that_others_read():
         json_text(forecast(plan_of(*TWO_LINES), shipped_model(), TakeOff(fill_kg=1.5, flow=0.04)))
     )
     for inside, keys in (
-        (content, "schema verdict flight_s tank_end_kg energy_wh utilisation weakest sorties"),
+        (
+            content,
+            "schema verdict conditions flight_s tank_end_kg energy_wh utilisation weakest sorties",
+        ),
         (content, "largest_fill_kg rotor_loss_survivable_below_kg legs assumed not_understood"),
         (content["verdict"], "level words"),
         (content["utilisation"], "typical peak peak_interval"),

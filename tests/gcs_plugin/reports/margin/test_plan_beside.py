@@ -7,10 +7,14 @@ from dataclasses import replace
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG, flight
-from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
+from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
+from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 from thrustmargin.gcs_plugin.reports.margin.render import html_text
+from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
+from thrustmargin.mission.ahead.plan_forecast import forecast
+from thrustmargin.mission.ahead.take_off import TakeOff
 
 
 @pytest.fixture(scope="module")
@@ -55,3 +59,25 @@ def test_without_a_plan_nothing_is_said_of_one():
     report = build_report([flight()])
     assert report.flights[0].beside_plan is None
     assert "Beside the plan" not in html_text(report, None)
+
+
+@pytest.mark.parametrize(
+    ("changed", "what", "words"),
+    [
+        ({"fill_kg": 8.0}, "fill", "took off with 10.0 kg, 8.0 kg assumed"),
+        ({"altitude": 2500.0}, "density", "air of 1.224 kg/m³, 0.957 kg/m³ assumed"),
+        ({"wind": 8.0, "wind_from_deg": 90.0}, "wind", "wind of 0.9 m/s, 8.0 m/s assumed"),
+        ({"flow": 0.02}, "flow", "of the flow assumed"),
+    ],
+)
+def test_what_was_assumed_wrongly_before_the_job_is_named(tmp_path, changed, what, words):
+    """By the JSON of the forecast, as a pilot keeps it."""
+    analysis, log = flight()
+    plan = read_plan(LOG)
+    battery = FlightBattery(capacity_ah=stated_capacity(log.parameters))
+    day = TakeOff(**{"fill_kg": 10.0, "flow": 2.5 / 60.0, "battery": battery, **changed})
+    file = tmp_path / "forecast.json"
+    file.write_text(json_text(forecast(plan, analysis.model, day, parameters=log.parameters)))
+    made = plan_beside(analysis, log, plan, read_assumed(file, beside=LOG))
+    assert what in [o["what"] for o in made["off"]]
+    assert words in made["words"]
