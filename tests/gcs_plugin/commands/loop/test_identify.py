@@ -185,9 +185,9 @@ def lines_of(capsys) -> tuple[str, str]:
     return out, err
 
 
-def refused(capsys, *arguments: str) -> str:
-    """The one line with which the command ends, code 1, having written nothing more."""
-    assert run(["identify", *arguments]) == 1
+def refused(capsys, *arguments: str, code: int = 1) -> str:
+    """The one line with which the command ends, having written nothing more."""
+    assert run(["identify", *arguments]) == code
     _, err = lines_of(capsys)
     line = [part for part in err.splitlines() if part]
     assert len(line) == 1, err
@@ -259,7 +259,8 @@ def test_a_next_flight_that_nothing_needs_is_not_written(done):
 def test_what_cannot_work_is_refused_in_one_line(worn_logs, tmp_path, capsys, options, words):
     filled = [o.format(folder=tmp_path, log=worn_logs[0]) for o in options]
     named = [] if "--model" in filled else ["--airframe", F16.name]
-    assert words in refused(capsys, worn_logs[0], worn_logs[1], *named, *filled)
+    code = 2 if words.startswith((".", "end its name")) else 1  # of a wrong command line
+    assert words in refused(capsys, worn_logs[0], worn_logs[1], *named, *filled, code=code)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -363,7 +364,7 @@ def test_a_recorded_worn_propeller_is_found_from_the_curve_alone(sitl_logs, tmp_
     logs = [str(sitl_logs / f"dev/worn_prop_{k}.tlog") for k in (1, 2, 3)]
     target = tmp_path / "found.json"
     assert run(["identify", *logs, *CURVE, "--json", str(target)]) == 0
-    assert "Rotor 1 (front right) makes 8" in lines_of(capsys)[0]
+    assert lines_of(capsys)[0].startswith("Rotor 1 (front right) makes ")
     told = json.loads(target.read_text())
     worn = [e for e in told["effects"] if e["name"] == "rotor_degradation"]
     assert [e["rotor"] for e in worn] == [1]
