@@ -220,7 +220,8 @@ def _held_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Flo
         held |= beyond
         to_bound = np.clip(step, lower - prior.values, upper - prior.values)
         stiff = np.where(held, STIFF * system.diagonal(), 0.0)
-        step = np.linalg.solve(system + np.diag(stiff), pulled + stiff * to_bound)
+        right = pulled + stiff * to_bound
+        step = np.linalg.solve(system + np.diag(stiff), right).astype(np.float64)
     return np.where(held, np.clip(step, lower - prior.values, upper - prior.values), step)
 
 

@@ -186,7 +186,7 @@ def test_an_answer_asked_before_a_key_was_pressed_does_not_undo_it(opened):
     until(page, lambda: page.inner_text("#tm-time b") == "0:05")
     asked = []
     page.route("**/screen.json", lambda route: asked.append((route, route.fetch())))
-    until(page, lambda: asked)
+    until(page, lambda: len(asked) > 0)
     page.locator("#tm-aircraft").focus()
     page.keyboard.press("ArrowRight")
     until(page, lambda: len(asked) > 1)  # asked again once the press is done

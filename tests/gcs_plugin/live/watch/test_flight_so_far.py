@@ -68,7 +68,7 @@ def test_a_refill_while_armed_divides_the_flight_as_it_divides_a_file(
     state = ((track.time_s < FLOWN) | track.flying | armed).astype(float)
     said = [
         Signal("armed", NOT_REPORTED, track.time_s, state),
-        Signal("landed", NOT_REPORTED, track.time_s, 2.0 - ~track.flying),
+        Signal("landed", NOT_REPORTED, track.time_s, 2.0 - (~track.flying).astype(np.float64)),
     ]
     spans = flight_spans(track, 0.0, {one.channel: (one,) for one in said})
     assert len(spans) == 1 + other

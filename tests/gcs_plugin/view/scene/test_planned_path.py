@@ -53,7 +53,7 @@ def rows_of(count: int, apart: float, length: float):
     """The corners of `count` lines, flown there and back."""
     east = np.repeat(np.arange(count) * apart, 2)
     north = np.tile([0.0, length, length, 0.0], count)[: 2 * count]
-    return np.column_stack([east, north])
+    return np.column_stack([east, north]).astype(np.float64)
 
 
 def test_of_a_plan_as_it_is_flown_every_leg_is_drawn():
