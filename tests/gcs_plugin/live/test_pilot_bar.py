@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import re
 import socket
 
 import pytest
@@ -106,7 +107,8 @@ def test_the_widget_shows_the_bar_and_turns_grey_when_nothing_comes():
     ground.bar.on_round(ground.fleet, ground.now_us)
     with open_page(f"http://127.0.0.1:{ground.bar.port}/") as page:
         page.wait_for_selector(".low .fill")
-        assert "rotor 3 (0 s old)" in page.inner_text(".one")
+        # A busy machine draws it late.
+        assert re.search(r"Margin 18%, rotor 3 \([0-2] s old\)", page.inner_text(".one"))
         assert page.inner_text(".action") == "fly gently"
         # In one go: the page draws itself anew four times a second.
         share = page.evaluate(

@@ -12,7 +12,7 @@ from thrustmargin.models.errors import InstallError
     ("words", "said", "code"),
     [
         ([], "nothing to write; give --mcap FILE, --layout FILE or --grafana FILE", 2),
-        (["--mcap", "f.txt"], "cannot write f.txt; end its name in .mcap", 1),
+        (["--mcap", "f.txt"], "cannot write f.txt; end its name in .mcap", 2),
         (["--layout", "absent/l.json"], "no folder absent", 1),
     ],
 )

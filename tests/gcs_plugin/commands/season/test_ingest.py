@@ -94,7 +94,7 @@ def test_a_good_flight_that_is_predicted_alone_has_no_margin_and_no_good_rank(
     capsys.readouterr()
     assert run(["fleet", store, "--json", str(tmp_path / "fleet.json")]) == 0
     (ranked,) = json.loads((tmp_path / "fleet.json").read_text())["aircraft"]
-    assert (ranked["level"], ranked["worst_margin"]) == ("at the next service", None)
+    assert (ranked["level"], ranked["worst_margin"]) == ("no verdict", None)
     said = capsys.readouterr().out
     assert "none measured" in said
     assert "1 of 1 flights have no verdict: predicted alone" in said
