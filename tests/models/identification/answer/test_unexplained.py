@@ -246,3 +246,13 @@ def test_what_is_left_is_three_times_what_a_sound_aircraft_leaves(times, open_):
     usual = np.array([9.0, 4.0, 1.0, 1.0])
     wave = np.array([0.0, 4.0 * times**2, 0.0, 0.0])
     assert _matters(wave, np.zeros(4), usual, of_rotor=False) is open_
+
+
+def test_beside_a_loss_that_goes_along_a_channel_no_other_name_stands():
+    """A mass may only make up for what the rotor does."""
+    _, search, answer = searched(with_loss("in fast flight"), KEYS[:1] + KEYS[2:])
+    by_key = {c.key: k for k, c in enumerate(search.candidates) if not c.unnamed}
+    mass, rotor = by_key["extra_mass"], by_key[f"rotor_degradation@{ROTOR + 1}"]
+    assert closest_to(None, [mass, rotor], answer) == [mass]
+    steady = searched(with_loss("steady"), KEYS[:1] + KEYS[2:])[2]
+    assert closest_to(None, [mass, rotor], steady) == []
