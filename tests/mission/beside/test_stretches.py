@@ -114,6 +114,12 @@ def test_two_that_were_off_are_both_named():
     assert set(off(wrong, flight())) == {"fill", "battery"}
 
 
+def test_two_that_were_off_by_as_much_do_not_hide_each_other():
+    """0.8 kg of 0.16 kg that a good forecast has, and 2.5 V of 0.5 V: five times each."""
+    wrong = replace(TRUE, fill_kg=7.2, battery=FlightBattery(voltage=51.5))
+    assert set(off(wrong, flight())) == {"fill", "battery"}
+
+
 def test_what_no_assumption_explains_is_left_to_the_model():
     # Rotors 6 % faster take 12 % more thrust: of 40 % in use about five points.
     (one,) = which_was_off(lambda c: put_beside(c, flight(1.06)), TRUE, FOUND)
