@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, posterior_of
 from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
 from thrustmargin.models.identification.sets.evidence import Scored
@@ -432,3 +433,23 @@ def test_a_set_of_the_names_alone_is_fitted_where_the_search_has_none():
     (found,) = posterior_of(search).estimates([3])
     assert asked == [(frozenset({3}), 0.20)]
     assert found.value[0, 0] == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize(("along", "named"), [(0.20, [3]), (0.10, [])])
+def test_a_rotor_is_named_by_a_steady_loss_and_one_along_a_channel_together(along, named):
+    """A cause without a name is none; of the same rotor it counts for the loss."""
+    uneven = candidate(Term(effect=UNNAMED["rotor", "airspeed"], rotor=2), 1)
+    errors = np.full(len(uneven.free), 0.01)
+    other = FittedSet(
+        key=frozenset({len(ALL)}),
+        held=(Held(candidate=uneven, values=uneven.start + 0.05),),
+        scored=Scored(log_evidence=0.0, step=0.0 * errors, variance=errors**2),
+        total=float(np.log(along)),
+        residual=np.zeros((1, 4)),
+    )
+    sets = [a_set(0.78, loss=(0.08, 0.01)), other, a_set(0.22 - along)]
+    search: Any = SimpleNamespace(fitted={s.key: s for s in sets}, candidates=[*ALL, uneven])
+    found = posterior_of(search)
+    assert found.named() == named
+    assert found.estimate(3).probability == pytest.approx(0.78 + along)
+    assert found.one_of([]) == ()
