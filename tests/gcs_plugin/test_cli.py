@@ -160,6 +160,13 @@ def test_descriptions_of_options_are_wrapped_by_the_terminal_alone():
     assert "without an airframe, the one that ships is used for a flight" in described
 
 
+def refused(line: str, code: int, folder: Path, monkeypatch, capsys) -> str:
+    """What is said of a line that ends with a code, run in a folder."""
+    monkeypatch.chdir(folder)
+    assert run(line.split()) == code
+    return capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "line",
     [
@@ -175,9 +182,7 @@ def test_descriptions_of_options_are_wrapped_by_the_terminal_alone():
     ],
 )
 def test_a_wrong_command_line_is_exit_2_before_any_log_is_read(line, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert run(line.split()) == 2
-    said = capsys.readouterr().err
+    said = refused(line, 2, tmp_path, monkeypatch, capsys)
     assert said.startswith("thrustmargin: ")
     assert "v4_m16_q2.5" not in said
 
@@ -194,6 +199,4 @@ def test_a_wrong_command_line_is_exit_2_before_any_log_is_read(line, tmp_path, m
     ],
 )
 def test_what_is_named_and_not_there_is_exit_1(line, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert run(line.split()) == 1
-    assert "none" in capsys.readouterr().err
+    assert "none" in refused(line, 1, tmp_path, monkeypatch, capsys)
