@@ -6,10 +6,14 @@ THRUSTMARGIN_SCREENSHOTS names a folder in which screenshots are kept.
 
 from __future__ import annotations
 
+import asyncio
+import atexit
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -59,37 +63,78 @@ def screenshot_folder(otherwise: Path) -> Path:
     return folder
 
 
+class _Shared:
+    """One Chromium of this process for all pages, each of which gets a context of its own.
+
+    To start a browser and playwright's driver takes longer than most tests of a page.
+    """
+
+    def __init__(self) -> None:
+        from playwright.sync_api import sync_playwright
+
+        self._playwright = sync_playwright().start()
+        self.browser = self._playwright.chromium.launch(
+            executable_path=require_chromium(), headless=True, args=[*FLAGS]
+        )
+        self._loop = asyncio.get_running_loop()
+        atexit.register(self._end)
+
+    def go_on(self) -> None:
+        asyncio._set_running_loop(self._loop)
+
+    def rest(self) -> None:
+        """Playwright marks its loop as running; others in this thread could run none meanwhile."""
+        asyncio._set_running_loop(None)
+
+    def _end(self) -> None:
+        self.go_on()
+        with suppress(Exception):  # it may have died
+            self.browser.close()
+        self._playwright.stop()
+
+
+@cache
+def _shared(_start: int) -> _Shared:
+    return _Shared()
+
+
+def _living() -> _Shared:
+    """The shared browser; a new one where a page has brought it down."""
+    return next(one for one in map(_shared, count()) if one.browser.is_connected())
+
+
 @contextmanager
 def open_page(
     url: str, *, width: int = 1600, height: int = 900, script: str = ""
 ) -> Iterator[Page]:
-    """Open `url` in a fresh headless browser and yield playwright's page; `script` runs before it.
+    """Open `url` as in a fresh headless browser, nothing stored, and yield playwright's page.
 
-    Fails on leaving when the page asked anything of another host, or threw an error in JavaScript.
+    `script` runs before it. Fails on leaving when the page asked anything of another host, or threw
+    an error in JavaScript.
     """
-    path = require_chromium()
-    from playwright.sync_api import sync_playwright
-
+    shared = _living()
+    shared.go_on()
     elsewhere: list[str] = []
     errors: list[str] = []
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, headless=True, args=[*FLAGS])
+    try:
+        page = shared.browser.new_page(viewport={"width": width, "height": height})
+        page.on(
+            "request",
+            lambda r: (
+                elsewhere.append(r.url)
+                if (urlsplit(r.url).hostname or "") not in LOCAL_HOSTS
+                else None
+            ),
+        )
+        page.on("pageerror", lambda e: errors.append(str(e)))
+        if script:
+            page.add_init_script(script)
         try:
-            page = browser.new_page(viewport={"width": width, "height": height})
-            page.on(
-                "request",
-                lambda r: (
-                    elsewhere.append(r.url)
-                    if (urlsplit(r.url).hostname or "") not in LOCAL_HOSTS
-                    else None
-                ),
-            )
-            page.on("pageerror", lambda e: errors.append(str(e)))
-            if script:
-                page.add_init_script(script)
             page.goto(url)
             yield page
         finally:
-            browser.close()
+            page.close()
+    finally:
+        shared.rest()
     assert elsewhere == [], f"the page asked other hosts: {elsewhere[:3]}"
     assert errors == [], f"the page threw: {errors[:3]}"

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import curve_model, made_flights, table
-from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.identification.answer.floor import _columns, floor_rpm
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.sets.discrepancy import hats
-from thrustmargin.models.model.model_file import shipped_model
 
 
 @pytest.fixture(scope="module")
@@ -172,26 +170,3 @@ def test_its_columns_are_curves_along_the_present_rates_and_waves_of_size_one(pr
     waves = columns[:, (np.abs(columns).max(axis=0) <= np.sqrt(2.0)) & (columns.min(axis=0) < -1.3)]
     assert waves.shape[1] > 100
     assert np.mean(waves**2) == pytest.approx(1.0, abs=0.15)
-
-
-@pytest.mark.slow
-def test_boosted_trees_on_the_same_channels_do_not_undercut_it(sitl_logs):
-    ensemble = pytest.importorskip("sklearn.ensemble")
-    model = shipped_model()
-    names = [f"worn_prop_{k}.tlog" for k in (1, 2, 3)]
-    tracks = [read_log(sitl_logs / "dev" / n, airframe=model.airframe).track for n in names]
-    problem = assemble(model, tracks)
-    x, residual = problem.channels, problem.measured_rpm - problem.speeds()
-    every = [x.airspeed, x.tank_kg, x.time_s, x.voltage, x.advance_ratio, x.load_factor, x.heading]
-    tables = [x.load_factor_shifts, *x.rate_shifts, *x.acceleration_shifts]
-    columns = np.concatenate([np.stack(every, axis=1), *(t[:, ::4] for t in tables)], axis=1)
-    modes = problem.in_modes(residual)
-    left = np.empty_like(modes)
-    for f in range(3):
-        out = problem.flight == f
-        for k in range(4):
-            trees = ensemble.HistGradientBoostingRegressor(max_iter=80, learning_rate=0.06)
-            left[out, k] = modes[out, k] - trees.fit(columns[~out], modes[~out, k]).predict(
-                columns[out]
-            )
-    assert floor_rpm(problem, residual) < 1.02 * rms(left)
