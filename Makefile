@@ -9,12 +9,14 @@ LINKS := $(VENV)/links/thrustmargin
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
 
-# Two at a time, each on one core; module by module, so that what its tests share is made once.
-# A worker that dies is a failure and not started anew: it would be given the same tests for ever.
-PYTEST_ARGS ?= -n 2 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
+# Each on one core, and one more than there are, as some wait for a clock; module by module, so that
+# what its tests share is made once. A worker that dies is a failure and not started anew: it would
+# be given the same tests for ever.
+PYTEST_ARGS ?= -n 3 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
 
-test: check
-	$(MAKE) pytest
+# Types on one core while the tests run: they take as long as a third of those.
+test: $(VENV)/.test
+	$(MAKE) --jobs 2 check pytest
 
 pytest: $(VENV)/.test
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)

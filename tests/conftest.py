@@ -23,7 +23,9 @@ def pytest_configure() -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Modules with most slow tests first, so that no worker is left with one at the end."""
-    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    slow = Counter(
+        item.path for item in items for mark in ("slow", "browser") if item.get_closest_marker(mark)
+    )
     items.sort(key=lambda item: -slow[item.path])
 
 

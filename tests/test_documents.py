@@ -25,12 +25,27 @@ def commands(variable: str | None = None) -> list[list[str]]:
     return [shlex.split(os.path.expandvars(line))[2:] for line in lines if line.startswith("$ ")]
 
 
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory) -> dict[str, Path]:
+    """Two folders of a user's own, beside the bundled flights."""
+    made = {name: tmp_path_factory.mktemp(name) for name in ("route", "pages")}
+    for folder in made.values():
+        (folder / "sitl_logs").symlink_to(ROOT / "sitl_logs")
+    return made
+
+
 @pytest.fixture
-def somewhere(tmp_path, monkeypatch) -> Path:
-    """A folder of a user's own, beside the bundled flights."""
-    (tmp_path / "sitl_logs").symlink_to(ROOT / "sitl_logs")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+def somewhere(folders, monkeypatch) -> Path:
+    """Where the commands of a route leave their files for the next ones."""
+    monkeypatch.chdir(folders["route"])
+    return folders["route"]
+
+
+@pytest.fixture
+def beside(folders, monkeypatch) -> Path:
+    """Where the pages' own commands are run."""
+    monkeypatch.chdir(folders["pages"])
+    return folders["pages"]
 
 
 def test_every_block_of_commands_is_run_by_a_test():
@@ -39,9 +54,10 @@ def test_every_block_of_commands_is_run_by_a_test():
 
 
 def test_the_route_on_bundled_flights_ends_in_a_checked_airframe_and_a_report(somewhere, capsys):
-    for words in commands():
-        if words[0] != "identify":
-            assert run(words) == 0, words
+    *before, last = commands()
+    assert last[0] == "identify"
+    for words in before:
+        assert run(words) == 0, words
     craft = load_airframe("my-f16.toml")
     assert craft.thrust_coefficient * 1.225 / craft.reference_density == pytest.approx(
         2.011e-5, rel=0.015
@@ -54,8 +70,8 @@ def test_the_route_on_bundled_flights_ends_in_a_checked_airframe_and_a_report(so
 def test_the_route_on_bundled_flights_ends_in_a_model_that_knows_the_worn_propeller(
     somewhere, capsys
 ):
-    for words in commands():
-        assert run(words) == 0, words
+    """Goes on where the one before ends."""
+    assert run(commands()[-1]) == 0
     assert "a weak rotor 1 (front right)" in capsys.readouterr().out
     assert (somewhere / "my-f16.safetensors").exists()
 
@@ -135,6 +151,8 @@ def test_the_readme_fits_one_screen():
     assert len(re.findall(r"\S+", (ROOT / "README.md").read_text(encoding="utf-8"))) <= 450
 
 
+#: What commands printed, in the one folder of this module.
+PRINTED: dict[str, str] = {}
 #: Commands that end by themselves and need nothing but the bundled flights.
 SHOWN = (
     *("report", "fill", "inspect", "install", "forecast", "identify", "airframe", "ingest"),
@@ -177,13 +195,16 @@ def shown(text: str) -> list[tuple[str, list[str]]]:
         ),
     ],
 )
-def test_a_page_shows_what_its_commands_print(name: str, somewhere: Path, capsys):
+def test_a_page_shows_what_its_commands_print(name: str, beside: Path, capsys):
+    """A command that several pages show is run once."""
     commands_run = 0
     for command, output in shown((ROOT / name).read_text(encoding="utf-8")):
         program, *arguments = shlex.split(command)
-        if program != "thrustmargin":
+        if command in PRINTED:
+            printed = PRINTED[command]
+        elif program != "thrustmargin":
             printed = subprocess.run(
-                command, shell=True, cwd=somewhere, check=True, capture_output=True, text=True
+                command, shell=True, cwd=beside, check=True, capture_output=True, text=True
             ).stdout
         elif arguments[0] in SHOWN:
             files = [
@@ -194,6 +215,7 @@ def test_a_page_shows_what_its_commands_print(name: str, somewhere: Path, capsys
             printed = capsys.readouterr().out
         else:
             continue
+        PRINTED[command] = printed
         commands_run += 1
         for line in output:
             assert line in " ".join(printed.split()), command

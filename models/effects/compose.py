@@ -104,7 +104,7 @@ def coefficient(placed: Sequence[Placed], x: Channels, rotors: int) -> Array:
     """kappa of all rotors, (T, R) or (T, 1): the product of the coefficient effects."""
     every = [item for item in placed if item.effect.kind is Kind.COEFFICIENT]
     kappa = _product(every, x, rotors, lambda item: item.effect.apply)
-    return np.clip(kappa, KAPPA_FLOOR, None)
+    return np.maximum(kappa, KAPPA_FLOOR)
 
 
 def _product(
@@ -139,7 +139,7 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> A
     apart = [item for item in placed if item.effect.torque is not None]
     if apart:
         thrust = _rebalanced(base, apart, x, thrust)
-    return np.clip(thrust / every, THRUST_FLOOR, None)
+    return np.maximum(thrust / every, THRUST_FLOOR)
 
 
 def corrected(placed: Sequence[Placed], x: Channels) -> Channels:
@@ -171,7 +171,7 @@ def _rebalanced(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: A
     alone = coefficient([item for item in apart if item.rotor is not None], x, rotors)
     shared = coefficient([item for item in apart if item.rotor is None], x, rotors)
     torque = _product(apart, x, rotors, lambda item: item.effect.torque)
-    twist = (np.clip(torque, KAPPA_FLOOR, None) / shared - 1.0) * base.yaw_rows
+    twist = (np.maximum(torque, KAPPA_FLOOR) / shared - 1.0) * base.yaw_rows
     causes = np.concatenate([base.thrust_control[:, bad], base.yaw_control[:, None]], axis=1)
     answer = base.shares @ causes  # (R, K)
     lost = alone[:, bad] - 1.0 if bad else np.empty((thrust.shape[0], 0))

@@ -264,10 +264,12 @@ def placed(rows: RowsToFit, held: Sequence[Held]) -> list[Placed]:
     out = []
     for one in held:
         values: dict[str, Any] = {}
-        for k, p in enumerate(one.candidate.term.effect.parameters):
-            column = one.values[:, k]
-            same = np.all(column == column[0])
-            values[p.name] = float(column[0]) if same else column[rows.flight]
+        columns = zip(*one.values.tolist(), strict=True)
+        for k, (p, (first, *others)) in enumerate(
+            zip(one.candidate.term.effect.parameters, columns, strict=True)
+        ):
+            same = all(other == first for other in others)
+            values[p.name] = first if same else one.values[:, k][rows.flight]
         term = one.candidate.term
         out.append(Placed(effect=term.effect, rotor=term.rotor, values=values))
     return out
@@ -308,14 +310,16 @@ def slopes(
         knots = _of_curve(rows, held, of)
         return knots if wanted is None else knots[:, :, list(wanted)]
     columns = [np.zeros((*rows.measured_rpm.shape, 0))]
+    still = placed(rows, held)
     for k in range(len(parameters)) if wanted is None else wanted:
         p = parameters[k]
         ends = []
         for sign in (1.0, -1.0):
             values = one.values.copy()
             values[:, k] = np.clip(values[:, k] + sign * STEP * p.scale, p.lower, p.upper)
-            others = [*held[:of], replace(one, values=values), *held[of + 1 :]]
-            ends.append((predicted(rows, others), values[:, k]))
+            moved = placed(rows, [replace(one, values=values)])
+            speeds = rows.speeds([*still[:of], *moved, *still[of + 1 :]])
+            ends.append((rows.in_modes(speeds), values[:, k]))
         (above, up), (below, down) = ends
         width = np.where(up == down, np.inf, up - down)[rows.flight]
         columns.append(((above - below) / width[:, None])[:, :, None])
