@@ -104,7 +104,7 @@ def test_identify_answers_whatever_a_log_reports(how, loss, model):
 
 
 @pytest.mark.slow
-@relaxed(30)
+@relaxed(20)
 @given(
     how=treated,
     held=treated,

@@ -52,7 +52,7 @@ def test_tracks_come_back_as_they_were_in_their_order(tmp_path):
 
 @pytest.mark.slow
 def test_a_search_holds_one_flight_at_a_time_and_answers_as_from_memory(tmp_path):
-    tracks, model = made_flights(5, loss=0.08), curve_model()
+    tracks, model = made_flights(3, loss=0.08, duration=60.0), curve_model()
     aside = on_disk(tmp_path, tracks, Counted)
     found, other = identify_checked(aside, model), identify(tracks, model)
     assert found.to_json() == other.to_json()
@@ -75,7 +75,7 @@ def test_the_command_checks_the_motor_order_of_a_log_once_and_leaves_nothing_beh
     monkeypatch.setattr("tempfile.tempdir", None)
     (tmp_path / "temporary").mkdir()
     logs = [tmp_path / f"flight{k}.csv" for k in range(3)]
-    for track, path in zip(made_flights(3), logs, strict=True):
+    for track, path in zip(made_flights(3, duration=40.0), logs, strict=True):
         write_csv(track, path)
     words = [*map(str, logs[:2]), *(["--held-out"] if held_out else []), str(logs[2])]
     assert run(["identify", *words, "--airframe", "topxgun-f16"]) == 0

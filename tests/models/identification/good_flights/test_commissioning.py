@@ -23,7 +23,7 @@ from thrustmargin.models.physics.atmosphere import track_air
 INPUTS = ("airspeed", "tank_kg")
 
 
-TRACKS = [with_weight_forward(t, 0.01) for t in made_flights(3, duration=60.0)]
+TRACKS = [with_weight_forward(t, 0.01) for t in made_flights(3, duration=40.0)]
 
 
 def chain(tracks, said=lambda _: None):
