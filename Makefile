@@ -9,10 +9,10 @@ LINKS := $(VENV)/links/thrustmargin
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
 
-# Each on one core, and one more than there are, as some wait for a clock; module by module, so that
-# what its tests share is made once. A worker that dies is a failure and not started anew: it would
-# be given the same tests for ever.
-PYTEST_ARGS ?= -n 3 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
+# Each on one core, and twice as many as there are, as many tests wait for a clock; module by module,
+# so that what its tests share is made once. A worker that dies is a failure and not started anew: it
+# would be given the same tests for ever.
+PYTEST_ARGS ?= -n 4 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
 
 # Types on one core while the tests run: they take as long as a third of those.
 test: $(VENV)/.test
