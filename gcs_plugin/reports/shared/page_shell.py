@@ -12,6 +12,7 @@ import base64
 import gzip
 import hashlib
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -42,6 +43,18 @@ def page_text(
     if draws:
         library, draw = _bytes(_SHELL, "plotly-basic.min.js.gz"), _text(_SHELL, "draw.js")
     style = _text(_SHELL, "page.css") + (_text(package, "page.css") if own_style else "")
+    return _template(package, spoken()).render(
+        {**functions, **context},
+        policy=content_policy(gzip.decompress(library).decode() if draws else "", draw),
+        style=Markup(style),
+        library=_in_base64(library),
+        draw=Markup(draw),
+    )
+
+
+@cache  # jinja2 compiles a page as long as it takes to judge a flight
+def _template(package: str, _language: str) -> jinja2.Template:
+    """The compiled page of a language: words that stand in the page itself are put in it then."""
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(
             lambda name: _text(package if name == "page.html" else _SHELL, name)
@@ -51,18 +64,11 @@ def page_text(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= functions
     environment.filters["unbroken"] = words.unbroken
     environment.filters["sentence"] = sentence
     environment.filters["spoken"] = environment.globals["say"] = say
     environment.globals["language"] = spoken
-    return environment.get_template("page.html").render(
-        context,
-        policy=content_policy(gzip.decompress(library).decode() if draws else "", draw),
-        style=Markup(style),
-        library=_in_base64(library),
-        draw=Markup(draw),
-    )
+    return environment.get_template("page.html")
 
 
 def packed(text: str) -> Markup:

@@ -9,6 +9,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
@@ -396,3 +397,16 @@ def test_a_report_that_stops_half_way_leaves_the_old_files_whole(
     with pytest.raises(stop):
         write_report(changed, out)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_each_page_is_in_the_language_of_its_day(monkeypatch):
+    """One program makes many pages; their words are not those of its first."""
+    made = build_report([flight()], max_utilisation=0.5)
+    files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
+    pages = []
+    for code in ("en", "de", "en"):
+        monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", code)
+        pages.append(html_text(made, files))
+    assert "Worst moments" in pages[0]
+    assert "Worst moments" not in pages[1]
+    assert pages[2] == pages[0]
