@@ -251,7 +251,10 @@ def _parts(text: str) -> tuple[list[str], list[str], str, str]:
         comments.append(line[1:].strip())
     heading = text.split("\n", 1)[0]
     separator = max(",;\t", key=heading.count)
-    names = next(csv.reader([heading], delimiter=separator), [])
+    try:
+        names = next(csv.reader([heading], delimiter=separator), [])
+    except csv.Error:  # a cell of more than 131,072 characters
+        names = []
     return comments, [_without_unit(name.strip()) for name in names], text, separator
 
 

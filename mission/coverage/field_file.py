@@ -101,7 +101,7 @@ def _polygons(data: bytes, path: Path) -> list[Named]:
         raise PlanError(
             f"{name} is no field: KML, KMZ, GeoJSON, a shapefile (.shp) or ISOXML are read"
         ) from error
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+    except (ValueError, TypeError, LookupError, AttributeError, OverflowError) as error:
         raise PlanError(f"{name} is damaged ({error!s:.80}); save it again") from error
     except shapely.errors.ShapelyError as error:
         raise PlanError(f"{name} has a polygon that is none ({error!s:.80})") from error

@@ -129,6 +129,13 @@ def test_a_wrong_table_says_where_it_is_wrong(tmp_path, text, said):
     assert "\n" not in str(error.value)
 
 
+def test_a_heading_of_one_endless_cell_is_refused(tmp_path):
+    path = tmp_path / "wide.csv"
+    path.write_text(f"{'x' * 200_000},time_s\n1,2\n")
+    with pytest.raises(LogError, match=r"names no column time_s; found 'xxx"):
+        read_log(path)
+
+
 def test_a_table_of_another_rotor_count_is_refused(tmp_path):
     names = [f"rotor_speed_rpm_{k}" for k in range(1, 7)]
     (tmp_path / "six.csv").write_text(f"time_s,{','.join(names)}\n0,1,2,3,4,5,6\n")

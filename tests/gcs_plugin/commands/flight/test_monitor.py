@@ -125,10 +125,10 @@ def test_streamed_over_udp_a_flight_gives_the_samples_and_margins_of_its_file(
 @pytest.mark.slow
 @pytest.mark.browser
 def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says(
-    landing, tmp_path, model_file
+    sitl_logs, tmp_path, model_file
 ):
     """Real processes; every number that a pilot reads is that of a row of the file."""
-    path = landing
+    path = sitl_logs / "campaign" / "v4_m10_q3.5.tlog"
     port, page_port = free_udp_port(), free_port()
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="ardupilotmega")
     monitor = command(
