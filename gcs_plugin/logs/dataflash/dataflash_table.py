@@ -146,9 +146,9 @@ def without_monitors_off(
             for signal in signals.get(name, ()):
                 number = signal.index if isinstance(signal.index, int) else 0
                 monitor = f"BATT{number + 1 if number else ''}_MONITOR"
-                if whole_number(parameters, monitor) in off:
+                if (kind := whole_number(parameters, monitor)) in off:
                     kept[name] = tuple(s for s in kept[name] if s is not signal)
-                    said = f"{monitor} {parameters[monitor]:g} measures no {channel}"
+                    said = f"{monitor} {kind} measures no {channel}"
                     unused[channel] = f"in the log ({signal.source.words}), not used: {said}"
     return {name: found for name, found in kept.items() if found}, unused
 

@@ -28,7 +28,9 @@ def parameter(parameters: Mapping[str, float], name: str) -> float:
     """The value under `name` or its other name, in the unit of `name`; NaN where neither is."""
     if name in parameters:
         return parameters[name]
-    other, factor = OTHER_NAMES.get(name, ("", 1.0))
+    if name not in OTHER_NAMES:
+        return math.nan
+    other, factor = OTHER_NAMES[name]
     return parameters.get(other, math.nan) * factor
 
 

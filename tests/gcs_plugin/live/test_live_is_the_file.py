@@ -272,7 +272,7 @@ def test_any_recording_in_any_pieces_with_any_effects_is_as_its_file(data):
 )
 def test_what_grows_swings_or_begins_in_flight_does_so_live(keys):
     flight = recorded("dev/windy_1", 5000)
-    cuts = list(range(40, len(flight.frames), 150))
+    cuts = list(range(40, len(flight.frames), 300))
     raised = assert_the_same(flight, having([EFFECTS[key] for key in keys], flight), cuts)
     assert raised >= {"margin", "esc", "margin ahead"}  # what is compared did happen
 
@@ -304,5 +304,5 @@ def test_readings_that_are_no_measurement_are_none_live_too(tmp_path, step):
 def test_each_effect_is_live_what_it_is_in_the_file(first):
     """Eight models with every eighth effect, so that those of one name are apart."""
     flight = recorded("campaign/v4_m16_q2.5", 5000)
-    cuts = list(range(40, len(flight.frames), 150))
+    cuts = list(range(40, len(flight.frames), 300))
     assert_the_same(flight, having(APART[first::8], flight), cuts)

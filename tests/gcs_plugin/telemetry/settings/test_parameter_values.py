@@ -19,6 +19,8 @@ def test_a_speed_is_in_metres_a_second_under_either_name():
     assert parameter({"WP_SPD": 6.0, "WPNAV_SPEED": 850.0}, "WP_SPD") == 6.0
     assert math.isnan(parameter({}, "WP_SPD"))
     assert math.isnan(parameter({}, "MOT_PWM_MIN"))
+    # A damaged log can have a parameter without a name, which is nobody's.
+    assert math.isnan(parameter({"": 3.0}, "BATT_MONITOR"))
 
 
 def test_whole_numbers_go_by_both_names():
