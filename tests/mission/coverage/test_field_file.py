@@ -171,7 +171,10 @@ BOMB = '<!DOCTYPE k [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><kml>&b;</kml>'
         ('{"type": "Polygon"}', "is damaged"),
         ('{"type": "Polygon", "coordinates": [[[0, 0], ["a", 1], [1, 1]]]}', "is damaged"),
         # A whole number that no float holds.
-        (f'{{"type": "Polygon", "coordinates": [[[0, {"9" * 400}], [0, 1], [1, 1]]]}}', "is damaged"),
+        (
+            '{"type": "Polygon", "coordinates": [[[0, 0], [%s, 1], [1, 1]]]}' % ("9" * 400),
+            "damaged",
+        ),
         ('{"type": "Polygon", "coordinates": [[[0, 0], [NaN, 1], [1, 1]]]}', "is no number"),
         ('{"type": "Point", "coordinates": [0, 0]}', "has no polygon"),
         ('{"type": "FeatureCollection", "features": 7}', "has no list of features"),
