@@ -29,6 +29,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.borne_out import LEAST_FALL
 from thrustmargin.models.identification.answer.left_out import MOST_FOLDS
 from thrustmargin.models.identification.answer.result import OpenCause
+from thrustmargin.models.identification.certainty import SURE
 from thrustmargin.models.identification.rows.candidates import (
     RANGE,
     Held,
@@ -38,9 +39,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.problem import Problem, thinned
 
-ROWS = 3_000  # of all flights, from which curves are learnt
 MOST_CAUSES = 4
-CONFIDENCE = 0.95
 
 Choice = tuple[int, ...]  # of the curves
 
@@ -153,7 +152,7 @@ def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[Held]) ->
     without = curves.fit(every, chosen)[0]
     folds = len(every)
     error = np.sqrt((folds - 1) / folds * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
-    half = stdtrit(folds - 1, 0.5 + CONFIDENCE / 2) * error
+    half = stdtrit(folds - 1, 0.5 + SURE / 2) * error
     pairs = zip(chosen, curves.placed(chosen, found), curves.placed(chosen, half), strict=True)
     causes = []
     for c, item, wide in pairs:
@@ -185,7 +184,7 @@ def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
 def _curves(
     problem: Problem, residual_rpm: Floats, held: Sequence[Held], fold: NDArray[np.intp]
 ) -> _Curves:
-    stride = max(1, residual_rpm.shape[0] // ROWS)
+    stride = problem.stride
     rows = thinned(problem, stride)
     left = rows.in_modes(residual_rpm[::stride])
     x, known = rows.channels, min(len(MODES), left.shape[1])
