@@ -27,7 +27,7 @@ from thrustmargin.models.identification.answer.unexplained import (
     closest_to,
     unexplained,
 )
-from thrustmargin.models.identification.costs import COSTS
+from thrustmargin.models.identification.certainty import COSTS
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.sets.search_space import SearchSpace
 from thrustmargin.models.identification.sets.set_search import Search
