@@ -3,8 +3,9 @@
 Every mode may go with every channel (`effects.unnamed`). What the names leave is regressed on these
 curves one at a time, each the one with which flights left out are predicted best, as long as their
 error falls by what an effect must take to be worth a name. All this is done anew without each
-flight for the error on it, selection and all. One flight shows nothing again, and motor outputs
-show shares only.
+flight for the error on it, selection and all: where that is not lower by as much, the choice was
+one of chance, and nothing is taken in. One flight shows nothing again, and motor outputs show
+shares only.
 """
 
 from __future__ import annotations
@@ -146,8 +147,9 @@ def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[Held]) ->
             mine = fold[problem.flight] == out
             left_out[mine] = change(some, curves.whole(rest, some))[mine]
     chosen = curves.choose(every)
-    if not chosen:
-        return CausesFound(left_out_rpm=left_out)
+    unseen = np.mean((residual_rpm - left_out) ** 2)
+    if not chosen or np.mean(residual_rpm**2) < (1.0 + LEAST_FALL) ** 2 * unseen:
+        return CausesFound()
     found = curves.whole(every, chosen)
     without = curves.fit(every, chosen)[0]
     folds = len(every)
