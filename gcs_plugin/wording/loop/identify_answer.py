@@ -60,8 +60,8 @@ def answer(
     rotors_first = sorted(found.found, key=lambda f: f.term.rotor is None)
     lines = [effect_sentence(f, found) for f in rotors_first]
     flights = found.problem.flights
-    lines += [one_of(o, names, flights) for o in found.one_of]
     lines += [mentioned(m, names, flights) for m in found.mentioned]
+    lines += [one_of(o, names, flights) for o in found.one_of]
     lines += [held_damage(fault, names) for fault in faults_in_model(found.model)]
     open_mode = unexplained(found)
     if not lines and not open_mode:

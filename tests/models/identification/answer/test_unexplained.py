@@ -8,7 +8,9 @@ import pytest
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer.accepted_names import imitates
 from thrustmargin.models.identification.answer.posterior import posterior_of
+from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.answer.unexplained import (
     _matters,
     acts_in,
@@ -256,3 +258,8 @@ def test_beside_a_loss_that_goes_along_a_channel_no_other_name_stands():
     assert closest_to(None, [mass, rotor], answer) == [mass]
     steady = searched(with_loss("steady"), KEYS[:1] + KEYS[2:])[2]
     assert closest_to(None, [mass, rotor], steady) == []
+    # A choice of which one is that rotor's loss is none that only makes up for it.
+    terms = [search.candidates[c].term for c in (mass, rotor)]
+    alone, both = (OneOf(terms=tuple(of), probabilities=()) for of in (terms[:1], terms))
+    assert [imitates(one, None, answer) for one in (alone, both)] == [True, False]
+    assert not imitates(alone, None, steady)
