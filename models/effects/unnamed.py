@@ -77,6 +77,14 @@ def _values(count: int) -> tuple[Parameter, ...]:
     )
 
 
+def _means() -> tuple[Parameter, ...]:
+    """The mean weights of the knots, where g is less its mean; 0 where it is not."""
+    return tuple(
+        Parameter(name=f"mean_{k + 1}", unit="1", lower=0.0, upper=1.0, scale=1.0, detail=True)
+        for k in range(KNOTS)
+    )
+
+
 def _ends(unit: str) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(name=name, unit=unit, lower=-1e9, upper=1e9, scale=1.0, absent=None, detail=True)
@@ -97,7 +105,9 @@ def _made(mode: str, channel: str) -> Effect:
         if along is None:
             return p["at_1"] + 0.0 * x.time_s
         columns = curve_columns(along.read(x), p["low"], p["high"])
-        return np.nan_to_num(columns @ np.array([p[f"at_{k + 1}"] for k in range(KNOTS)]))
+        mean = [p.get(f"mean_{k + 1}", 0.0) for k in range(KNOTS)]
+        at = np.array([p[f"at_{k + 1}"] for k in range(KNOTS)])
+        return np.nan_to_num((columns - mean) @ at)
 
     def seen(p: Values, x: Channels) -> Any:
         assert along is not None
@@ -116,7 +126,9 @@ def _made(mode: str, channel: str) -> Effect:
         name=NAME,
         variant=f"{mode} along {channel}",
         kind=Kind.COEFFICIENT if collective else Kind.MOMENTS,
-        parameters=_values(1) if along is None else (*_values(KNOTS), *_ends(along.unit)),
+        parameters=_values(1)
+        if along is None
+        else (*_values(KNOTS), *_ends(along.unit), *_means()),
         needs=() if along is None else along.needs,
         neutral={} if along is None else dict.fromkeys(along.needs, float("nan")),
         source="what flights left out show again, and no effect of the table explains",

@@ -86,13 +86,14 @@ def _matters(square: Floats, taken: Floats, usual: Floats, of_rotor: bool) -> bo
     """Whether a cause without a name is beyond what a sound aircraft leaves, and more than what
     names may leave: mean squares (R,) of what it does, names do and a sound aircraft leaves.
 
-    A mode may keep LEFT of what is explained in it. The loss of a rotor may be uneven by as little
-    as the laws of losses are good to.
+    A mode may keep LEFT of what is explained in it. The loss of a rotor, which has a name beside
+    it, may be uneven by as little as the laws of losses are good to.
     """
+    done = float(square.sum())
+    if of_rotor:
+        return done > (BEYOND * FORM) ** 2 * float(taken.sum())
     own = square / max(float(square.max()), 1e-12)  # how much each mode is its own
-    done, named = float(square.sum()), float(own @ taken)
-    least = (BEYOND * FORM) ** 2 * float(taken.sum()) if of_rotor else LEFT * (done + named)
-    return done > max(least, BEYOND**2 * float(own @ usual))
+    return done > max(LEFT * (done + float(own @ taken)), BEYOND**2 * float(own @ usual))
 
 
 def _in_place_of(c: int, search: Search) -> list[int]:

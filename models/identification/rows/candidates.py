@@ -16,6 +16,7 @@ from thrustmargin.models.effects.demand.parasite_drag import PARASITE_DRAG
 from thrustmargin.models.effects.unnamed import (
     ALONG,
     CONSTANT,
+    KNOTS,
     MODES,
     NAME,
     OF_ROTOR,
@@ -175,9 +176,9 @@ def unnamed_candidates(reduced: Reduced) -> list[Candidate]:
     found = []
     for mode, name, rotor in places:
         one = candidate(Term(effect=UNNAMED[mode, name], rotor=rotor), reduced.flights)
-        start = one.start.copy()
-        start[:, -2:] = ranges[name]
-        seen = curve_columns(np.asarray(ALONG[name].read(x)), *ranges[name]).sum(axis=0)
+        columns = curve_columns(np.asarray(ALONG[name].read(x)), *ranges[name])
+        start, seen = one.start.copy(), columns.sum(axis=0)
+        start[:, KNOTS:] = *ranges[name], *columns.mean(axis=0)
         free = tuple((k, None) for k in np.flatnonzero(seen >= LEAST_SEEN).tolist())
         prior = EFFECT_PRIOR / len(of_modes) if rotor is None else ROTOR_PRIOR / len(of_rotors)
         found.append(replace(one, start=start, free=free, log_prior=float(np.log(prior))))
@@ -335,5 +336,6 @@ def _of_curve(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
         values = flat.start + sign * STEP * p.scale
         ends.append(predicted(rows, [*rest, Held(candidate=flat, values=values)]))
     slope = (ends[0] - ends[1]) / (2.0 * STEP * p.scale)
-    shape = curve_columns(np.asarray(ALONG[channel].read(rows.channels)), *one.values[0, -2:])
+    low, high, *mean = one.values[0, KNOTS:]
+    shape = curve_columns(np.asarray(ALONG[channel].read(rows.channels)), low, high) - mean
     return slope[:, :, None] * shape[:, None, :]

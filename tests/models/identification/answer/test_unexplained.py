@@ -144,6 +144,20 @@ def test_the_slopes_of_a_curve_are_those_of_what_it_does():
             np.testing.assert_allclose(np.nan_to_num(found[:, :, k]), by_hand, atol=0.02 * scale)
 
 
+def test_a_cause_without_a_name_does_nothing_that_stands_all_the_time():
+    """The same at every knot is no change, for a curve is taken less its mean."""
+    space = search_space(MODEL, with_wave(None)[:2], effects_for(F16, table(KEYS)))
+    x = space.reduced
+    for one in space.unnamed[:: max(1, len(space.unnamed) // 7)]:
+        values = one.start.copy()
+        values[:, :4] = 0.03
+        change = predicted(x, [Held(candidate=one, values=values)]) - predicted(x, ())
+        assert np.abs(np.nan_to_num(change)).max() < 1e-6
+        values[:, :4] = [-0.03, -0.01, 0.01, 0.03]
+        change = predicted(x, [Held(candidate=one, values=values)]) - predicted(x, ())
+        assert np.abs(np.nan_to_num(change)).max() > 1.0
+
+
 def test_a_cause_without_a_name_is_as_likely_in_a_mode_as_an_effect_along_all_channels_together():
     space = search_space(MODEL, with_wave(None), effects_for(F16, table(KEYS)))
     odds: dict[object, float] = {}
