@@ -10,7 +10,7 @@ into a model what flights left out show again.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,13 +27,14 @@ USUAL, MOST = 0.05, 0.3
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """A channel that a cause may go along, the least span over which that shows, and its reading
-    from `needs`."""
+    """A channel that a cause may go along, the least span over which that shows, its reading from
+    `needs`, and whether nothing acts along it where it is 0."""
 
     unit: str
     least: float
     needs: tuple[str, ...]
     read: Callable[[Channels], Any]
+    rests: bool = True
 
 
 def _plain(name: str, unit: str, least: float) -> Along:
@@ -61,7 +62,7 @@ ALONG: Mapping[str, Along] = {
     "time_s": _plain("time_s", "s", 20.0),
     "yaw_rate": _plain("yaw_rate", "rad/s", 0.1),
     "spraying": _plain("spraying", "1", 0.5),
-    "air_temperature": _plain("air_temperature", "K", 1.0),
+    "air_temperature": replace(_plain("air_temperature", "K", 1.0), rests=False),
     "load": Along("kg", 0.5, ("load_factor",), lambda x: x.total_mass * x.load_factor),
 }
 #: that of one rotor, and the channels along which its loss may go: what it carries, where it meets
@@ -74,14 +75,6 @@ def _values(count: int) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(name=f"at_{k + 1}", unit="1", lower=-MOST, upper=MOST, scale=0.02, absent=None)
         for k in range(count)
-    )
-
-
-def _means() -> tuple[Parameter, ...]:
-    """The mean weights of the knots, where g is less its mean; 0 where it is not."""
-    return tuple(
-        Parameter(name=f"mean_{k + 1}", unit="1", lower=0.0, upper=1.0, scale=1.0, detail=True)
-        for k in range(KNOTS)
     )
 
 
@@ -105,9 +98,7 @@ def _made(mode: str, channel: str) -> Effect:
         if along is None:
             return p["at_1"] + 0.0 * x.time_s
         columns = curve_columns(along.read(x), p["low"], p["high"])
-        mean = [p.get(f"mean_{k + 1}", 0.0) for k in range(KNOTS)]
-        at = np.array([p[f"at_{k + 1}"] for k in range(KNOTS)])
-        return np.nan_to_num((columns - mean) @ at)
+        return np.nan_to_num(columns @ np.array([p[f"at_{k + 1}"] for k in range(KNOTS)]))
 
     def seen(p: Values, x: Channels) -> Any:
         assert along is not None
@@ -126,9 +117,7 @@ def _made(mode: str, channel: str) -> Effect:
         name=NAME,
         variant=f"{mode} along {channel}",
         kind=Kind.COEFFICIENT if collective else Kind.MOMENTS,
-        parameters=_values(1)
-        if along is None
-        else (*_values(KNOTS), *_ends(along.unit), *_means()),
+        parameters=_values(1) if along is None else (*_values(KNOTS), *_ends(along.unit)),
         needs=() if along is None else along.needs,
         neutral={} if along is None else dict.fromkeys(along.needs, float("nan")),
         source="what flights left out show again, and no effect of the table explains",

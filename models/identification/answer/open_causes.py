@@ -21,7 +21,6 @@ from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.unnamed import (
     ALONG,
     CONSTANT,
-    KNOTS,
     MODES,
     UNNAMED,
     USUAL,
@@ -123,7 +122,6 @@ class _Curves:
             values = {f"at_{k + 1}": float(v) for k, v in enumerate(found[start:stop])}
             if self.effects[c][1] != CONSTANT:
                 values["low"], values["high"] = self.ranges[c]
-                values |= {f"mean_{k + 1}": 0.0 for k in range(KNOTS)}
             out.append(Placed(effect=UNNAMED[self.effects[c]], values=values))
             start = stop
         return out

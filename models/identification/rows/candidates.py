@@ -156,7 +156,8 @@ def unnamed_candidates(reduced: Reduced) -> list[Candidate]:
 
     That something without a name acts in a mode, or bends the loss of a rotor, is as likely as that
     an effect is there, along any channel as along another. What stands all the time has a name in
-    every mode. One flight shows nothing again.
+    every mode, so a curve is nothing at the knot nearest to where its channel is 0, or, of a
+    channel without such a place, where it mostly is. One flight shows nothing again.
     """
     if reduced.flights < 2:
         return []
@@ -176,10 +177,13 @@ def unnamed_candidates(reduced: Reduced) -> list[Candidate]:
     found = []
     for mode, name, rotor in places:
         one = candidate(Term(effect=UNNAMED[mode, name], rotor=rotor), reduced.flights)
-        columns = curve_columns(np.asarray(ALONG[name].read(x)), *ranges[name])
-        start, seen = one.start.copy(), columns.sum(axis=0)
-        start[:, KNOTS:] = *ranges[name], *columns.mean(axis=0)
-        free = tuple((k, None) for k in np.flatnonzero(seen >= LEAST_SEEN).tolist())
+        start = one.start.copy()
+        start[:, -2:] = ranges[name]
+        seen = curve_columns(np.asarray(ALONG[name].read(x)), *ranges[name]).sum(axis=0)
+        knots = np.linspace(*ranges[name], KNOTS)
+        rest = np.argmin(np.abs(knots)) if ALONG[name].rests else np.argmax(seen)
+        moves = (seen >= LEAST_SEEN) & (np.arange(KNOTS) != rest)
+        free = tuple((k, None) for k in np.flatnonzero(moves).tolist())
         prior = EFFECT_PRIOR / len(of_modes) if rotor is None else ROTOR_PRIOR / len(of_rotors)
         found.append(replace(one, start=start, free=free, log_prior=float(np.log(prior))))
     return found
@@ -336,6 +340,5 @@ def _of_curve(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
         values = flat.start + sign * STEP * p.scale
         ends.append(predicted(rows, [*rest, Held(candidate=flat, values=values)]))
     slope = (ends[0] - ends[1]) / (2.0 * STEP * p.scale)
-    low, high, *mean = one.values[0, KNOTS:]
-    shape = curve_columns(np.asarray(ALONG[channel].read(rows.channels)), low, high) - mean
+    shape = curve_columns(np.asarray(ALONG[channel].read(rows.channels)), *one.values[0, -2:])
     return slope[:, :, None] * shape[:, None, :]
