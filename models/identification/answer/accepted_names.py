@@ -85,7 +85,8 @@ def accepted_names(
         mentioned=tuple(
             one
             for one, c in answer.mentioned(members)
-            if worth_a_look(one.probability, error(members), error([*members, c]))
+            if (left is None or one.rotor != left.rotor)  # else that asks for a look at it
+            and worth_a_look(one.probability, error(members), error([*members, c]))
         ),
     )
 
