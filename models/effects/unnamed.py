@@ -3,13 +3,14 @@
 What no effect of the table explains is still there on the next flight. A curve g between knots over
 the range in which it was seen takes it into the model: of the collective as a share of every
 rotor's thrust, else as a moment g x thrust x arm. Beyond that range it is held at its edge, and
-`seen` says so. A search never looks for these: `identification.answer.open_causes` finds them.
+`seen` says so. A search weighs them as it does effects; `identification.answer.open_causes` takes
+into a model what flights left out show again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,13 +27,14 @@ USUAL, MOST = 0.05, 0.3
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """A channel that a cause may go along, the least span over which that shows, and its reading
-    from `needs`."""
+    """A channel that a cause may go along, the least span over which that shows, its reading from
+    `needs`, and whether nothing acts along it where it is 0."""
 
     unit: str
     least: float
     needs: tuple[str, ...]
     read: Callable[[Channels], Any]
+    rests: bool = True
 
 
 def _plain(name: str, unit: str, least: float) -> Along:
@@ -60,7 +62,7 @@ ALONG: Mapping[str, Along] = {
     "time_s": _plain("time_s", "s", 20.0),
     "yaw_rate": _plain("yaw_rate", "rad/s", 0.1),
     "spraying": _plain("spraying", "1", 0.5),
-    "air_temperature": _plain("air_temperature", "K", 1.0),
+    "air_temperature": replace(_plain("air_temperature", "K", 1.0), rests=False),
     "load": Along("kg", 0.5, ("load_factor",), lambda x: x.total_mass * x.load_factor),
 }
 #: that of one rotor, and the channels along which its loss may go: what it carries, where it meets

@@ -9,7 +9,7 @@ from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action, When
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import action_of
 from thrustmargin.models.identification.answer.result import Identification
-from thrustmargin.models.identification.costs import COSTS
+from thrustmargin.models.identification.certainty import COSTS
 
 #: Part of an action -> whose costs it has.
 KIND_OF_PART = MappingProxyType(

@@ -36,7 +36,8 @@ from thrustmargin.models.identification.answer.result import (
     Mentioned,
     OneOf,
 )
-from thrustmargin.models.identification.next_flight.next_flight import CERTAIN, NextFlight
+from thrustmargin.models.identification.certainty import SURE
+from thrustmargin.models.identification.next_flight.next_flight import NextFlight
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS
 from thrustmargin.models.model.fault_test import RotorFault
@@ -59,8 +60,8 @@ def answer(
     rotors_first = sorted(found.found, key=lambda f: f.term.rotor is None)
     lines = [effect_sentence(f, found) for f in rotors_first]
     flights = found.problem.flights
-    lines += [one_of(o, names, flights) for o in found.one_of]
     lines += [mentioned(m, names, flights) for m in found.mentioned]
+    lines += [one_of(o, names, flights) for o in found.one_of]
     lines += [held_damage(fault, names) for fault in faults_in_model(found.model)]
     open_mode = unexplained(found)
     if not lines and not open_mode:
@@ -151,7 +152,7 @@ def _nothing_or_what(found: Identification) -> str:
     What is likely and was not borne out by flights left out is in the table, and asks for nothing.
     """
     none = sum(one.probability for one in found.alternatives if not one.terms)
-    if not found.alternatives or none >= CERTAIN:
+    if not found.alternatives or none >= SURE:
         return "Nothing is found missing"
     if none >= 0.5:
         return f"Nothing is found missing ({chance(none, found.problem.flights)})"
@@ -228,7 +229,7 @@ def next_flight_words(
     question = asked if all(sides) else f"whether the cause is {asked}"
     times = f", {following.repeats} times" if following.repeats > 1 else ""
     sure = ""
-    if following.certainty < CERTAIN:
+    if following.certainty < SURE:
         sure = f"; even that is right in only {chance(following.certainty)} of cases"
     return (
         f"To tell {question}, {looked_first(suspects)}{following.manoeuvre.words}{times} "

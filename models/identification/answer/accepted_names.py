@@ -27,7 +27,7 @@ from thrustmargin.models.identification.answer.unexplained import (
     closest_to,
     unexplained,
 )
-from thrustmargin.models.identification.costs import COSTS
+from thrustmargin.models.identification.certainty import COSTS
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.sets.search_space import SearchSpace
 from thrustmargin.models.identification.sets.set_search import Search
@@ -69,7 +69,7 @@ def accepted_names(
         return size(left_out.with_set(some))
 
     matter = that_matter(error, [c for c in named if c not in closest])
-    one_of = answer.one_of(named)
+    one_of = tuple(one for one in answer.one_of(named) if not imitates(one, left, answer))
     firsts = {one.terms[0].key for one in one_of}
     either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
     estimates = answer.estimates(matter, either)
@@ -85,9 +85,17 @@ def accepted_names(
         mentioned=tuple(
             one
             for one, c in answer.mentioned(members)
-            if worth_a_look(one.probability, error(members), error([*members, c]))
+            if (left is None or one.rotor != left.rotor)  # else that asks for a look at it
+            and worth_a_look(one.probability, error(members), error([*members, c]))
         ),
     )
+
+
+def imitates(one: OneOf, left: Unexplained | None, answer: Posterior) -> bool:
+    """True for a choice of which every effect may only be closest to what is left."""
+    keys = {term.key for term in one.terms}
+    of = [c for c, k in enumerate(answer.search.candidates) if k.term.key in keys]
+    return set(closest_to(left, of, answer)) == set(of)
 
 
 def worth_a_look(probability: float, without_rpm: float, with_rpm: float) -> bool:

@@ -16,14 +16,14 @@ from scipy.special import stdtr, stdtrit
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.inputs.wind import FOLLOWED_WIND, WIND
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.identification.answer.borne_out import LEAST_FALL
 from thrustmargin.models.identification.answer.result import Found
+from thrustmargin.models.identification.certainty import DOUBT
 from thrustmargin.models.identification.rows.candidates import Held, Term, placed
 from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS, Problem
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import ForwardFlight, straight_rows, wind_by_drag
 
-LEAST_RISE = 0.03  # of the RMSE, without it
-SIGNIFICANCE = 0.02
 LEAST_BLOCKS = 4  # of a flight, for an interval
 LEVEL_ERROR = np.radians(0.5)  # of the attitude, which both ways take for a wind
 
@@ -57,7 +57,7 @@ def followed_wind(
     shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
     over_ground = replace(x, airspeed=speed, airspeed_shifts=shifts)
     before, after, p = _worse(problem, residual_rpm, held, over_ground)
-    if before < (1.0 + LEAST_RISE) * after or p > SIGNIFICANCE:
+    if before < (1.0 + LEAST_FALL) * after or p > DOUBT / 2.0:
         return None
     return Found(
         term=Term(effect=FOLLOWED_WIND),

@@ -12,12 +12,12 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import ndtr
 from scipy.stats import ttest_rel
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.left_out import LeftOut, OutOfSums
-from thrustmargin.models.identification.answer.posterior import CONFIDENCE, NAMED, Posterior
+from thrustmargin.models.identification.answer.posterior import Posterior
+from thrustmargin.models.identification.certainty import DOUBT
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
 from thrustmargin.models.identification.sets.set_search import FAR
@@ -25,8 +25,7 @@ from thrustmargin.models.identification.sets.set_search import FAR
 #: of the error on flights left out, that an effect must take to be worth a name: what the scatter
 #: of a sound propeller (0.4 % of its thrust) does to rotor speeds that are good to 0.6 %
 LEAST_FALL = 0.02
-CHANCE = float(ndtr(-CONFIDENCE))  # that chance alone makes a set look worse: as of an interval
-LIGHT = 0.1 * (1.0 - NAMED)  # of the weight: what no name hangs on
+LIGHT = 0.1 * DOUBT  # of the weight: what no name hangs on
 
 
 def borne_out(problem: Problem, answer: Posterior) -> tuple[Posterior, LeftOut]:
@@ -67,4 +66,4 @@ def is_worse(squares: Floats, of_other: Floats) -> bool:
     what is worth a name and more than their difference scatters (Student's paired test)."""
     if squares.size < 2 or squares.mean() < (1.0 + LEAST_FALL) ** 2 * of_other.mean():
         return False
-    return bool(ttest_rel(squares, of_other, alternative="greater").pvalue < CHANCE)
+    return bool(ttest_rel(squares, of_other, alternative="greater").pvalue < DOUBT / 2.0)

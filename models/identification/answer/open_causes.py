@@ -3,8 +3,9 @@
 Every mode may go with every channel (`effects.unnamed`). What the names leave is regressed on these
 curves one at a time, each the one with which flights left out are predicted best, as long as their
 error falls by what an effect must take to be worth a name. All this is done anew without each
-flight for the error on it, selection and all. One flight shows nothing again, and motor outputs
-show shares only.
+flight for the error on it, selection and all: where that is not lower by as much, the choice was
+one of chance, and nothing is taken in. One flight shows nothing again, and motor outputs show
+shares only.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.borne_out import LEAST_FALL
 from thrustmargin.models.identification.answer.left_out import MOST_FOLDS
 from thrustmargin.models.identification.answer.result import OpenCause
+from thrustmargin.models.identification.certainty import SURE
 from thrustmargin.models.identification.rows.candidates import (
     RANGE,
     Held,
@@ -38,9 +40,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.problem import Problem, thinned
 
-ROWS = 3_000  # of all flights, from which curves are learnt
 MOST_CAUSES = 4
-CONFIDENCE = 0.95
 
 Choice = tuple[int, ...]  # of the curves
 
@@ -147,13 +147,14 @@ def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[Held]) ->
             mine = fold[problem.flight] == out
             left_out[mine] = change(some, curves.whole(rest, some))[mine]
     chosen = curves.choose(every)
-    if not chosen:
-        return CausesFound(left_out_rpm=left_out)
+    unseen = np.mean((residual_rpm - left_out) ** 2)
+    if not chosen or np.mean(residual_rpm**2) < (1.0 + LEAST_FALL) ** 2 * unseen:
+        return CausesFound()
     found = curves.whole(every, chosen)
     without = curves.fit(every, chosen)[0]
     folds = len(every)
     error = np.sqrt((folds - 1) / folds * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
-    half = stdtrit(folds - 1, 0.5 + CONFIDENCE / 2) * error
+    half = stdtrit(folds - 1, 0.5 + SURE / 2) * error
     pairs = zip(chosen, curves.placed(chosen, found), curves.placed(chosen, half), strict=True)
     causes = []
     for c, item, wide in pairs:
@@ -185,7 +186,7 @@ def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
 def _curves(
     problem: Problem, residual_rpm: Floats, held: Sequence[Held], fold: NDArray[np.intp]
 ) -> _Curves:
-    stride = max(1, residual_rpm.shape[0] // ROWS)
+    stride = problem.stride
     rows = thinned(problem, stride)
     left = rows.in_modes(residual_rpm[::stride])
     x, known = rows.channels, min(len(MODES), left.shape[1])

@@ -15,15 +15,12 @@ from scipy.special import ndtri
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
+from thrustmargin.models.identification.certainty import DOUBT, ERRORS, SURE
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear
 from thrustmargin.models.identification.sets.set_search import Search
 
-NAMED = 0.95  # of the weight, for a name
 CHOICE = 0.5  # of the weight holds just one of several, for "either ... or"
-MENTION = 0.05  # of the weight, from which a rotor is mentioned and an alternative listed
-CONFIDENCE = ndtri(0.975)  # standard errors on either side of an interval of 95 %
-EXCLUDED = 0.95  # that an effect which was not seen is smaller than what is stated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,10 +40,8 @@ class EffectEstimate:
         parameters = self.term.effect.parameters
         finest = np.array([p.resolution for p in parameters])
         share = np.array([p.accuracy for p in parameters])
-        share = share + np.array(
-            [0.0 if p.detail else CONFIDENCE * self.steepness for p in parameters]
-        )
-        return CONFIDENCE * self.error + finest + np.abs(self.value) * share
+        share = share + np.array([0.0 if p.detail else ERRORS * self.steepness for p in parameters])
+        return ERRORS * self.error + finest + np.abs(self.value) * share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,12 +83,12 @@ class Posterior:
         by the likeliest of these.
         """
         seen = sorted({c for s in self.sets for c in s.key if not self._unnamed(c)})
-        likely = [c for c in seen if self.probability([c]) >= NAMED]
+        likely = [c for c in seen if self.probability([c]) >= SURE]
         for c in seen:
             alike = self._alike(c)
             names = [k for k in alike if not self._unnamed(k)]
             first = max(names, key=lambda c: self.probability([c]))
-            if c == first and not {*likely} & alike and self.probability(alike) >= NAMED:
+            if c == first and not {*likely} & alike and self.probability(alike) >= SURE:
                 likely.append(c)
         return [c for c in sorted(likely) if _clear(self.estimate(c))]
 
@@ -176,7 +171,7 @@ class Posterior:
                 terms=tuple(self.search.candidates[c].term for c in sorted(s.key)),
             )
             for s, w in zip(self.sets, self.weights, strict=True)
-            if w >= MENTION
+            if w >= DOUBT
         )
 
     def one_of(self, named: Sequence[int]) -> tuple[OneOf, ...]:
@@ -187,13 +182,13 @@ class Posterior:
         """
         rest = {c for s in self.sets for c in s.key if not self._unnamed(c)} - set(named)
         by_weight = sorted(
-            (c for c in rest if self.probability([c]) >= MENTION),
+            (c for c in rest if self.probability([c]) >= DOUBT),
             key=lambda c: -self.probability([c]),
         )
         found = []
-        while by_weight and self.probability(by_weight) >= NAMED:
+        while by_weight and self.probability(by_weight) >= SURE:
             group = [by_weight[0]]
-            while self.probability(group) < NAMED:
+            while self.probability(group) < SURE:
                 left = [c for c in by_weight if c not in group]
                 group.append(max(left, key=lambda c: self.probability([*group, c])))
             alone = sum(
@@ -225,7 +220,7 @@ class Posterior:
         found = []
         for rotor, members in sorted(rotors.items()):
             probability = self.probability(members)
-            if probability <= MENTION:
+            if probability <= DOUBT:
                 continue
             named_ones = [c for c in members if not self._unnamed(c)]
             if not named_ones:
@@ -251,7 +246,7 @@ class Posterior:
             ]
             if c in named or len(main) != 1 or candidate.term.effect.begins:
                 continue
-            if self.probability([c]) > MENTION:
+            if self.probability([c]) > DOUBT:
                 continue
             key = best.key | {c}
             scored = linear.score(key)
@@ -259,7 +254,7 @@ class Posterior:
             p = candidate.parameters[main[0]]
             value = linear.held[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
             error = float(np.sqrt(scored.variance[at]))
-            above = float(abs(value) + ndtri(EXCLUDED) * error)
+            above = float(abs(value) + ndtri(SURE) * error)
             absent = p.absent or 0.0
             if above >= max(p.upper - absent, absent - p.lower):
                 continue  # what cannot be is no size to exclude
@@ -283,7 +278,7 @@ def _main(term: Term) -> list[tuple[int, float]]:
 def _clear(estimate: EffectEstimate) -> bool:
     """True where the interval of a main value leaves out "absent"; effects without it are clear."""
     away = [
-        np.abs(estimate.value[:, k] - absent) > CONFIDENCE * estimate.error[:, k]
+        np.abs(estimate.value[:, k] - absent) > ERRORS * estimate.error[:, k]
         for k, absent in _main(estimate.term)
     ]
     return not away or bool(np.any(away))

@@ -20,8 +20,6 @@ from thrustmargin.models.identification.rows.candidates import Held
 from thrustmargin.models.identification.rows.problem import thinned
 from thrustmargin.models.identification.rows.row_fit import fit_rows, moved_by
 
-ROWS = 3_000  # of all flights: as many as the search has means of most
-
 
 def by_rows(
     left_out: LeftOut, estimates: Sequence[EffectEstimate]
@@ -34,7 +32,7 @@ def by_rows(
     held = [_lasting(one) for one in left_out.held({e.candidate: e.value for e in estimates})]
     if not any(one.candidate.free for one in held):
         return left_out, tuple(estimates)
-    stride = max(1, left_out.problem.measured_rpm.shape[0] // ROWS)
+    stride = left_out.problem.stride
     problem = thinned(left_out.problem, stride)
     fit = fit_rows(problem, held)
     total = fit.sums.sums.sum(axis=0)

@@ -15,8 +15,9 @@ import numpy as np
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.unnamed import ALONG, place_of
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.posterior import CHOICE, MENTION, Posterior
+from thrustmargin.models.identification.answer.posterior import CHOICE, Posterior
 from thrustmargin.models.identification.answer.result import Unexplained
+from thrustmargin.models.identification.certainty import DOUBT
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets.discrepancy import FORM, MEANS, WANDER, slow_wander
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
@@ -44,7 +45,7 @@ def unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
     main = max(rotors or found, key=lambda c: float(found[c].sum()))
     every = range(taken.size)
     modes = every if rotors else sorted({int(np.argmax(square)) for square in found.values()})
-    alike = [main, *(c for c in _in_place_of(main, search) if answer.probability([c]) > MENTION)]
+    alike = [main, *(c for c in _in_place_of(main, search) if answer.probability([c]) > DOUBT)]
     left = float(np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum())
     open_ = float(np.sum(list(found.values())))
     channels = dict.fromkeys(place_of(search.candidates[c].term.effect)[1] for c in alike)
@@ -85,13 +86,14 @@ def _matters(square: Floats, taken: Floats, usual: Floats, of_rotor: bool) -> bo
     """Whether a cause without a name is beyond what a sound aircraft leaves, and more than what
     names may leave: mean squares (R,) of what it does, names do and a sound aircraft leaves.
 
-    A mode may keep LEFT of what is explained in it. The loss of a rotor may be uneven by as little
-    as the laws of losses are good to.
+    A mode may keep LEFT of what is explained in it. The loss of a rotor, which has a name beside
+    it, may be uneven by as little as the laws of losses are good to.
     """
+    done = float(square.sum())
+    if of_rotor:
+        return done > (BEYOND * FORM) ** 2 * float(taken.sum())
     own = square / max(float(square.max()), 1e-12)  # how much each mode is its own
-    done, named = float(square.sum()), float(own @ taken)
-    least = (BEYOND * FORM) ** 2 * float(taken.sum()) if of_rotor else LEFT * (done + named)
-    return done > max(least, BEYOND**2 * float(own @ usual))
+    return done > max(LEFT * (done + float(own @ taken)), BEYOND**2 * float(own @ usual))
 
 
 def _in_place_of(c: int, search: Search) -> list[int]:

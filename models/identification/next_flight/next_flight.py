@@ -33,6 +33,7 @@ from thrustmargin.models.identification.answer.explanations import (
     second_noise_rpm,
 )
 from thrustmargin.models.identification.answer.result import Identification
+from thrustmargin.models.identification.certainty import SURE
 from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     Manoeuvre,
@@ -46,7 +47,6 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 Terms = tuple[Term, ...]
 
-CERTAIN = 0.95  # probability of a right choice at which explanations count as distinguished
 CHANCE = 0.6  # at or below which no manoeuvre is worth flying for it
 ROW_S = 0.2  # between rows of a manoeuvre
 
@@ -105,7 +105,7 @@ def explanations_of(found: Identification) -> tuple[Terms, Terms] | None:
         first, second = (term for _, term in likely[:2])
         rest = tuple(t for t in named if t.key not in (first.key, second.key))
         return (*rest, first), (*rest, second)
-    if len(found.alternatives) > 1 and found.alternatives[0].probability < CERTAIN:
+    if len(found.alternatives) > 1 and found.alternatives[0].probability < SURE:
         return found.alternatives[0].terms, found.alternatives[1].terms
     for rotor in sorted(found.mentioned, key=lambda one: -one.probability):
         return named, (*named, Term(effect=ROTOR_DEGRADATION, rotor=rotor.rotor))
@@ -142,7 +142,7 @@ def next_flight(
         most = max(1, int(limits.minutes * len(manoeuvre.fills_kg) / manoeuvre.minutes))
         for repeats in range(1, most + 1):
             square = _distance_square(gram, repeats)
-            if math.sqrt(square) / 2.0 >= ndtri(CERTAIN):
+            if math.sqrt(square) / 2.0 >= ndtri(SURE):
                 break
         made.append(
             NextFlight(
@@ -157,7 +157,7 @@ def next_flight(
 
 
 def _preference(made: NextFlight) -> tuple[bool, float]:
-    distinguished = made.certainty >= CERTAIN
+    distinguished = made.certainty >= SURE
     return distinguished, -made.minutes if distinguished else made.nats / made.minutes
 
 

@@ -15,12 +15,12 @@ from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.certainty import ERRORS
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import member_speeds
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 
 FORM = 0.25  # of lift and of drag, that their forms may be off by beyond the known airspeeds
-STANDARD = 1.96  # half widths of a 95 % interval in standard deviations
 
 
 def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:
@@ -77,7 +77,7 @@ def _of_effects(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]
             if parameter.detail:
                 continue
             found = record.parameters[parameter.name]
-            error = (found.ci95[1] - found.ci95[0]) / 2 / STANDARD
+            error = (found.ci95[1] - found.ci95[0]) / 2 / ERRORS
             if not error > 0.0:
                 continue
             moved = _moved(item, parameter.name, error)

@@ -16,6 +16,7 @@ from thrustmargin.models.effects.demand.parasite_drag import PARASITE_DRAG
 from thrustmargin.models.effects.unnamed import (
     ALONG,
     CONSTANT,
+    KNOTS,
     MODES,
     NAME,
     OF_ROTOR,
@@ -155,7 +156,8 @@ def unnamed_candidates(reduced: Reduced) -> list[Candidate]:
 
     That something without a name acts in a mode, or bends the loss of a rotor, is as likely as that
     an effect is there, along any channel as along another. What stands all the time has a name in
-    every mode. One flight shows nothing again.
+    every mode, so a curve is nothing at the knot nearest to where its channel is 0, or, of a
+    channel without such a place, where it mostly is. One flight shows nothing again.
     """
     if reduced.flights < 2:
         return []
@@ -178,7 +180,10 @@ def unnamed_candidates(reduced: Reduced) -> list[Candidate]:
         start = one.start.copy()
         start[:, -2:] = ranges[name]
         seen = curve_columns(np.asarray(ALONG[name].read(x)), *ranges[name]).sum(axis=0)
-        free = tuple((k, None) for k in np.flatnonzero(seen >= LEAST_SEEN).tolist())
+        knots = np.linspace(*ranges[name], KNOTS)
+        rest = np.argmin(np.abs(knots)) if ALONG[name].rests else np.argmax(seen)
+        moves = (seen >= LEAST_SEEN) & (np.arange(KNOTS) != rest)
+        free = tuple((k, None) for k in np.flatnonzero(moves).tolist())
         prior = EFFECT_PRIOR / len(of_modes) if rotor is None else ROTOR_PRIOR / len(of_rotors)
         found.append(replace(one, start=start, free=free, log_prior=float(np.log(prior))))
     return found

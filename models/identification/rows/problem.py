@@ -36,6 +36,7 @@ from thrustmargin.models.provenance import Meaning
 BLOCK_SECONDS = 10.0
 LEAST_ROWS = 100
 MOST_ROWS = 9_000
+ENOUGH_ROWS = 3_000  # for values that are found on rows again: as many as the search has means
 WINDOW_SHARE = 0.5  # rows beside an end or a gap lack what lies around them, most in short flights
 MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
 
@@ -90,6 +91,11 @@ class Problem(RowsToFit):
     block_flight: NDArray[np.intp]  # (B,) flight of each block
     durations: Floats  # (F,) s
     background_rpm: Floats  # (R,) by which each mode differs from flight to flight, whatever is new
+
+    @property
+    def stride(self) -> int:
+        """Every so many rows are enough to find values on again."""
+        return max(1, self.measured_rpm.shape[0] // ENOUGH_ROWS)
 
     @property
     def flight_start_unix_s(self) -> Floats:

@@ -15,15 +15,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.stats import chi2, norm
+from scipy.stats import norm
 
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.certainty import ERRORS
 
 FALSE_ENTRIES = 0.01  # wanted of one aircraft in one season
 LEAST_FLIGHTS, LEAST_LINE = 3, 5  # in a segment; on a line
 WILD, AROUND = 3.0, 5  # errors beyond which a flight is drawn in to its neighbours' median; flights
 QUARTILE = float(norm.ppf(0.75))  # standard deviations of the median absolute deviation
-DATED = float(chi2.ppf(0.95, 1))  # rise of the sum of squares that bounds a date's interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,8 +252,9 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
 
 
 def _profile(costs: Floats, first: int) -> tuple[int, int, int]:
-    """The flight of the least cost, and the first and last that cost no more than DATED above."""
-    good = np.flatnonzero(costs <= costs.min() + DATED)
+    """The flight of the least cost, and the first and last that cost no more above it than a
+    date of 95 % has (chi-squared of one value)."""
+    good = np.flatnonzero(costs <= costs.min() + ERRORS**2)
     return int(np.argmin(costs)) + first, int(good[0]) + first, int(good[-1]) + first
 
 

@@ -30,14 +30,13 @@ from thrustmargin.models.identification.season.change_points import (
 )
 from thrustmargin.models.identification.season.season_sums import SeasonSums, season_sums
 from thrustmargin.models.identification.sets.discrepancy import FORM
+from thrustmargin.models.identification.sets.set_search import NEAR
 
 MOST_FINDS = 8  # of one season
-SHAPE = TORQUE_SHARE.scale  # of a loss: what its torque share may be off by
 RECENT = 10  # flights
 NO_SCATTER = 0.05  # of the usual size: scatter of a value that has none of its own
 ABOUT, BENT = 4, 0.001  # times sums are made anew; near enough to a loss
 _Fit = tuple[Floats, float]  # of `_joint`
-NEAR = 9.0  # of log likelihood: less than one in 8,000 as likely
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -233,7 +232,8 @@ def _basis(sums: SeasonSums, found: _Found) -> tuple[NDArray[np.intp], Floats, F
     lost = {k: sums.bent.get(sums.names[k], np.zeros(1)) for k in found.shared}
     more = [(k, shape, np.inf) for k, shape in found.shapes.items()]
     of = [*found.shapes.items(), *((k, np.full(sums.flights, v.mean())) for k, v in lost.items())]
-    more += [(s, c, SHAPE) for k, c in of if (s := sums.share_of(k)) is not None and c.any()]
+    shares = [(sums.share_of(k), curve) for k, curve in of if curve.any()]
+    more += [(at, curve, TORQUE_SHARE.scale) for at, curve in shares if at is not None]
     for at, curve, size in more:
         places.append(at)
         prior.append(size)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.sets.nuisance import (
-    USUAL,
     FlightScatter,
     Nuisance,
     root_of,
@@ -39,7 +38,7 @@ def learn(
     residual: Floats,
     groups: tuple[str, ...],
     numbers: NDArray[np.intp],
-    factor: float = USUAL,
+    factor: float = 1.0,
 ) -> Learnt:
     """Variance components of a residual (N, R) rpm in modes.
 
@@ -52,7 +51,7 @@ def learn(
     scatter = np.ones(nuisance.scatter.shape[2])
     free = np.ones((modes, len(names)))
     sums = _Sums.of(nuisance, residual)
-    if factor != USUAL and len(sums.flights) == 1:
+    if factor != 1.0 and len(sums.flights) == 1:
         sums = _of_draws_alone(sums, factor)
     known, hats = sums.known, sums.hats
     of = of[:hats]
@@ -72,7 +71,7 @@ def learn(
         mean = root.T @ (root @ (size[:, None] * sums.along - crossed.T @ drawn))
         square = (mean[:, 0] ** 2 + np.sum(root**2, axis=0))[known:].reshape(modes, hats)
         for g in range(len(names)):
-            free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if factor == USUAL else 1.0
+            free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if factor == 1.0 else 1.0
         shift, at = np.split(np.concatenate(moved), [size.size], axis=1)
         draws = (at - shift @ mean)[:, 0] ** 2 + np.concatenate(spread)
         draws += np.sum((shift @ root.T) ** 2, axis=1)

@@ -58,9 +58,8 @@ def root_of_shared(gram: Floats, known: int, hats: int, factor: float) -> tuple[
     return root * size, determinant
 
 
-#: times the size that the discrepancy has on a sound aircraft: what sets are weighed with, and what
-#: noise is learnt beside
-USUAL, WIDE = 1.0, 16.0
+#: times the size that the discrepancy has on a sound aircraft: what noise is learnt beside
+WIDE = 16.0
 
 EVERY = slice(None)
 #: of each mode, which of the columns act in it, and these (k, n): most act in one mode alone
@@ -202,7 +201,7 @@ class Nuisance:
             whole[part, part] = free.T @ free
         return whole
 
-    def solved(self, factor: float = USUAL, less: Nuisance | None = None) -> Solved:
+    def solved(self, factor: float = 1.0, less: Nuisance | None = None) -> Solved:
         """The nuisances eliminated from all flights but those of `less`."""
         left = self.shared_gram - self.crossed.T @ self.crossed
         own = sum(determinant for _, determinant in self._roots)

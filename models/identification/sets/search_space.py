@@ -32,6 +32,7 @@ from thrustmargin.models.identification.sets.discrepancy import (
     slowly,
     wander_columns,
 )
+from thrustmargin.models.identification.sets.effect_forms import LEAST_CHANGE
 from thrustmargin.models.identification.sets.learning import learn
 from thrustmargin.models.identification.sets.nuisance import WIDE, Nuisance
 from thrustmargin.models.identification.sets.unreported_wind import unreported_wind
@@ -44,7 +45,6 @@ from thrustmargin.models.physics.flight_phases import TURN_RATE
 #: of the mean rotor speed: what a curve of the discrepancy, and the slow noise, begin with where no
 #: good flights tell; a trained model is off by 0.1 to 0.5 % along its own inputs
 USUAL_SHARE = 0.001
-LEAST_CHANGE = 0.5  # rpm RMS of a mode, below which the form of an effect does not matter
 SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
 SURE = (0.5, 10.0)  # times what is usual, that a learnt scatter may be
 FREE_EFFECTS = 100.0  # times their scatter: any effect may be there while slow noise is learnt

@@ -16,7 +16,7 @@ import numpy as np
 
 from tests.lab.undeclared.crafts import Craft
 from tests.lab.undeclared.days import Day, elsewhere
-from tests.lab.undeclared.rotor_aero import cut_for_loss
+from tests.lab.undeclared.rotor_aero import cut_for_loss, hover
 
 PAUSE_S = 1200.0  # from one take-off to the next
 
@@ -34,6 +34,7 @@ class Condition:
     cut: float = 0.0  # share of the radius of one propeller
     rotor: int = 0
     cut_from: float = -np.inf  # s on the season's clock
+    cut_until: float = np.inf
     fouling: float = 0.0  # share of lift slope lost after long flight
     tilt: float = 0.0  # rad by which one motor leans to turn the aircraft clockwise
     tilted: int = 0
@@ -51,6 +52,8 @@ class Condition:
     band: float = 0.0  # thrust of one rotor lost in a narrow band of its speed
     thermal: float = 0.0  # m/s of rising air over patches of ground
     flap: float = 0.0  # nose-up moment of a cover that opens above a speed
+    worn: float = 0.0  # thrust that a rotor and the next one lose at 6 m/s, with airspeed squared
+    sail: float = 0.0  # roll moment of a side wind of 5 m/s, with its square
     # instruments
     period: float = 0.0  # s between speed reports
     quantum: float = 0.0  # share of hover speed by which speeds are rounded
@@ -118,6 +121,27 @@ def _rotor_onset(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     one = _rotor(rng, craft, size)
     at = PAUSE_S * int(rng.integers(0, 3)) + float(rng.uniform(60.0, 130.0))
     return {**one, "condition": {**one["condition"], "cut_from": at}}
+
+
+def _longer_blade(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
+    """A propeller longer by a share of its radius."""
+    rotor = int(rng.integers(craft.rotors))
+    sound, longer = (hover(replace(craft.blade, cut=c))[0] for c in (0.0, -size))
+    truth = {"loss": 1.0 - longer / sound}
+    return {"rotor": rotor, "condition": {"cut": -size, "rotor": rotor}, "truth": truth}
+
+
+def _late_rotor(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
+    """A rotor that went bad between two flights, half way through the season."""
+    one = _rotor(rng, craft, size)
+    at = PAUSE_S * (FLIGHTS["late rotor"] // 2) - 60.0
+    return {**one, "condition": {**one["condition"], "cut_from": at}}
+
+
+def _repaired_rotor(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
+    one = _rotor(rng, craft, size)
+    at = PAUSE_S * (FLIGHTS["repaired rotor"] // 2) - 60.0
+    return {**one, "condition": {**one["condition"], "cut_until": at}}
 
 
 def _mass(_: np.random.Generator, craft: Craft, size: float) -> Fields:
@@ -247,7 +271,24 @@ INSTRUMENTS: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
         "voltage offset": ("", 0.01, 0.06, _number("voltage_offset", signed=True)),
     }
 )
-KINDS = MappingProxyType({**SINGLE, **OUTSIDE, **INSTRUMENTS})
+#: Of the second plan alone.
+MORE_SINGLE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
+    {
+        "longer blade": ("rotor_degradation", 0.005, 0.03, _longer_blade),  # of its radius
+        "late rotor": ("rotor_degradation", 0.02, 0.1, _late_rotor),
+        "repaired rotor": ("rotor_degradation", 0.03, 0.1, _repaired_rotor),
+    }
+)
+MORE_OUTSIDE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
+    {
+        "worn": ("", 0.02, 0.12, _number("worn", of_rotor=True)),
+        "sail": ("", 0.002, 0.02, _number("sail", signed=True)),
+    }
+)
+EVERY_OUTSIDE = MappingProxyType({**OUTSIDE, **MORE_OUTSIDE})
+KINDS = MappingProxyType({**SINGLE, **MORE_SINGLE, **EVERY_OUTSIDE, **INSTRUMENTS})
+#: Flights to identify from, where it is not three to five.
+FLIGHTS = MappingProxyType({"late rotor": 12, "repaired rotor": 8})
 
 
 def draw(kind: str, rng: np.random.Generator, craft: Craft, size: float | None = None) -> Implant:

@@ -1,4 +1,4 @@
-"""Six aircraft from 1 to 60 kg, in five layouts, and the airframe file that an owner would write.
+"""Aircraft from 1 to 60 kg, in five layouts, and the airframe file that an owner would write.
 
 Motor order, angle from the nose and spin are ArduPilot's (AP_MotorsMatrix.cpp), written a second
 time. Thrust coefficient and torque ratio of the file are those of the plant's rotor in hover.
@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any, Literal
 
 import numpy as np
 
@@ -43,6 +44,8 @@ class Craft:
     arm: float  # m
     radius: float  # m of a propeller
     body_area: float = 0.0  # m² of drag, 0 for one that goes with the discs
+    flown: Literal["missions", "by hand", "hard"] = "missions"
+    telemetry: tuple[tuple[str, float], ...] = ()  # how its ESCs report, fields of a Condition
     blade: Blade = PROPELLER
 
     @cached_property
@@ -181,7 +184,9 @@ class Craft:
         return "\n".join(lines) + "\n"
 
 
-def _craft(layout: str, empty: float, litres: float, arm: float, radius: float) -> Craft:
+def _craft(
+    layout: str, empty: float, litres: float, arm: float, radius: float, **how: Any
+) -> Craft:
     return Craft(
         name=f"{layout}-{round(empty)}kg",
         layout=layout,
@@ -189,6 +194,7 @@ def _craft(layout: str, empty: float, litres: float, arm: float, radius: float) 
         tank_litres=litres,
         arm=arm,
         radius=radius,
+        **how,
     )
 
 
@@ -199,4 +205,12 @@ CRAFTS: tuple[Craft, ...] = (
     _craft("hexa-x", 12.0, 10.0, 0.75, 0.305),
     _craft("octo-x", 30.0, 20.0, 1.15, 0.38),
     _craft("octo-coaxial-x8", 36.0, 24.0, 0.95, 0.457),
+)
+#: Those of the second plan: flown otherwise, with the telemetry of common ESCs.
+OTHER_CRAFTS: tuple[Craft, ...] = (
+    _craft("hexa-x", 24.0, 16.0, 0.9, 0.4, telemetry=(("period", 0.3),)),
+    _craft(
+        "octo-coaxial-x8", 8.0, 4.0, 0.5, 0.23, flown="by hand", telemetry=(("quantum", 0.004),)
+    ),
+    _craft("quad-plus", 15.0, 10.0, 0.7, 0.38, flown="hard", telemetry=(("repeats", 0.3),)),
 )

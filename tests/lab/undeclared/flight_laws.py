@@ -101,6 +101,11 @@ def needed_wrench(
     if condition.flap:
         speed = np.linalg.norm(motion.velocity - around.air_velocity, axis=1)
         moment[:, 1] += condition.flap * unit / (1.0 + np.exp((4.5 - speed) / 0.3))
+    if condition.sail:
+        air = np.einsum("tji,tj->ti", attitude.rotation, motion.velocity - around.air_velocity)[
+            :, 1
+        ]
+        moment[:, 0] += condition.sail * unit * np.abs(air) * air / 25.0
     if condition.slosh:
         w = 2 * np.pi / SLOSH_PERIOD * FINE_STEP
         a = [1.0, 2.0 * SLOSH_DAMPING * w + w**2 - 2.0, 1.0 - 2.0 * SLOSH_DAMPING * w]
@@ -183,7 +188,7 @@ def rotor_forces(
     thrust, torque = forces.at(forces.thrust, mu, climb), forces.at(forces.torque, mu, climb)
     j = condition.rotor
     if condition.cut:
-        rows = clock >= condition.cut_from
+        rows = (clock >= condition.cut_from) & (clock < condition.cut_until)
         short = forces_of(replace(craft.blade, cut=condition.cut))
         thrust[rows, j] = short.at(short.thrust, mu[rows, j], climb[rows, j])
         torque[rows, j] = short.at(short.torque, mu[rows, j], climb[rows, j])
@@ -196,6 +201,10 @@ def rotor_forces(
     if condition.flex:
         load = thrust[:, j] * craft.rotors / (craft.typical_mass * GRAVITY)
         thrust[:, j] *= 1.0 - condition.flex * np.maximum(load - 0.5, 0.0)
+    if condition.worn:
+        speed = np.linalg.norm(flow.edge, axis=1) / 6.0
+        for k in (j, (j + 1) % craft.rotors):
+            thrust[:, k] *= 1.0 - condition.worn * np.minimum(speed**2, 2.0)
     if condition.band:
         off = (omega[:, j] * RPM / craft.hover_rpm - 1.03) / 0.03
         thrust[:, j] *= 1.0 - condition.band * np.exp(-(off**2))

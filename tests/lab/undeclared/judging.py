@@ -44,10 +44,15 @@ SHOWS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "band": ((), ("tank", "load", "mass", "thrust", "time", "voltage", "speed")),
     "thermal": (("collective",), ("position", "north", "east", "climb", "heading")),
     "flap": (("pitch",), ("airspeed", "velocity", "speed")),
+    "worn": ((), ("airspeed", "velocity", "speed")),
+    "sail": (("roll",), ("velocity", "side", "airspeed")),
 }
 
 Verdict = Literal["named", "listed", "missed"]
+#: Of the first sentence: true of this set, wrong, or that nothing is missing or nothing fits.
+First = Literal["right", "wrong", "nothing", "unexplained"]
 Name = tuple[str, int | None]
+UNEVEN = ("flex", "band", "worn")  # of the rotor of the condition
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +86,7 @@ class Score:
     natural: tuple[str, ...]  # wrong, but of what every flight has
     asked: tuple[str, ...]  # the parts that the answer asks people to look at or to set
     sound_rotors_asked: tuple[int, ...]  # of these the rotors, from 1, that nothing is wrong with
+    first: First
     right_rotor: bool  # an outside change of one rotor named as that rotor's loss
     unexplained_mode: str | None
     unexplained_channel: str | None
@@ -188,8 +194,8 @@ def judge(
         probabilities.append(share)
     instrument = RIGHT_INSTRUMENT.get(data.kind, ())
     wrong = [n for n in left if not any(part in n[0] for part in instrument)]
-    rotors = {i.condition.get("rotor") for i in data.implants if i.kind in ("flex", "band")}
-    bad = {i.rotor for i in data.implants} | {i.condition.get("rotor") for i in data.implants}
+    uneven = uneven_rotors(data)
+    bad = {i.rotor + 1 for i in data.implants if i.rotor is not None} | uneven
     parts = [str(one["part"]) for one in result.get("actions") or []]
     unexplained = result.get("unexplained") or {}
     excluded = [e for e in result.get("excluded") or [] if e.get("parameter", "loss") == "loss"]
@@ -210,9 +216,10 @@ def judge(
         natural=tuple(shown(n) for n in wrong if n[0] in NATURAL),
         asked=tuple(parts),
         sound_rotors_asked=tuple(
-            rotor for p in parts if p.startswith("rotor ") and (rotor := int(p[6:])) - 1 not in bad
+            rotor for p in parts if p.startswith("rotor ") and (rotor := int(p[6:])) not in bad
         ),
-        right_rotor=any(n == "rotor_degradation" and r and r - 1 in rotors for n, r in wrong),
+        first=first_line(data, result),
+        right_rotor=any(n == "rotor_degradation" and r in uneven for n, r in wrong),
         unexplained_mode=unexplained.get("mode"),
         unexplained_channel=unexplained.get("channel"),
         intervals=tuple(intervals_of(data.implants, effects)),
@@ -237,6 +244,25 @@ def judge(
         seconds=seconds,
         failed=failed,
     )
+
+
+def first_line(data: DataSet, result: Mapping[str, Any]) -> First:
+    """What the first sentence of an answer is worth; of "either ... or" one that is true is."""
+    effects = sorted(result["effects"], key=lambda e: e.get("rotor") is None)
+    groups = [[_named(e) for e in g["effects"]] for g in result.get("one_of") or []]
+    rotors = [[("rotor_degradation", m["rotor"])] for m in result.get("mentioned") or []]
+    for names in [*([_named(e)] for e in effects), *rotors, *groups][:1]:
+        true = any(is_it(n, i) for n in names for i in data.implants)
+        return "right" if true or uneven_rotors(data) & {r for _, r in names} else "wrong"
+    left = result.get("unexplained") or {}
+    return "unexplained" if left.get("mode") else "nothing"
+
+
+def uneven_rotors(data: DataSet) -> set[int]:
+    """The rotors, from 1, that lose thrust by a law of no table."""
+    own = {int(str(i.condition["rotor"])): i.kind for i in data.implants if i.kind in UNEVEN}
+    beside = {(r + 1) % data.craft.rotors for r, kind in own.items() if kind == "worn"}
+    return {r + 1 for r in {*own, *beside}}
 
 
 def intervals_of(

@@ -7,7 +7,7 @@ and integrated. So position, velocity and acceleration agree with each other by 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -202,3 +202,38 @@ def random_style(rng: np.random.Generator, radius: float) -> Style:
         sway=float(rng.uniform(0.05, 0.25)),
         duration=float(rng.uniform(180.0, 290.0)),
     )
+
+
+def hand_flown(rng: np.random.Generator, radius: float) -> Style:
+    """Short stretches by the sticks: unsteady, quick to turn, now and then up and down."""
+    cruise = float(rng.uniform(1.5, 6.0))
+    return replace(
+        random_style(rng, radius),
+        cruise=cruise,
+        line_length=cruise * float(rng.uniform(4.0, 10.0)),
+        turn_acceleration=float(rng.uniform(0.5, 1.2)),
+        climb=float(rng.choice([0.0, 2.0, 5.0])),
+        sway=float(rng.uniform(0.4, 0.8)),
+    )
+
+
+def hard_flown(rng: np.random.Generator, radius: float) -> Style:
+    """Fast lines with hard stops and turns."""
+    cruise = float(rng.uniform(5.0, 11.0))
+    return replace(
+        random_style(rng, radius),
+        cruise=cruise,
+        acceleration=float(rng.uniform(2.5, 4.0)),
+        line_length=cruise * float(rng.uniform(8.0, 16.0)),
+        turn_rate=float(rng.uniform(1.5, 2.2)),
+        turn_acceleration=float(rng.uniform(1.0, 2.0)),
+        climb=float(rng.choice([0.0, 4.0, 8.0])),
+    )
+
+
+def hover_only(style: Style) -> Style:
+    """The same with hardly any way."""
+    return replace(style, cruise=0.8, line_length=2.0, spacing=1.0, climb=0.0)
+
+
+STYLES = {"missions": random_style, "by hand": hand_flown, "hard": hard_flown}

@@ -1,4 +1,7 @@
-"""The frozen plan: which data set each seed is. Seeds 1 to 999 are open, those from 5000 sealed.
+"""Two frozen plans: which data set each seed is.
+
+Of the first, seeds 1 to 999 are open and those from 5000 sealed; of the second, on other aircraft
+flown otherwise, 20000 to 29999 are open and those from 30000 sealed.
 
 A round is sixty sets in an order of its own: ten sound, one or more of each single change, pairs,
 triples (a cut propeller beside hidden mass and a shifted centre of gravity among them), changes
@@ -14,6 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tests.lab.undeclared.conditions import (
+    EVERY_OUTSIDE,
+    FLIGHTS,
     INSTRUMENTS,
     OUTSIDE,
     PAUSE_S,
@@ -22,12 +27,13 @@ from tests.lab.undeclared.conditions import (
     Implant,
     draw,
 )
-from tests.lab.undeclared.crafts import CRAFTS, SEA_LEVEL_DENSITY, Craft
+from tests.lab.undeclared.crafts import CRAFTS, OTHER_CRAFTS, SEA_LEVEL_DENSITY, Craft
 from tests.lab.undeclared.days import Day, random_day
-from tests.lab.undeclared.missions import Style, random_style
+from tests.lab.undeclared.missions import STYLES, Style, hover_only
 from tests.lab.undeclared.plant import Flight, fly
 
-SEALED_FROM = 5000
+OPEN = (range(1, 1_000), range(20_000, 30_000))
+SECOND_FROM = 20_000
 GOOD_FLIGHTS = 12
 MIXED = ("rotor", "mass", "cg")
 ROUND = (
@@ -41,6 +47,17 @@ ROUND = (
     *OUTSIDE,
     *INSTRUMENTS,
 )
+#: The second: more sound sets, what began or ended, what gains, and more causes without a name.
+SECOND_ROUND = (
+    *["none"] * 14,
+    *["rotor"] * 8,
+    *["longer blade"] * 4,
+    *["late rotor", "repaired rotor", "rotor onset", "fouling"] * 2,
+    *["mass", "cg", "gauge gain", "air", "pair"] * 2,
+    *["mixed"] * 2,
+    *["wake", "flex", "slosh", "jet", "shed", "flap", "worn", "sail"] * 2,
+)
+HOVER_SHARE = 0.1  # of the sets of the second plan
 _CRAFT_SHARES = (0.4, 0.12, 0.12, 0.12, 0.12, 0.12)
 
 
@@ -62,7 +79,7 @@ class DataSet:
     @property
     def group(self) -> str:
         """One of none, single, pair, triple, outside, instrument."""
-        if self.kind in OUTSIDE:
+        if self.kind in EVERY_OUTSIDE:
             return "outside"
         if self.kind in INSTRUMENTS:
             return "instrument"
@@ -72,6 +89,9 @@ class DataSet:
 def case_of(seed: int) -> tuple[str, Craft]:
     """The kind and the aircraft of a seed."""
     rng = np.random.default_rng([seed, 12])
+    if seed >= SECOND_FROM:
+        craft = OTHER_CRAFTS[int(rng.integers(len(OTHER_CRAFTS)))]
+        return planned_kind(seed - SECOND_FROM + 1, SECOND_ROUND), craft
     return planned_kind(seed), CRAFTS[int(rng.choice(len(CRAFTS), p=_CRAFT_SHARES))]
 
 
@@ -103,7 +123,7 @@ def fly_season(
     craft: Craft, implants: Sequence[Implant], missions: Sequence[tuple[Style, Day]], seed: int
 ) -> list[Flight]:
     """The flights of a season with these changes; the same seed gives the same air and noise."""
-    condition = Condition()
+    condition = replace(Condition(), **dict(craft.telemetry))
     for implant in implants:
         condition = implant.on(condition)
     flights = []
@@ -116,7 +136,8 @@ def fly_season(
 
 def missions_of(craft: Craft, rng: np.random.Generator, count: int) -> list[tuple[Style, Day]]:
     """Missions and days of one season; what a vehicle does not report it never reports."""
-    missions = [(random_style(rng, craft.radius), random_day(rng)) for _ in range(count)]
+    style = STYLES[craft.flown]
+    missions = [(style(rng, craft.radius), random_day(rng)) for _ in range(count)]
     heat, reported = missions[0][1].board_heat, missions[0][1].wind_reported
     return [
         (s, replace(d, board_heat=heat, wind_reported=reported, clock_start=PAUSE_S * i))
@@ -129,8 +150,10 @@ def good_flights(craft: Craft, count: int = GOOD_FLIGHTS, seed: int = 0) -> list
     missions = []
     for i, (style, day) in enumerate(missions_of(craft, np.random.default_rng([seed, 1]), count)):
         day = replace(day, fill=0.25 + 0.75 * ((i * 0.618) % 1.0))
-        cruise = 2.0 + 6.0 * ((i * 0.382 + 0.1) % 1.0)
-        missions.append((replace(style, cruise=cruise, line_length=16.0 * cruise), day))
+        if craft.flown == "missions":
+            cruise = 2.0 + 6.0 * ((i * 0.382 + 0.1) % 1.0)
+            style = replace(style, cruise=cruise, line_length=16.0 * cruise)
+        missions.append((style, day))
     return fly_season(craft, (), missions, 10_000_000 + seed)
 
 
@@ -143,7 +166,10 @@ def build(
     implants = tuple(draw_implants(kind, np.random.default_rng([seed, 16]), craft, size))
     rng = np.random.default_rng([seed, 13])
     held = int(rng.integers(1, 3))
-    missions = missions_of(craft, rng, int(rng.integers(3, 6)) + held)
+    count = FLIGHTS.get(kind) or int(rng.integers(3, 6))
+    missions = missions_of(craft, rng, count + held)
+    if seed >= SECOND_FROM and rng.random() < HOVER_SHARE:
+        missions = [(hover_only(s), d) for s, d in missions]
     for implant in implants:
         missions = [
             (replace(s, **implant.style), replace(d, wind=implant.wind or d.wind))  # type: ignore[arg-type]

@@ -25,16 +25,15 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from tests.lab.undeclared.crafts import CRAFTS, Craft
+from tests.lab.undeclared.crafts import CRAFTS, OTHER_CRAFTS, Craft
 from tests.lab.undeclared.judging import Score, judge
 from tests.lab.undeclared.methods import Sparse, density_slope, oracle_errors, tree_errors
-from tests.lab.undeclared.plan import SEALED_FROM, DataSet, build, case_of, good_flights
+from tests.lab.undeclared.plan import OPEN, DataSet, build, case_of, good_flights
 from tests.lab.undeclared.recorded import build_recorded, hosts, recorded_case_of
 from tests.lab.undeclared.rotor_aero import Array
 from tests.lab.undeclared.table import print_tables, summary
 
 NOTHING = {"effects": [], "before": {"rmse_rpm": None}, "after": {"rmse_rpm": None}}
-OPEN_UP_TO = 999
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,9 +97,10 @@ def beside(
         figures["oracle"] = oracle_errors(signals, known[: len(fit)])
     left = [r - sum(s[f] for s in signals) if signals else r for f, r in enumerate(known)]
     figures["knowing_rmse_rpm"] = float(np.sqrt(np.nanmean(np.concatenate(left[len(fit) :]) ** 2)))
+    if data.implants and data.group != "outside":
+        figures["told"] = subject.told_the_names(model, tracks, data.implants)
     if case.compare:
         figures["others"] = sparse.names(tracks, fit)
-        figures["told"] = subject.told_the_names(model, tracks, data.implants)
         figures["trees_rmse_rpm"] = tree_errors(tracks, new, {"fit": fit, "held_out": held_out})
     return figures
 
@@ -140,7 +140,9 @@ def line(score: Score) -> str:
         f"{kind} {rotor or ''} {size:.3g} {verdict}"
         for (kind, _, rotor, size), verdict in zip(score.implants, score.verdicts, strict=True)
     )
-    words = f"{score.seed} {score.craft}: {asked or 'nothing'} | {', '.join(score.reported) or '-'}"
+    cause = asked if score.implants and score.group != "outside" else score.kind
+    words = f"{score.seed} {score.craft}: {cause} | {', '.join(score.reported) or '-'}"
+    words += f" | first line {score.first}"
     if score.wrong:
         words += f" | WRONG {', '.join(score.wrong)}"
     if score.unexplained_mode:
@@ -165,7 +167,8 @@ def main(
     Example: python -m tests.lab.undeclared.scorer --seeds 1 60 --jobs 2 --models /tmp/models
 
     Args:
-        seeds: First and last data set. 1 to 999 are open; those from 5000 are for the end.
+        seeds: First and last data set. Open are 1 to 999 and, of the second plan, 20000 to 29999;
+            others are for the end.
         only: Only sets of these kinds (see the plan), or groups: none, single, pair, triple,
             outside, instrument.
         craft: Only sets of this aircraft, for example quad-x-21kg.
@@ -180,11 +183,9 @@ def main(
     if size is not None and (len(only) != 1 or craft is None or source == "recorded"):
         print("--size needs --craft and one kind: --only rotor --craft quad-x-21kg --size 0.01")
         return 2
-    if not sealed and (seeds[1] >= SEALED_FROM or seeds[0] < 1 or seeds[1] > OPEN_UP_TO):
-        print(
-            f"seeds 1 to {OPEN_UP_TO} are open; those from {SEALED_FROM} are sealed: give --sealed"
-            " once, at the end"
-        )
+    if not sealed and not any(seeds[0] in some and seeds[1] in some for some in OPEN):
+        ranges = " and ".join(f"{some[0]} to {some[-1]}" for some in OPEN)
+        print(f"seeds {ranges} are open, others are sealed: give --sealed once, at the end")
         return 2
     with tempfile.TemporaryDirectory() as folder:
         recorded = source == "recorded"
@@ -199,11 +200,13 @@ def main(
             cases = [
                 Case(seed=seed, kind=only[0], craft=of, models=kept, compare=compare, size=size)
                 for seed in range(seeds[0], seeds[1] + 1)
-                for of in CRAFTS
+                for of in (*CRAFTS, *OTHER_CRAFTS)
                 if craft == of.name
             ]
         if not cases:
-            print(f"no such set; aircraft are {', '.join(c.name for c in CRAFTS)}")
+            print(
+                f"no such set; aircraft are {', '.join(c.name for c in (*CRAFTS, *OTHER_CRAFTS))}"
+            )
             return 2
         scores = list(shown_as_they_come(cases, jobs))
     scores.sort(key=lambda s: s.seed)
@@ -225,9 +228,13 @@ def shown_as_they_come(cases: Sequence[Case], jobs: int) -> Iterator[Score]:
 
 
 def group_of(kind: str) -> str:
-    from tests.lab.undeclared.conditions import INSTRUMENTS, OUTSIDE, SINGLE
+    from tests.lab.undeclared.conditions import EVERY_OUTSIDE, INSTRUMENTS, MORE_SINGLE, SINGLE
 
-    groups = {"single": SINGLE, "outside": OUTSIDE, "instrument": INSTRUMENTS}
+    groups = {
+        "single": {**SINGLE, **MORE_SINGLE},
+        "outside": EVERY_OUTSIDE,
+        "instrument": INSTRUMENTS,
+    }
     named = next((g for g, kinds in groups.items() if kind in kinds), kind)
     return "triple" if named == "mixed" else named
 

@@ -153,5 +153,5 @@ def _is_of(one: Candidate, implant: Implant) -> bool:
     return (
         (term.effect.name, term.rotor) == (implant.name, implant.rotor)
         and set(implant.truth) <= {p.name for p in one.parameters}
-        and "cut_from" not in implant.condition
+        and not {"cut_from", "cut_until"} & set(implant.condition)
     )

@@ -18,6 +18,7 @@ from tests.lab.undeclared.methods import Sparse
 GROUPS = ("none", "single", "pair", "triple", "outside", "instrument")
 BINS = (0.0, 1.0, 2.0, 4.0, 8.0, np.inf)  # size over the oracle's standard error
 SEEN_BY_ORACLE = 1.96
+VISIBLE = 1.15  # error of the old model over that of one who knows the truth
 
 
 def share(hits: int, of: int) -> dict[str, Any]:
@@ -96,6 +97,8 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
     visible = [r for r in rows if r["z"] >= 4.0]
     told = [r for r in rows if r["told"] >= 4.0]
     mixed = [s for s in by["triple"] if is_mixed(s)]
+    plain = [s for g in ("single", "pair", "triple") for s in by[g] if max(s.told, default=0) >= 5]
+    shows = [s for s in by["outside"] if s.before_rmse_rpm > VISIBLE * s.knowing_rmse_rpm]
     intervals = [(i, len(s.implants)) for s in scores for i in s.intervals]
     errors = [s for s in scores if np.isfinite(s.after_rmse_rpm)]
     missing = [s for s in errors if s.group != "none" and np.isfinite(s.knowing_rmse_rpm)]
@@ -113,6 +116,22 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
             sum(len(s.wrong) > len(s.natural) for s in by["none"]), len(by["none"])
         ),
         "sound_set_with_an_action": share(sum(bool(s.asked) for s in by["none"]), len(by["none"])),
+        "sound_set_first_line_nothing": share(
+            sum(s.first == "nothing" for s in by["none"]), len(by["none"])
+        ),
+        "first_line_right_above_5_errors_told": share(
+            sum(s.first == "right" for s in plain), len(plain)
+        ),
+        "visible_outside_first_line_true": share(
+            sum(
+                s.first == "right" or (s.first == "unexplained" and s.unexplained_right)
+                for s in shows
+            ),
+            len(shows),
+        ),
+        "visible_outside_first_line_wrong": share(
+            sum(s.first == "wrong" for s in shows), len(shows)
+        ),
         "sound_rotor_asked": share(sum(bool(s.sound_rotors_asked) for s in scores), len(scores)),
         "after_within_115_of_truth": share(
             sum(s.after_rmse_rpm <= 1.15 * s.knowing_rmse_rpm for s in missing), len(missing)

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from tests.lab.undeclared.crafts import CRAFTS
-from tests.lab.undeclared.judging import judge
+from tests.lab.undeclared.judging import first_line, judge, uneven_rotors
 from tests.lab.undeclared.methods import Sparse, density_slope, oracle_errors, tree_errors
 from tests.lab.undeclared.plan import DataSet, build, good_flights
 from tests.lab.undeclared.subject import curve_model, told_the_names
@@ -63,6 +63,40 @@ def test_silence_is_a_miss_and_a_wrong_rotor_a_wrong_name_too(sets):
     given["effects"][0]["rotor"] = given["effects"][0]["rotor"] % 4 + 1
     score = judge(data, given)
     assert (score.verdicts, len(score.wrong)) == (("missed",), 1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "said", "worth"),
+    [
+        ("none", {}, "nothing"),
+        ("none", {"mentioned": [{"rotor": 2, "probability": 0.3}]}, "wrong"),
+        ("mass", {"effects": [{"name": "air_density", "probability": 0.9}]}, "wrong"),
+        (
+            "mass",
+            {"one_of": [{"effects": [{"name": "air_density"}, {"name": "extra_mass"}]}]},
+            "right",
+        ),
+        ("flap", {"unexplained": {"mode": "pitch", "channel": "airspeed"}}, "unexplained"),
+        ("flap", {"mentioned": [{"rotor": 1, "probability": 0.3}]}, "wrong"),
+    ],
+)
+def test_the_first_sentence_is_judged_as_its_reader_would_act(sets, kind, said, worth):
+    given = {"effects": [], "before": {"rmse_rpm": 9.0}, "after": {"rmse_rpm": 9.0}, **said}
+    assert first_line(sets[kind], given) == worth
+
+
+def test_a_rotor_is_spoken_of_before_anything_else(sets):
+    data = sets["mixed"]
+    wrong = {"name": "rotor_degradation", "rotor": (data.implants[0].rotor + 1) % 4 + 1}
+    right = {"name": "extra_mass", "rotor": None}
+    assert first_line(data, answer(data, effects=[right, wrong])) == "wrong"
+    assert first_line(data, answer(data, effects=[right])) == "right"
+
+
+def test_two_rotors_that_lose_with_airspeed_are_both_right():
+    data = build(20_000, "worn", SMALL)
+    at = int(data.implants[0].condition["rotor"])
+    assert uneven_rotors(data) == {at + 1, (at + 1) % 4 + 1}
 
 
 @pytest.mark.parametrize(

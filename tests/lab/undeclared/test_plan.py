@@ -1,13 +1,24 @@
 """The plan is frozen, holds what it says, and keeps its sealed part shut."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.lab.undeclared.conditions import KINDS, draw
-from tests.lab.undeclared.crafts import CRAFTS
-from tests.lab.undeclared.plan import ROUND, DataSet, build, case_of, good_flights
+from tests.lab.undeclared.conditions import KINDS, Condition, draw
+from tests.lab.undeclared.crafts import CRAFTS, OTHER_CRAFTS
+from tests.lab.undeclared.days import Day
+from tests.lab.undeclared.missions import Style
+from tests.lab.undeclared.plan import (
+    ROUND,
+    SECOND_ROUND,
+    DataSet,
+    build,
+    case_of,
+    good_flights,
+)
+from tests.lab.undeclared.plant import fly
 from tests.lab.undeclared.recorded import RECORDED_ROUND, build_recorded
 from tests.lab.undeclared.scorer import main
 
@@ -26,9 +37,48 @@ def test_each_sixty_seeds_hold_every_kind_as_often_as_planned():
     assert len({case_of(seed)[1].layout for seed in range(1, 61)}) == 5
 
 
-def test_the_plan_stays_as_it_was_frozen():
+def test_the_second_plan_has_other_aircraft_and_every_kind_in_each_round():
+    assert len(SECOND_ROUND) == 62
+    for start in (20_000, 30_000 - 18):  # of rounds that began at 20000
+        seeds = range(start, start + 62)
+        assert Counter(case_of(seed)[0] for seed in seeds) == Counter(SECOND_ROUND)
+        assert {case_of(seed)[1].name for seed in seeds} == {
+            "hexa-x-24kg", "octo-coaxial-x8-8kg", "quad-plus-15kg",
+        }  # fmt: skip
+
+
+def test_the_plans_stay_as_they_were_frozen():
     kinds = ["late ESC", "none", "cg", "none", "shed", "none"]
     assert [case_of(seed)[0] for seed in range(1, 7)] == kinds
+    assert [case_of(seed)[0] for seed in range(20_000, 20_004)] == [
+        "rotor",
+        "rotor",
+        "flap",
+        "none",
+    ]
+
+
+def test_what_a_craft_reports_is_slow_coarse_or_repeated():
+    hexa, octo, plus = OTHER_CRAFTS
+    slow, coarse, repeated = (
+        fly(
+            c, replace(Condition(), **dict(c.telemetry)), Style(duration=20.0), Day(), [1], "one"
+        ).track.rotor_speed_rpm[:, 0]
+        for c in (hexa, octo, plus)
+    )
+    fresh = np.flatnonzero(np.diff(slow))
+    assert np.all(np.diff(fresh) % 3 == 0)
+    step = np.diff(np.unique(coarse)).min()
+    assert step == pytest.approx(0.004 * octo.hover_rpm, abs=1.0)
+    assert np.mean(np.diff(repeated) == 0.0) == pytest.approx(0.3, abs=0.12)
+
+
+def test_a_repaired_rotor_is_sound_afterwards():
+    data = build(20_000, "repaired rotor", SMALL)
+    (implant,), rotor = data.implants, data.implants[0].rotor
+    means = [f.track.rotor_speed_rpm[f.track.flying].mean(axis=0) for f in data.fit]
+    apart = [m[rotor] - np.delete(m, rotor).mean() for m in means]
+    assert min(apart[:4]) > max(apart[4:]) + 0.2 * implant.size * SMALL.hover_rpm
 
 
 @pytest.mark.parametrize("kind", list(KINDS))
@@ -51,14 +101,15 @@ def test_a_biased_airspeed_may_read_high_or_low():
 def test_each_change_at_its_largest_moves_what_is_reported(kind, sound):
     data = build(7, kind, SMALL, KINDS[kind][2])
     assert data.kind == kind
-    one = data.fit[1].track
+    at = -1 if kind == "late rotor" else 1  # it shows in the last flights alone
+    one = data.fit[at].track
     if kind in ("ground", "climb"):  # flown otherwise, on the sound aircraft
         other = sound.fit[1].track
         assert abs(np.ptp(one.height_agl) - np.ptp(other.height_agl)) > 0.5
         law = np.abs(one.rotor_speed_rpm - data.without[0][1].track.rotor_speed_rpm)
         assert np.max(law) > 2.0
         return
-    other = data.without[0][1].track if data.without else sound.fit[1].track
+    other = data.without[0][: len(data.fit)][at].track if data.without else sound.fit[1].track
     moved = [
         np.nanmax(np.abs(getattr(one, c) - getattr(other, c)))
         for c in ("rotor_speed_rpm", "tank_kg", "airspeed", "temperature", "voltage")
@@ -90,7 +141,7 @@ def test_sound_flights_differ_from_day_to_day_as_real_ones_do():
 
 
 def test_sealed_seeds_stay_shut_without_the_word(capsys):
-    for seeds in ((5000, 5001), (990, 1001), (0, 3)):
+    for seeds in ((5000, 5001), (990, 1001), (0, 3), (30_000, 30_001), (29_990, 30_010)):
         assert main(seeds=seeds) == 2
     assert "sealed" in capsys.readouterr().out
 

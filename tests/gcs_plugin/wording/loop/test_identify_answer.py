@@ -216,6 +216,8 @@ def test_a_rotor_that_is_not_cleared_is_always_said(worn, sound):
     )
     assert said(replace(sound, mentioned=(rotor,)))[0] == f"{line}."
     assert said(replace(worn, mentioned=(rotor,)))[1] == f"{line}."
+    choice = OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35))
+    assert said(replace(sound, mentioned=(rotor,), one_of=(choice,)))[0] == f"{line}."
     strong = Mentioned(rotor=2, probability=0.08, loss=-0.031, ci95=(-0.05, -0.012))
     assert "it may make 3 % more thrust (1 to 5), so with" in mentioned(strong, NAMES, 3)
 

@@ -8,7 +8,9 @@ import pytest
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer.accepted_names import imitates
 from thrustmargin.models.identification.answer.posterior import posterior_of
+from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.answer.unexplained import (
     _matters,
     acts_in,
@@ -40,7 +42,7 @@ def with_wave(mode: int | None) -> list[FlightTrack]:
     for track in made_flights(3, duration=120.0):
         wave = np.zeros((track.time_s.size, 4))
         if mode is not None:
-            wave = SIZE * np.cos(0.9 * track.airspeed)[:, None] * DIRECTIONS[:, mode]
+            wave = SIZE * np.sin(0.7 * track.airspeed)[:, None] * DIRECTIONS[:, mode]
         flights.append(replace(track, rotor_speed_rpm=track.rotor_speed_rpm + wave))
     return flights
 
@@ -80,7 +82,7 @@ def test_a_wave_that_no_effect_has_is_left_in_its_mode_with_its_size_along_its_c
     assert left is not None
     assert (left.mode, left.modes, left.rotor) == (mode, (mode,), None)
     assert {"airspeed", "forward_speed"} & {*left.channels}  # without wind they are the same
-    wave = SIZE * np.cos(0.9 * space.reduced.channels.airspeed)
+    wave = SIZE * np.sin(0.7 * space.reduced.channels.airspeed)
     assert left.rms_rpm == pytest.approx(np.sqrt(np.mean(wave**2)), rel=0.3)
     assert 0.6 < left.share <= 1.0
     assert answer.named() == []
@@ -140,6 +142,25 @@ def test_the_slopes_of_a_curve_are_those_of_what_it_does():
             by_hand = np.nan_to_num((ends[0] - ends[1]) / 2e-4)
             scale = max(float(np.abs(by_hand).max()), 1.0)
             np.testing.assert_allclose(np.nan_to_num(found[:, :, k]), by_hand, atol=0.02 * scale)
+
+
+def test_a_cause_without_a_name_rests_where_its_channel_is_0_or_mostly_is():
+    """What stands all the time has a name, so one knot of each curve is not free."""
+    space = search_space(MODEL, with_wave(None)[:2], effects_for(F16, table(KEYS)))
+    x = space.reduced.channels
+    resting = {}
+    for one in space.unnamed:
+        free = {k for k, _ in one.free}
+        assert len(free) <= 3
+        resting[one.term.effect.variant.split(" along ")[1]] = set(range(4)) - free
+    assert 0 in resting["airspeed"] & resting["time_s"] & resting["tank_kg"] & resting["load"]
+    # Forward speeds from -5 to 5 m/s have knots at -5, -1.7, 1.7 and 5.
+    speed = np.nan_to_num(
+        x.velocity_north * np.cos(x.heading) + x.velocity_east * np.sin(x.heading)
+    )
+    low, high = np.quantile(speed, (0.02, 0.98))
+    at = int(np.argmin(np.abs(np.linspace(low, high, 4))))
+    assert at in resting["forward_speed"]
 
 
 def test_a_cause_without_a_name_is_as_likely_in_a_mode_as_an_effect_along_all_channels_together():
@@ -256,3 +277,8 @@ def test_beside_a_loss_that_goes_along_a_channel_no_other_name_stands():
     assert closest_to(None, [mass, rotor], answer) == [mass]
     steady = searched(with_loss("steady"), KEYS[:1] + KEYS[2:])[2]
     assert closest_to(None, [mass, rotor], steady) == []
+    # A choice of which one is that rotor's loss is none that only makes up for it.
+    terms = [search.candidates[c].term for c in (mass, rotor)]
+    alone, both = (OneOf(terms=tuple(of), probabilities=()) for of in (terms[:1], terms))
+    assert [imitates(one, None, answer) for one in (alone, both)] == [True, False]
+    assert not imitates(alone, None, steady)

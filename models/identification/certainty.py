@@ -1,6 +1,7 @@
-"""Whether a person is asked to do something: by its probability, and by what an error costs.
+"""How sure an answer is, and whether a person is asked to do something.
 
-To ask for nothing costs `missed` where the part is bad, to ask costs `needless` where it is sound.
+One number is behind names, intervals, limits and dates. Of actions the cost of an error decides: to
+ask for nothing costs `missed` where the part is bad, to ask costs `needless` where it is sound.
 What is cheaper on the average is done (Berger 1985, Statistical Decision Theory, section 1.3).
 """
 
@@ -9,6 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+
+from scipy.special import ndtri
+
+SURE = 0.95  # of the weight for a name, and of the values that an interval or a limit holds
+DOUBT = 1.0 - SURE  # what a name may lack, so the weight from which anything else is listed
+ERRORS = float(ndtri(1.0 - DOUBT / 2.0))  # standard errors on either side of such an interval
 
 
 @dataclass(frozen=True, slots=True)

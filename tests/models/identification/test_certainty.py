@@ -2,7 +2,7 @@
 
 import pytest
 
-from thrustmargin.models.identification.costs import COSTS, Cost
+from thrustmargin.models.identification.certainty import COSTS, Cost
 
 
 @pytest.mark.parametrize(("needless", "missed", "least"), [(1.0, 4.0, 0.2), (2.0, 2.0, 0.5)])
