@@ -20,7 +20,7 @@ from thrustmargin.models.model.fill_limits import (
     full_at_once,
     largest_fills,
 )
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL, beyond_load
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.thrust_use import ThrustUse
 from thrustmargin.models.physics.airframe import Airframe
@@ -93,6 +93,9 @@ def next_fill(
     lost = REASONS.index("one rotor lost")
     lows[lost] = min(lows[lost], (empty + middles[lost]) / air - empty)
     highs[lost] = max(highs[lost], (empty + middles[lost]) * air - empty)
+    shown = np.exp(INTERVAL * beyond_load(track, craft, analysis.claim.outputs))
+    use_row = REASONS.index("utilisation")
+    lows[use_row] = (empty + lows[use_row]) / shown - empty
     # What the gauge does not know of may be in the tank or not: a hidden mass, a weak rotor.
     kg = float(np.min(lows)) - analysis.beyond_gauge_kg
     reason = REASONS[int(np.argmin(lows))]
