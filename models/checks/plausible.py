@@ -35,8 +35,12 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.models.checks.full_battery import POSSIBLE_VOLTAGE as POSSIBLE_VOLTAGE
-from thrustmargin.models.checks.full_battery import beyond_full, full_voltage, most_voltage
+from thrustmargin.models.checks.full_battery import (
+    POSSIBLE_VOLTAGE,
+    beyond_full,
+    full_voltage,
+    most_voltage,
+)
 from thrustmargin.models.checks.output_evidence import (
     SURELY,
     OutputEvidence,

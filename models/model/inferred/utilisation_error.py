@@ -12,8 +12,8 @@ that it learnt in.
 
 s_o is what the motor outputs show beyond the rotor speeds, or beyond the reported load where that
 is what the number rests on, or a battery beyond a full one: too little to say which is wrong,
-enough that the 90 % interval reaches there (checks/output_evidence.py). It is no scatter, and is
-added as it is.
+enough that the 90 % interval reaches there (checks/output_evidence.py). It is no scatter: it is
+added as it is, and to one side, for it shows that more is in use and less can be held.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ def redundancy_error(
     density_share: Floats,
     outputs: OutputEvidence | None = None,
 ) -> Floats:
-    """(T,) standard error of ln redundancy; `density_share` (T,) is that of ln density.
+    """(T,) standard error of ln redundancy to the low side, `beyond_load` with it; `density_share`
+    (T,) is that of ln density.
 
     Where hover thrust shows the load, density shifts it and the largest thrust alike.
     """
@@ -101,8 +102,9 @@ def utilisation_error(
     utilisation: Floats,
     utilisation_predicted: Floats,
     outputs: OutputEvidence | None = None,
-) -> Floats:
-    """(T, R) standard error of the known utilisation; NaN where it is unknown.
+) -> tuple[Floats, Floats]:
+    """(T, R) standard error of the known utilisation to the high side, and the part of it that the
+    low side has not; NaN where it is unknown.
 
     That is the one by speed in rows with any, and else the predicted one.
     """
@@ -113,12 +115,13 @@ def utilisation_error(
         half = (prediction.upper_rpm - prediction.lower_rpm) / 2.0
         of_network = np.nan_to_num(2.0 * half / INTERVAL / prediction.rotor_speed_rpm)
         ceiling = ceiling_variance(airframe, track.voltage)[:, None]
+        load = load_error(track, airframe)[:, None]
         beyond = beyond_load(track, airframe, outputs)
         # Speeds that were made of the outputs rest on the load.
         of_outputs = 0.0 if outputs is None else outputs.share_beyond_speeds / INTERVAL
         of_outputs = np.where(error > 0.0, beyond, of_outputs)
-        by_speed = utilisation * (np.sqrt(of_speed**2 + ceiling) + of_outputs)
-        load = load_error(track, airframe)[:, None]
-        predicted = utilisation_predicted * (np.hypot(load, of_network) + beyond)
     any_speed = np.any(np.isfinite(utilisation), axis=1)[:, None]
-    return np.where(any_speed, by_speed, predicted)
+    use = np.where(any_speed, utilisation, utilisation_predicted)
+    scatter = np.where(any_speed, np.sqrt(of_speed**2 + ceiling), np.hypot(load, of_network))
+    one_sided = use * np.where(any_speed, of_outputs, beyond)
+    return use * scatter + one_sided, one_sided

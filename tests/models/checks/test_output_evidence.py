@@ -10,6 +10,7 @@ from tests.made_sources import pulses
 from thrustmargin.models.checks.frozen import without_frozen
 from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.airframe_claim import airframe_claim
 from thrustmargin.models.model.analysis import analyse, for_verdict
 from thrustmargin.models.model.inferred.prepared import prepared
@@ -166,6 +167,24 @@ def changed(**values: float):
     """The F16 with other numbers in its file."""
     quantities = {k: replace(F16.quantities[k], value=v) for k, v in values.items()}
     return replace(F16, **values, quantities=MappingProxyType({**F16.quantities, **quantities}))
+
+
+def test_what_is_shown_beyond_makes_an_answer_graver_and_never_better():
+    # By the gauge 34 kg, by outputs and speeds 37.1: too heavy either way, and as surely so.
+    track = hover(16.0, gauge=13.0)
+    claim = claim_of(track)
+    made = [
+        advise(analyse(prepared(track, F16, SQUARE), physics_model(F16), claim=one)).advice
+        for one in (claim, replace(claim, outputs=None))
+    ]
+    assert claim.outputs.share_beyond(34.1) == pytest.approx(3.0 / 34.1, rel=0.02)
+    shown, without_it = made
+    assert shown.level is without_it.level
+    assert shown.lost.least_high == pytest.approx(without_it.lost.least_high)
+    assert shown.lost.least_low < without_it.lost.least_low / 1.08
+    assert shown.fill.low_kg < without_it.fill.low_kg - 1.0
+    assert shown.fill.high_kg == pytest.approx(without_it.fill.high_kg)
+    assert shown.use.lasting_low == pytest.approx(without_it.use.lasting_low)
 
 
 TRUE_LOST = FULL / 2.0 / (37.1 * G0)  # two of four rotors hold what one pair of a quad can
