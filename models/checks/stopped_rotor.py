@@ -26,6 +26,7 @@ TAKEN_OVER = 0.6  # share of the whole step from which the others carry what it 
 #: Output over the others' mean, after over before: asked for in vain from the one on, off below the
 #: other. Outputs of a turning rotor are in between.
 IN_VAIN, OFF = 1.1, 0.2
+FOLLOWED = 1.01  # mean output of the others, after over before, where outputs show what they do
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,15 +102,15 @@ def _taken_over(track: FlightTrack, own: Floats, others: Floats, time_s: float) 
 
 def _turns(track: FlightTrack, rotor: int, time_s: float) -> bool:
     """Whether the autopilot asks of a rotor after `time_s` what it asks of one that turns; False
-    where its outputs are not known."""
+    where its outputs are not known, or show nothing of what the others do."""
     asked = track.throttle
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = asked[:, rotor] / np.mean(np.delete(asked, rotor, axis=1), axis=1)
-    sides = [share[side & np.isfinite(share)] for side in _sides(track, time_s)]
-    if min(len(side) for side in sides) < FEWEST_ROWS:
+    own, others = asked[:, rotor], np.mean(np.delete(asked, rotor, axis=1), axis=1)
+    rows = [side & np.isfinite(own) & (others > 0.0) for side in _sides(track, time_s)]
+    if min(np.count_nonzero(side) for side in rows) < FEWEST_ROWS:
         return False
-    was, now = (float(np.median(side)) for side in sides)
-    return OFF * was < now < IN_VAIN * was
+    rise = np.median(others[rows[1]]) / np.median(others[rows[0]])
+    was, now = (float(np.median(own[side] / others[side])) for side in rows)
+    return bool(rise > FOLLOWED) and OFF * was < now < IN_VAIN * was
 
 
 def _sides(track: FlightTrack, time_s: float) -> tuple[Bools, Bools]:
