@@ -18,6 +18,9 @@ from thrustmargin.gcs_plugin.logs.findings import (
     loss_findings,
 )
 from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.wording.flight_words import STOOD_STILL
+from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.models.checks.frozen import INSTRUMENTS
 from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
@@ -29,7 +32,7 @@ from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.provenance import Meaning
+from thrustmargin.models.provenance import Meaning, Reason
 
 #: m/s² that a body feels in steady flight on average, between these
 _STEADY_FORCE = (8.5, 11.5)
@@ -56,6 +59,10 @@ _SPOILS = {
             "rotor speed sensors",
             "rotor speed clock",
             "ESC voltage",
+            "full battery",
+            "thrust",
+            "battery voltage",
+            "tank gauge",
             "accelerometer",
             "tank",
         ),
@@ -112,7 +119,7 @@ def inspect_log(
             Finding(c.check, _LEVELS.get(c.verdict, Severity.WARNING), c.words) for c in found
         ]
         findings += _tank(log.track, airframe)
-    findings += [_speed_readings(log), _sensor(log.track)]
+    findings += [*_frozen(log.track), _speed_readings(log), _sensor(log.track)]
     if late := late_speeds(log.track):
         findings.append(Finding("rotor speed clock", Severity.WARNING, late))
     findings += [
@@ -184,6 +191,15 @@ def _order(order: MotorOrder) -> Finding:
         roll, pitch, yaw = order.correlation
         words += f" (correlation: roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f})"
     return Finding("motor order", _LEVELS.get(order.verdict, Severity.WARNING), words)
+
+
+def _frozen(track: FlightTrack) -> list[Finding]:
+    """Instruments that stood still, and are left out."""
+    return [
+        Finding(instrument, Severity.WARNING, say(STOOD_STILL))
+        for channel, instrument in INSTRUMENTS.items()
+        if any(one.reason is Reason.FROZEN for one in track.source(channel).rejected)
+    ]
 
 
 def _speed_readings(log: FlightLog) -> Finding:

@@ -29,6 +29,8 @@ GROUNDED_BY: Mapping[FlyingBy, str] = MappingProxyType(
         FlyingBy.GIVEN: "as the table says",
     }
 )
+#: Of an instrument whose reading is left out.
+STOOD_STILL = "its reading stood still in flight: no measurement, and left out"
 
 
 def not_flown(track: FlightTrack) -> str:

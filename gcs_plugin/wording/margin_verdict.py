@@ -130,7 +130,8 @@ def verdict_facts(
         return (Fact("why", not_flown), airframe)
     if claim.withheld:
         why = (Fact("why", reason) for reason in claim.withheld)
-        return (*why, Fact("what helps", claim.remedy), airframe)
+        of = () if claim.basis == "not known" else (airframe,)  # the reason says that already
+        return (*why, Fact("what helps", claim.remedy), *of)
     if worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
         return (Fact("why", say(why)), airframe)

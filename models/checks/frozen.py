@@ -1,94 +1,124 @@
 """Instruments that stand still while what they measure cannot: they are none, and left out.
 
 A battery under load never keeps its voltage to the last digit; a tank whose aircraft becomes
-lighter by the thrust of its rotors does not keep its level.
+lighter by the thrust of its rotors does not keep its level. Of a voltage the rows in which it
+stands are left out; a gauge that stuck once is not believed before or after either.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thrustmargin.models.checks.output_evidence import thrust_by_outputs, thrust_by_speeds
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
-from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.motor_output import output_curve
 from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
 
 LEAST_S = 60.0  # s in flight of one and the same reading
+#: s for which a reading stays at most, on average, that is fine enough to show a change.
+FINE_S = 6.0
 #: Share of its mass by which an aircraft of constant load cannot become lighter: lift of forward
 #: flight and a battery that gets warm are less.
 LIGHTER = 0.08
 _REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
+#: Channels that can be frozen -> what measures them.
+INSTRUMENTS = {"voltage": "battery voltage", "tank_kg": "tank gauge"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stand:
+    """A reading that an instrument kept too long."""
+
+    value: float  # in the unit of its channel
+    rows: Bools  # (T,) in which it is left out
+    throughout: bool  # it never moved in flight
 
 
 def without_frozen(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> FlightTrack:
-    """The track of T rows with NaN in the channels whose instrument is frozen, which says so."""
+    """The track of T rows with NaN where an instrument is frozen, which says so."""
     return left_out(track, frozen(track, airframe, parameters))
 
 
 def frozen(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
-) -> dict[str, float]:
-    """Channels whose instrument stood still in flight -> where."""
+) -> dict[str, Stand]:
+    """Channels whose instrument stood still in flight -> the last time that it did."""
     found = {}
-    if _stands(track, "voltage"):
-        found["voltage"] = _level(track, "voltage")
-    if _stands(track, "tank_kg") and _grew_lighter(track, airframe, parameters):
-        found["tank_kg"] = _level(track, "tank_kg")
+    flown = track.flying & np.isfinite(track.voltage)
+    for rows in _stands(track, "voltage"):
+        throughout, else_s = bool(rows[flown].all()), track.row_seconds[flown & ~rows].sum()
+        moves = np.count_nonzero(np.diff(track.voltage[flown & ~rows]))
+        if throughout or else_s < FINE_S * moves:
+            left = rows | ~track.flying if throughout else rows
+            found["voltage"] = Stand(
+                value=float(track.voltage[rows][0]), rows=left, throughout=throughout
+            )
+    for rows in _stands(track, "tank_kg"):
+        if _grew_lighter(track, rows, airframe, parameters):
+            known = track.flying & np.isfinite(track.tank_kg)
+            found["tank_kg"] = Stand(
+                value=float(track.tank_kg[rows][0]),
+                rows=np.ones_like(rows),
+                throughout=bool(rows[known].all()),
+            )
     return found
 
 
-def left_out(track: FlightTrack, frozen: Mapping[str, float]) -> FlightTrack:
-    """The track with NaN in the channels that stand at these values, and why."""
+def left_out(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrack:
+    """The track with NaN in the channels that stand, and why."""
     if not frozen:
         return track
-    sources = {
-        channel: Provenance(
-            kind=SourceKind.ABSENT, rejected=(Rejected(track.source(channel), Reason.FROZEN),)
+    channels, sources, notes = {}, {}, []
+    for channel, stand in frozen.items():
+        source = track.source(channel)
+        channels[channel] = np.where(stand.rows, np.nan, getattr(track, channel))
+        gone = Rejected(source, Reason.FROZEN)
+        sources[channel] = replace(source, rejected=(*source.rejected, gone))
+        if not np.isfinite(channels[channel]).any():
+            sources[channel] = Provenance(kind=SourceKind.ABSENT, rejected=(gone,))
+        long = "throughout the flight" if stand.throughout else "for a minute or more"
+        unit = TRACK_CHANNELS[channel].unit
+        notes.append(
+            f"{INSTRUMENTS[channel]} stood at {stand.value:.4g} {unit} {long}: no measurement, and "
+            "left out"
         )
-        for channel in frozen
-    }
-    nothing = {channel: np.full(track.time_s.size, np.nan) for channel in frozen}
-    notes = [
-        f"{_NAMES[channel]} stood at {value:.4g} {TRACK_CHANNELS[channel].unit} throughout the "
-        "flight: no measurement, and left out"
-        for channel, value in frozen.items()
-    ]
     return replace(
-        track, **nothing, sources={**track.sources, **sources}, notes=(*track.notes, *notes)
+        track, **channels, sources={**track.sources, **sources}, notes=(*track.notes, *notes)
     )
 
 
-def _level(track: FlightTrack, channel: str) -> float:
-    return float(np.nanmedian(getattr(track, channel)[track.flying]))
-
-
-_NAMES = {"voltage": "battery voltage", "tank_kg": "tank gauge"}
-
-
-def _stands(track: FlightTrack, channel: str) -> bool:
-    """Whether a reported channel has one value in all of a flight that is long enough."""
+def _stands(track: FlightTrack, channel: str) -> list[Bools]:
+    """For each time in flight that a reported channel had one value for LEAST_S, its rows (T,)."""
     values = getattr(track, channel)
-    known = track.flying & np.isfinite(values)
-    if track.source(channel).kind not in _REPORTED or np.count_nonzero(known) < FEWEST_ROWS:
-        return False
-    return float(track.row_seconds[known].sum()) >= LEAST_S and bool(np.ptp(values[known]) == 0.0)
+    known = np.flatnonzero(track.flying & np.isfinite(values))
+    if track.source(channel).kind not in _REPORTED or known.size < FEWEST_ROWS:
+        return []
+    runs = np.split(known, np.flatnonzero(np.diff(values[known])) + 1)
+    number = np.arange(values.size)
+    return [
+        np.isin(number, run)
+        for run in runs
+        if run.size >= FEWEST_ROWS and track.row_seconds[run].sum() >= LEAST_S
+    ]
 
 
-def _grew_lighter(track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]) -> bool:
-    """Whether thrust in the last quarter of the flight is less than in the first by LIGHTER."""
+def _grew_lighter(
+    track: FlightTrack, rows: Bools, airframe: Airframe, parameters: Mapping[str, float]
+) -> bool:
+    """Whether thrust in the last quarter of the rows (T,) is less than in the first by LIGHTER."""
     if track.rotor_count != airframe.rotor_count:
         return False
     curve = output_curve(parameters, track.source("throttle"))
     by = thrust_by_speeds(track, airframe), thrust_by_outputs(track, airframe, curve)
     masses = [lifted_mass(track, thrust) for thrust in by]
-    known = [mass[np.isfinite(mass)] for mass in masses]
+    known = [mass[rows & np.isfinite(mass)] for mass in masses]
     return any(_drop(mass) > LIGHTER for mass in known if mass.size >= 4 * FEWEST_ROWS)
 
 

@@ -8,7 +8,11 @@ within wide windows while all three together cannot be true.
 
     s(ln T)² = (s_f ln f)² + s_c² (+ what the airframe guesses)
 
-s_f standard error of the curve's steepness, about full output; s_c of a measured ceiling.
+s_f standard error of the curve's steepness, about full output; s_c of a measured ceiling. What they
+show beyond weight or speeds contradicts from SURELY of it on. From SHOWS on an interval reaches to
+it, for one that is too wide does no harm; from one on where no parameter sets the curve.
+
+The ceiling is also too high where the battery reads more than a full one has (`full_battery.py`).
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thrustmargin.models.checks.full_battery import ceiling_too_high
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -28,8 +33,12 @@ from thrustmargin.models.physics.smoothing import known_median
 
 #: Standard errors of ln thrust: of a measured ceiling, and of each guessed quantity behind it.
 CEILING_ERROR, GUESS = 0.05, 0.1
+CURVE_ERROR = 0.03  # of a thrust curve that was measured on a bench
 SURELY = 2.6  # standard errors beyond which two cannot both be true: 99 %
+NINETY = 1.645
+SHOWS = 0.5  # standard errors from which an interval reaches to what they show beyond
 _BEHIND = ("max_rotor_speed_rpm", "ceiling_voltage")  # of the ceiling
+_LIFTED = ("thrust_coefficient", "empty_mass")  # of what rotor speeds lift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +48,11 @@ class OutputEvidence:
     lifted_kg: float  # median mass that the outputs would lift; NaN where they are not known
     over_speeds: float  # ln of their thrust over that of the measured rotor speeds; NaN
     error: float  # standard error of ln of their thrust
+    shows: float = float("nan")  # ln from which an interval reaches to what they show beyond
+    by_speeds_kg: float = float("nan")  # median mass that the measured rotor speeds lift
+    by_speeds_error: float = float("nan")  # standard error of ln of it
+    #: Share by which the ceiling's thrust is too high, as the battery reads beyond a full one.
+    ceiling_high: float = 0.0
 
     @property
     def disagrees_with_speeds(self) -> bool:
@@ -46,19 +60,23 @@ class OutputEvidence:
         return abs(self.over_speeds) > SURELY * self.error
 
     def more_than(self, mass: float) -> float:
-        """kg that they lift beyond `mass` kg, where that is more than their standard error; 0."""
+        """kg that they lift beyond `mass` kg, where that is enough to show; 0."""
         beyond = self.lifted_kg - mass
-        return beyond if beyond > self.error * self.lifted_kg else 0.0
+        return beyond if beyond > self.shows * self.lifted_kg else 0.0
 
     def share_beyond(self, mass: float) -> float:
-        """The same as a share of `mass`."""
-        return self.more_than(mass) / mass
+        """Thrust beyond `mass` kg that outputs or speeds (90 %) show, as a share of it, or by how
+        much the ceiling is too high if that is more."""
+        by_speeds = self.by_speeds_kg / mass - 1.0
+        shown = by_speeds > NINETY * self.by_speeds_error
+        return max(self.more_than(mass) / mass, by_speeds if shown else 0.0, self.ceiling_high)
 
     @property
     def share_beyond_speeds(self) -> float:
-        """Thrust beyond that of the measured speeds, as a share of it, where it is more than the
-        standard error; 0."""
-        return float(np.expm1(self.over_speeds)) if self.over_speeds > self.error else 0.0
+        """Thrust beyond that of the measured speeds, as a share of it, where it is enough to show;
+        or by how much the ceiling is too high if that is more."""
+        shown = self.over_speeds > self.shows
+        return max(float(np.expm1(self.over_speeds)) if shown else 0.0, self.ceiling_high)
 
     def surely_more_than(self, mass: float) -> bool:
         """True where an aircraft of `mass` kg cannot need these outputs."""
@@ -81,13 +99,22 @@ def output_evidence(
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.log(thrust / thrust_by_speeds(track, airframe))
         turned = _median(np.log(share)[track.flying].ravel())
-    guesses = sum(airframe.quantities[name].guessed for name in _BEHIND)
-    error = np.sqrt((curve.steepness_error * turned) ** 2 + CEILING_ERROR**2 + guesses * GUESS**2)
+    error = np.hypot(curve.steepness_error * turned, _error(CEILING_ERROR, airframe, _BEHIND))
     return OutputEvidence(
         lifted_kg=_median(lifted_mass(track, thrust)),
         over_speeds=_median(np.where(track.flying, ratio, np.nan)),
         error=float(error),
+        shows=float(error) * (1.0 if curve.is_assumed else SHOWS),
+        by_speeds_kg=_median(lifted_mass(track, thrust_by_speeds(track, airframe))),
+        by_speeds_error=_error(CURVE_ERROR, airframe, _LIFTED),
+        ceiling_high=ceiling_too_high(track.voltage, airframe),
     )
+
+
+def _error(measured: float, airframe: Airframe, behind: tuple[str, ...]) -> float:
+    """Standard error of ln thrust, with that of what the airframe guesses of it."""
+    guesses = sum(airframe.quantities[name].guessed for name in behind)
+    return float(np.sqrt(measured**2 + guesses * GUESS**2))
 
 
 def thrust_by_outputs(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> Floats:

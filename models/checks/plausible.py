@@ -16,7 +16,9 @@ Without measured speeds the outputs may also not lift surely more (2.6 standard 
 gauge says, for then the gauge sets what they mean. Where no load is reported, rotor speed is close
 only if the motor outputs give it too, within 8 %.
 What does not fit contradicts, and no margin is claimed; an airframe that nobody gave is recognised
-by what is close. Where the tolerances come from: a lithium cell of 3.7 V flies at 3.4 to 4.25 V,
+by what is close. What is apart, but not by so much, widens the margin's interval
+(`output_evidence`): outputs that make more thrust than weight or speeds, a battery that reads more
+than a full one has. Where the tolerances come from: a lithium cell of 3.7 V flies at 3.4 to 4.25 V,
 and 2.9 V (a tired one, or of 3.6 V) to 4.5 V (of 4.35 V full, its gauge 3 % off) bound what can be
 the same number of cells. 3 kg that an empty sprayer of 21 kg does not know of raise rotor speed by
 7 %, 8 % less thrust of every propeller by 4 %, air 20 K warmer than standard by 3.5 %: 15 %
@@ -33,7 +35,17 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.models.checks.output_evidence import SURELY, OutputEvidence, output_evidence
+from thrustmargin.models.checks.full_battery import (
+    POSSIBLE_VOLTAGE,
+    beyond_full,
+    full_voltage,
+    most_voltage,
+)
+from thrustmargin.models.checks.output_evidence import (
+    SURELY,
+    OutputEvidence,
+    output_evidence,
+)
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, check_speed_scale
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
@@ -43,7 +55,7 @@ from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.vehicle_facts import StatedBattery, VehicleFacts, can_be_cells
 
 Range = tuple[float, float]
-CLOSE_VOLTAGE, POSSIBLE_VOLTAGE = (0.92, 1.15), (0.78, 1.22)
+CLOSE_VOLTAGE = (0.92, 1.15)
 CLOSE_SPEED = (0.92, 1.15)
 CLOSE_OUTPUT, POSSIBLE_OUTPUT = (0.92, 1.08), (0.6, 1.7)
 #: V that a lithium cell is called by: ion 3.6, polymer 3.7, high voltage 3.85.
@@ -59,7 +71,7 @@ class Comparison:
     """One thing that flight and airframe both speak of."""
 
     check: str
-    verdict: Literal["close", "fits", "contradicts", "unknown"]
+    verdict: Literal["close", "fits", "apart", "contradicts", "unknown"]
     words: str  # what was found, what the airframe says, and why it cannot be
     brief: str = ""  # what was found, in a few words
 
@@ -88,6 +100,7 @@ def comparisons(
             found.append(_speed_limit(track, airframe))
             found.append(_output(track, airframe, outputs))
             found.append(_speeds_by_output(outputs, airframe))
+            found += [_full_battery(track, airframe), _beyond(track, airframe, outputs)]
     return tuple(c for c in found if c is not None)
 
 
@@ -172,13 +185,44 @@ def _voltage(track: FlightTrack, airframe: Airframe, battery: StatedBattery) -> 
     verdict = _verdict(share, share, CLOSE_VOLTAGE, POSSIBLE_VOLTAGE)
     words = (
         f"{found:.1f} V in flight, {100 * share:.0f} % of the {airframe.nominal_voltage:.1f} V of "
-        "airframe "
-        f"{airframe.name}"
+        f"airframe {airframe.name}"
     )
     if verdict == "contradicts":
         low, high = POSSIBLE_VOLTAGE
         words += f"; the same battery stays within {100 * low:.0f} % to {100 * high:.0f} %"
     return Comparison(check="voltage", verdict=verdict, words=words, brief=f"{found:.1f} V")
+
+
+def _full_battery(track: FlightTrack, airframe: Airframe) -> Comparison | None:
+    if not (beyond := beyond_full(track.voltage, airframe)):
+        return None
+    words = (
+        f"{most_voltage(track.voltage, airframe):.1f} V at most, where a full battery of "
+        f"{airframe.nominal_voltage:.1f} V has {full_voltage(airframe):.1f}: the voltmeter reads "
+        f"{100 * beyond:.0f} % too much, or nominal_voltage is of other cells; margin and fill "
+        "reach to what is left then"
+    )
+    return Comparison(check="full battery", verdict="apart", words=words)
+
+
+def _beyond(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> Comparison | None:
+    """That the interval of the margin reaches to a thrust beyond what is reported, and why."""
+    outputs = replace(outputs, ceiling_high=0.0)
+    beyond, by, than = outputs.share_beyond_speeds, "motor outputs show", "the rotor speeds"
+    gauge = track.measured("tank_kg")[track.flying]
+    if (tank_kg := gauge[gauge >= 0.0]).size:
+        mass = airframe.empty_mass + known_median(tank_kg)
+        if (share := outputs.share_beyond(mass)) > beyond:
+            alone = outputs.more_than(mass) / mass < share
+            beyond, than = share, "the weight"
+            by = "rotor speeds show" if alone else by
+    if not beyond > 0.0:
+        return None
+    words = (
+        f"{by} {100 * beyond:.0f} % more thrust than {than}; margin and fill reach to that: check "
+        "voltmeter, gauge and empty mass, and the airframe's largest rotor speed and its voltage"
+    )
+    return Comparison(check="thrust", verdict="apart", words=words)
 
 
 def _rotor_speed(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> Comparison:

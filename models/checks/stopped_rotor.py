@@ -5,6 +5,9 @@
 N_i rotor speeds, f specific force felt. A rotor that stops leaves its share of the weight to the
 others; one whose speed is no longer reported leaves them as they were. With six rotors or more an
 aircraft may fly on so, and all other numbers of it look sound.
+
+A yaw turn or a load that is taken up looks alike in the others, and not in the motor outputs: the
+autopilot asks more of the motor that leaves a side low than of the others, or has switched it off.
 """
 
 from __future__ import annotations
@@ -20,6 +23,10 @@ from thrustmargin.models.physics.atmosphere import G0
 LOOK, LEFT_OUT = 4.0, 0.5
 FEWEST_ROWS = 10  # known on each side
 TAKEN_OVER = 0.6  # share of the whole step from which the others carry what it did
+#: Output over the others' mean, after over before: asked for in vain from the one on, off below the
+#: other. Outputs of a turning rotor are in between.
+IN_VAIN, OFF = 1.1, 0.2
+FOLLOWED = 1.01  # mean output of the others, after over before, where outputs show what they do
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +60,9 @@ def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
         later = np.append(times[1:], np.inf)
         for row in np.flatnonzero(later - times > LOOK).tolist():
             last_s, until_s = float(times[row]), float(later[row])
-            if _taken_over(track, squares[:, rotor] / felt, others, last_s):
+            if _taken_over(track, squares[:, rotor] / felt, others, last_s) and not _turns(
+                track, rotor, last_s
+            ):
                 found.append(StoppedRotor(rotor=rotor, time_s=last_s, until_s=until_s))
                 break
     return tuple(sorted(found, key=lambda one: one.time_s))
@@ -82,12 +91,30 @@ class StoppedWatch:
 
 def _taken_over(track: FlightTrack, own: Floats, others: Floats, time_s: float) -> bool:
     """Whether the others (T,) carry from `time_s` on what the rotor's own (T,) did before."""
-    since = track.time_s - time_s
-    before = track.flying & (since <= -LEFT_OUT) & (since >= -LOOK)
-    after = track.flying & (since >= LEFT_OUT) & (since <= LOOK)
-    sides = [others[rows & np.isfinite(others)] for rows in (before, after)]
-    own = own[before & np.isfinite(own)]
+    rows = _sides(track, time_s)
+    sides = [others[side & np.isfinite(others)] for side in rows]
+    own = own[rows[0] & np.isfinite(own)]
     if min(len(side) for side in (*sides, own)) < FEWEST_ROWS:
         return False
     was, now = (float(np.median(side)) for side in sides)
     return bool(np.log(now / was) > TAKEN_OVER * np.log1p(float(np.median(own)) / was))
+
+
+def _turns(track: FlightTrack, rotor: int, time_s: float) -> bool:
+    """Whether the autopilot asks of a rotor after `time_s` what it asks of one that turns; False
+    where its outputs are not known, or show nothing of what the others do."""
+    asked = track.throttle
+    own, others = asked[:, rotor], np.mean(np.delete(asked, rotor, axis=1), axis=1)
+    rows = [side & np.isfinite(own) & (others > 0.0) for side in _sides(track, time_s)]
+    if min(np.count_nonzero(side) for side in rows) < FEWEST_ROWS:
+        return False
+    rise = np.median(others[rows[1]]) / np.median(others[rows[0]])
+    was, now = (float(np.median(own[side] / others[side])) for side in rows)
+    return bool(rise > FOLLOWED) and OFF * was < now < IN_VAIN * was
+
+
+def _sides(track: FlightTrack, time_s: float) -> tuple[Bools, Bools]:
+    """The rows in flight before `time_s` and after it that are compared."""
+    since = track.time_s - time_s
+    before = track.flying & (since <= -LEFT_OUT) & (since >= -LOOK)
+    return before, track.flying & (since >= LEFT_OUT) & (since <= LOOK)

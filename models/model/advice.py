@@ -154,11 +154,13 @@ def advise(
     use = thrust_use(analysis, limit)
     fill, by_use, by_lost = next_fill(analysis, use, limit)
     free = analysis.redundancy_yaw_uncontrolled[track.flying]
-    reach = np.exp(INTERVAL * analysis.redundancy_error[track.flying])
+    error = analysis.redundancy_error[track.flying]
+    low = free * np.exp(-INTERVAL * error)
+    high = free * np.exp(INTERVAL * (error - analysis.redundancy_beyond))
     lost = RotorLost(
         least=_least(free),
-        least_low=_least(free / reach),
-        least_high=_least(free * reach),
+        least_low=_least(low),
+        least_high=_least(high),
         not_survivable_s=float(seconds[track.flying][free < 1.0].sum()),
     )
     found = fault_history(analysis) if history is None else history
@@ -182,7 +184,7 @@ def advise(
             levels.append(FlightLevel.BATTERY)
         if use.spent_s >= 1.0:
             levels.append(FlightLevel.NO_THRUST)
-        of_load = _load_level(use, free, reach)
+        of_load = _load_level(use, low, high)
         if not (predicted_alone and of_load is FlightLevel.UNDER):
             levels.append(of_load)
     return Advised(
@@ -211,13 +213,13 @@ def advise(
     )
 
 
-def _load_level(use: ThrustUse, free: Floats, reach: Floats) -> FlightLevel:
-    """By redundancy (N,) with its factor, and by the use that lasts."""
-    if np.any(free * reach < 1.0):
+def _load_level(use: ThrustUse, low: Floats, high: Floats) -> FlightLevel:
+    """By the ends (N,) of redundancy, and by the use that lasts."""
+    if np.any(high < 1.0):
         return FlightLevel.CRITICAL
     if use.surely_above.any():
         return FlightLevel.OVER
-    if use.maybe_above.any() or np.any(free / reach < 1.0):
+    if use.maybe_above.any() or np.any(low < 1.0):
         return FlightLevel.NEAR
     return FlightLevel.UNDER
 

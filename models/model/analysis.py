@@ -23,6 +23,7 @@ from thrustmargin.models.model.inferred.output_speed import SpeedBasis as SpeedB
 from thrustmargin.models.model.inferred.output_speed import speed_basis
 from thrustmargin.models.model.inferred.utilisation_error import (
     INTERVAL,
+    beyond_load,
     redundancy_error,
     utilisation_error,
 )
@@ -63,12 +64,14 @@ class FlightAnalysis:
     max_thrust: Floats  # (T, R) N
     thrust: Floats  # (T, R) N from the measured rotor speed, or that from motor outputs
     utilisation: Floats  # (T, R) from the same speed
-    utilisation_error: Floats  # (T, R) standard error of the known utilisation
+    utilisation_error: Floats  # (T, R) standard error of the known utilisation, to the high side
+    utilisation_beyond: Floats  # (T, R) part of it that the low side has not
     utilisation_predicted: Floats  # (T, R) from the predicted rotor speed
     weight: Floats  # (T,) N of the vehicle with its liquid
     redundancy_yaw_kept: Floats  # (T,) worst single rotor lost: holdable thrust over weight
     redundancy_yaw_uncontrolled: Floats  # (T,) the same with yaw uncontrolled
-    redundancy_error: Floats  # (T,) standard error of ln of either
+    redundancy_error: Floats  # (T,) standard error of ln of either, to the low side
+    redundancy_beyond: float  # part of it that the high side has not
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
     claim: AirframeClaim  # on what ground it is a flight of the model's airframe
     start: FlightState | None = None  # that the first row was analysed from
@@ -172,7 +175,8 @@ class FlightAnalysis:
         return self._more_than(limit, INTERVAL)
 
     def _more_than(self, limit: float, errors: float) -> Bools:
-        use = self.known_utilisation + errors * self.utilisation_error
+        error = self.utilisation_error - (self.utilisation_beyond if errors < 0.0 else 0.0)
+        use = self.known_utilisation + errors * error
         with np.errstate(invalid="ignore"):
             return self.track.flying & np.any(use > limit, axis=1)
 
@@ -225,6 +229,9 @@ def analyse(
     load = weight(airframe, track.tank_kg)
     use = utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm)
     use_predicted = utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm)
+    use_error, use_beyond = utilisation_error(
+        track, airframe, prediction, use, use_predicted, claim.outputs
+    )
     load_known = np.isfinite(track.measured("tank_kg"))[:, None]
     return FlightAnalysis(
         track=track,
@@ -241,14 +248,14 @@ def analyse(
         max_thrust=limits.max_thrust,
         thrust=rotor_thrust(airframe, track.rotor_speed_rpm, rho),
         utilisation=use,
-        utilisation_error=utilisation_error(
-            track, airframe, prediction, use, use_predicted, claim.outputs
-        ),
+        utilisation_error=use_error,
+        utilisation_beyond=use_beyond,
         utilisation_predicted=use_predicted,
         weight=load,
         redundancy_yaw_kept=redundancy(airframe, limits, load, yaw_kept=True),
         redundancy_yaw_uncontrolled=redundancy(airframe, limits, load, yaw_kept=False),
         redundancy_error=redundancy_error(track, airframe, density_error / rho, claim.outputs),
+        redundancy_beyond=beyond_load(track, airframe, claim.outputs),
         trimmable_loss=trimmable_loss(airframe, limits, load),
         start=start,
         claim=claim,

@@ -69,7 +69,7 @@ class FaultTest:
         self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
         self._held_s, self._before = math.nan, self.faults
         self._first: list[tuple[float, Floats, Floats]] | None = []
-        self._passed, self._suspect = -1, None
+        self._passed, self._again, self._suspect = -1, -1, None
 
     def forget(self, known: Sequence[RotorFault] = ()) -> None:
         """All parts may be new, but for faults that are `known`: they stand until the signals are
@@ -152,7 +152,8 @@ class FaultTest:
         rotors = set(np.flatnonzero(share.sum(axis=1) > EXCLUDED).tolist())
         rotors |= set(suspected.rotors if suspected else ()) | ({before} - {-1})
         sizes = share[:, 1:].sum(axis=0)
-        if len(rotors) < 2 or not sizes.sum() > share[:, 0].sum():
+        # Of one that stands, the alarm is there: what changes may be its repair.
+        if len(rotors) < 2 or rotors & self.faults.keys() or not sizes.sum() > share[:, 0].sum():
             return None
         lower = float(np.interp(0.025, np.cumsum(sizes / sizes.sum()), FAULT_SIZES))
         size = float(sizes @ FAULT_SIZES / sizes.sum())
@@ -168,11 +169,18 @@ class FaultTest:
     def _name(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
         """Put down what the posterior (J,) of a rotor's sizes says.
 
-        `begins`: it is perhaps not yet all there, and only the lower end of its size is known.
+        `begins`: it is perhaps not yet all there, and only the lower end of its size is known; what
+        was bad is so until two blocks on end say that it is sound.
         """
+        was = self.faults.get(rotor)
         self.faults = {r: f for r, f in self._before.items() if r != rotor}
         # Sound again is as likely before as all sizes together.
-        if FAULT_SIZES.size * posterior[0] < posterior[1:].sum():
+        again, self._again = self._again, -1
+        if not FAULT_SIZES.size * posterior[0] < posterior[1:].sum():
+            self._again = rotor
+            if begins and again != rotor and was is not None:
+                self.faults[rotor] = was
+        else:
             weight = posterior[1:] / posterior[1:].sum()
             lower, upper = np.interp([0.025, 0.975], np.cumsum(weight) - 0.5 * weight, FAULT_SIZES)
             self.faults[rotor] = RotorFault(

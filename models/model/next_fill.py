@@ -89,10 +89,12 @@ def next_fill(
     )
     middles, lows, highs = (x[:, 0] for x in (found.by_reason, found.low, found.high))
     # The air of a flight is known less well than that of a question.
-    air = np.exp(INTERVAL * np.nan_to_num(analysis.redundancy_error[lowest]))
-    lost = REASONS.index("one rotor lost")
-    lows[lost] = min(lows[lost], (empty + middles[lost]) / air - empty)
-    highs[lost] = max(highs[lost], (empty + middles[lost]) * air - empty)
+    error, beyond = np.nan_to_num(analysis.redundancy_error[lowest]), analysis.redundancy_beyond
+    by_use, lost = REASONS.index("utilisation"), REASONS.index("one rotor lost")
+    up = np.exp(INTERVAL * (error - beyond))
+    lows[by_use] = (empty + lows[by_use]) / np.exp(INTERVAL * beyond) - empty
+    lows[lost] = min(lows[lost], (empty + middles[lost]) / np.exp(INTERVAL * error) - empty)
+    highs[lost] = max(highs[lost], (empty + middles[lost]) * up - empty)
     # What the gauge does not know of may be in the tank or not: a hidden mass, a weak rotor.
     kg = float(np.min(lows)) - analysis.beyond_gauge_kg
     reason = REASONS[int(np.argmin(lows))]
@@ -117,5 +119,5 @@ def next_fill(
         liquid_density=craft.liquid_density,
         beyond_gauge_kg=analysis.beyond_gauge_kg,
     )
-    by_use, by_lost = ((empty + middles[k]) * free / free[lowest] - empty for k in (0, lost))
-    return made, by_use, by_lost
+    limits = ((empty + middles[k]) * free / free[lowest] - empty for k in (by_use, lost))
+    return made, *limits

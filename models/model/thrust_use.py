@@ -50,28 +50,31 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
     track = analysis.track
     use = np.where(track.flying[:, None], analysis.known_utilisation, np.nan)
     second, means = _by_second(track.time_s, use)
-    reach = INTERVAL * np.where(np.isfinite(use), analysis.utilisation_error, np.nan)
-    _, reaches = _by_second(track.time_s, reach)
+    above, beyond = (
+        _by_second(track.time_s, INTERVAL * np.where(np.isfinite(use), error, np.nan))[1]
+        for error in (analysis.utilisation_error, analysis.utilisation_beyond)
+    )
     medians = running_median(means, LASTING_S)
     medians[~np.isfinite(means)] = np.nan
     most, which = worst_rotor(medians)
     known, at = np.isfinite(most), np.arange(most.size)
-    error = np.zeros(most.size)
-    error[known] = np.nan_to_num(reaches[at[known], which[known].astype(int)])
+    up, down = np.zeros((2, most.size))
+    up[known] = np.nan_to_num(above[at[known], which[known].astype(int)])
+    down[known] = up[known] - np.nan_to_num(beyond[at[known], which[known].astype(int)])
     now = worst_rotor(means)[0]
     flown = np.where(track.flying, track.row_seconds, 0.0)
     length = np.bincount(second, weights=flown).astype(np.float64)
     with np.errstate(invalid="ignore"):
-        lasting_above, above = most > limit, now > limit
-        surely, maybe = most - error > limit, most + error > limit
-        spent = now - error > SPENT
-    passed = _runs(above & ~lasting_above, length)
+        lasting_above, over = most > limit, now > limit
+        surely, maybe = most - down > limit, most + up > limit
+        spent = now - down > SPENT
+    passed = _runs(over & ~lasting_above, length)
     top = int(np.nanargmax(most)) if known.any() else 0
     nothing = float("nan")
     return ThrustUse(
         lasting_most=float(most[top]) if known.any() else nothing,
-        lasting_low=float((most - error)[top]) if known.any() else nothing,
-        lasting_high=float((most + error)[top]) if known.any() else nothing,
+        lasting_low=float((most - down)[top]) if known.any() else nothing,
+        lasting_high=float((most + up)[top]) if known.any() else nothing,
         lasting_above_s=float(length[lasting_above].sum()),
         above_s=float(track.row_seconds[analysis.above_limit(limit)].sum()),
         known_s=float(track.row_seconds[np.isfinite(use).any(axis=1)].sum()),

@@ -42,7 +42,7 @@ MARK = {
 }
 NO_COPY = (
     "{name}: only a telemetry log (.tlog) can be copied without who and where; of this one share "
-    "the rows: thrustmargin report {name} --anonymise --csv rows.csv"
+    "rows.csv of: thrustmargin report {name} --anonymise --out rows.html"
 )
 _WIDE = 110  # columns of the terminal from which the whole table fits
 

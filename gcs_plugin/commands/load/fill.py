@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     UsageError,
     check_outputs,
     check_utilisation,
+    check_voltage,
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -85,7 +86,7 @@ def fill(
     rotor_model = chosen_model(model, airframe)
     nominal = rotor_model.airframe.nominal_voltage
     if voltage is not None:
-        _check_voltage(voltage, nominal)
+        check_voltage(voltage, rotor_model.airframe)
     day = made.Day(
         temperature_c=air_temperature,
         altitude=altitude,
@@ -119,19 +120,6 @@ def fill(
 def _check(option: str, value: float, low: float, high: float, unit: str) -> None:
     if not (math.isfinite(value) and low <= value <= high):
         raise UsageError(f"{option} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
-
-
-def _check_voltage(voltage: float, nominal: float) -> None:
-    """Refuse what no battery of the airframe's number of cells has, as of a log."""
-    from thrustmargin.models.checks.plausible import POSSIBLE_VOLTAGE
-
-    low, high = (share * nominal for share in POSSIBLE_VOLTAGE)
-    if not low <= voltage <= high:
-        raise UsageError(
-            f"--voltage {voltage:g} V cannot be: the airframe's battery of {nominal:g} V nominal "
-            f"stays within {low:.1f} and {high:.1f} V; give the voltage under load, or correct "
-            "nominal_voltage"
-        )
 
 
 def _grid(table: FillTable, state: str, volts: float, heads: list[str]) -> Table:

@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     check_port,
     check_utilisation,
+    check_voltage,
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -31,6 +32,7 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.mission.ahead.battery import FlightBattery
     from thrustmargin.mission.ahead.plan_forecast import PlanForecast
+    from thrustmargin.models.physics.airframe import Airframe
 
 PLANS = (".plan", ".mission", ".waypoints", ".txt")
 ZERO_CELSIUS = 273.15
@@ -147,7 +149,7 @@ def forecast(
     liquid = craft.liquid_density
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
     known = _parameters(plan, parameters)
-    battery = _battery(known, voltage, capacity, resistance, craft.nominal_voltage)
+    battery = _battery(known, voltage, capacity, resistance, craft)
     made = plan_forecast.forecast(
         found,
         rotor_model,
@@ -273,18 +275,13 @@ def _battery(
     voltage: float | None,
     capacity: float | None,
     resistance: float | None,
-    nominal: float,
+    craft: Airframe,
 ) -> FlightBattery:
     """By the options, else by the parameters; refuses a voltage that such a battery never has."""
     from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
-    from thrustmargin.models.checks.plausible import POSSIBLE_VOLTAGE
 
-    low, high = (share * nominal for share in POSSIBLE_VOLTAGE)
-    if voltage is not None and not low <= voltage <= high:
-        raise UsageError(
-            f"--voltage {voltage:g} V cannot be: a battery of {nominal:g} V nominal stays within "
-            f"{low:.1f} and {high:.1f} V"
-        )
+    if voltage is not None:
+        check_voltage(voltage, craft)
     return FlightBattery(
         voltage=_or_nan(voltage),
         capacity_ah=stated_capacity(known) if capacity is None else capacity,

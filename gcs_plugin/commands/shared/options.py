@@ -6,8 +6,12 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from thrustmargin.models.errors import DataError
+
+if TYPE_CHECKING:
+    from thrustmargin.models.physics.airframe import Airframe
 
 #: Set in the environment by --quiet, so that processes of ours are quiet too.
 QUIET = "THRUSTMARGIN_QUIET"
@@ -143,3 +147,18 @@ def _same(first: Path, second: Path) -> bool:
     if first.exists() and second.exists():
         return first.samefile(second)
     return first.resolve() == second.resolve()
+
+
+def check_voltage(voltage: float, craft: Airframe) -> None:
+    """Raise UsageError for what no battery of the airframe's number of cells has in flight: less
+    than an empty one, or more than its charger leaves in it."""
+    from thrustmargin.models.checks.full_battery import POSSIBLE_VOLTAGE, TOLERANCE, full_voltage
+
+    nominal = craft.nominal_voltage
+    low, high = POSSIBLE_VOLTAGE[0] * nominal, (1.0 + TOLERANCE) * full_voltage(craft)
+    if not low <= voltage <= high:
+        raise UsageError(
+            f"--voltage {voltage:g} V cannot be: the airframe's battery of {nominal:g} V nominal "
+            f"stays within {low:.1f} and {high:.1f} V; give the voltage under load, or correct "
+            "nominal_voltage"
+        )

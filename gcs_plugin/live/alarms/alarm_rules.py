@@ -81,20 +81,21 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 def margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     analysis, rows = now.analysis, now.rows
     use, error = analysis.utilisation[rows], np.nan_to_num(analysis.utilisation_error[rows])
+    down = error - np.nan_to_num(analysis.utilisation_beyond[rows])
     measured = np.isfinite(use)
     # Without a speed the prediction may say that there is thrust again, and nothing else can.
     reach = analysis.utilisation_predicted[rows] + INTERVAL * error
     with np.errstate(invalid="ignore"):
         enough = np.max(reach, axis=1) < s.max_utilisation - s.margin_hysteresis
     blind: Bools = ~np.any(measured, axis=1)
-    return _low(s, words.MEASURED_MARGIN, use, error, np.all(measured, axis=1), blind & enough)
+    return _low(s, words.MEASURED_MARGIN, use, down, np.all(measured, axis=1), blind & enough)
 
 
 def predicted_margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     analysis, rows = now.analysis, now.rows
     measured: Bools = np.any(np.isfinite(analysis.utilisation[rows]), axis=1)
     use = np.where(measured[:, None], np.nan, analysis.utilisation_predicted[rows])
-    error = np.nan_to_num(analysis.utilisation_error[rows])
+    error = np.nan_to_num((analysis.utilisation_error - analysis.utilisation_beyond)[rows])
     low = _low(s, words.PREDICTED_MARGIN, use, error, ~measured, measured)
     return replace(low, over=measured)
 

@@ -3,7 +3,8 @@
 The same comparison as of a file, of the last minute in flight, at most every 2.5 s. It decides on
 the ground and in the first seconds of a flight; what the aircraft was then known to be it stays.
 What fits no longer after that (a battery that collapses) is a finding, and takes no margin away.
-One that was not known goes on to be compared.
+One that was not known goes on to be compared. How far outputs and battery let the ceiling be too
+high is looked at as long as it flies, the battery from before the take-off on.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET, AIRFRAME_UNKNOWN
+from thrustmargin.models.checks.full_battery import ceiling_too_high, highest
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS
 from thrustmargin.models.flight import FlightTrack, joined
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
@@ -41,6 +43,7 @@ class AirframeWatch:
         self._parts: list[tuple[FlightTrack, NDArray[np.intp]]] = []
         self._last_s = -np.inf  # of its last row
         self._looked_s = -np.inf
+        self._volts = np.empty(0)  # the most that the battery read, V
         self._other_rotors = False  # reported last
         self._against = 0  # looks on end that spoke against what is decided
         self._opened_s = np.inf  # first row of this flight
@@ -69,6 +72,7 @@ class AirframeWatch:
             return self.claim
         if self._other_rotors:
             self._other_rotors, self.claim = False, self._first()
+        self._volts = highest(np.append(self._volts, track.voltage), self._airframe)
         self._gather(track)
         if not self._parts or track.time_s[-1] - self._looked_s < EVERY:
             return self.claim
@@ -79,6 +83,9 @@ class AirframeWatch:
         if evidence.time_s.size >= FEWEST_ROWS:
             trusted = self._given or self.claim.basis == "recognised"
             now = airframe_claim(evidence, self._airframe, facts, parameters, given=trusted)
+            if now.outputs is not None:
+                high = ceiling_too_high(self._volts, self._airframe)
+                now = replace(now, outputs=replace(now.outputs, ceiling_high=high))
             self._decide(replace(now, source=self._source))
         return self.claim
 
@@ -109,6 +116,8 @@ class AirframeWatch:
         misfits = before.misfit or before.withheld
         if bool(now.withheld) == bool(misfits):
             self._against = 0
+            if not (before.withheld or now.withheld):
+                self.claim = replace(before, outputs=now.outputs)
             return
         self._against += 1
         if self._against < (AGAINST if now.withheld else FOR):

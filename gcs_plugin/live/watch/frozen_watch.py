@@ -1,17 +1,18 @@
 """Instruments that stand still in flight, found while it goes on.
 
-The same function as of a file, over what was flown since the take-off: so it says nothing of the
-first minute, and of a tank gauge nothing before thrust shows that the aircraft became lighter. Rows
-that were shown stay as they were. A reading that moves again is one.
+The same function as of a file, over what was flown since the take-off: so it says nothing before a
+reading stood for a minute, and of a tank gauge nothing before thrust shows that the aircraft became
+lighter. Rows that were shown stay as they were. A reading that moves again is one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from thrustmargin.models.checks.frozen import frozen, left_out
+from thrustmargin.models.checks.frozen import Stand, frozen, left_out
 from thrustmargin.models.flight import FlightTrack, joined
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -28,7 +29,7 @@ class FrozenWatch:
 
     def _begin(self) -> None:
         self._flown: list[FlightTrack] = []  # rows in flight, in order
-        self._frozen: dict[str, float] = {}
+        self._frozen: dict[str, Stand] = {}
         self._last_s = self._looked_s = -np.inf
 
     def without_frozen(self, track: FlightTrack, parameters: Mapping[str, float]) -> FlightTrack:
@@ -47,15 +48,17 @@ class FrozenWatch:
         if self._flown and self._last_s - self._looked_s >= EVERY:
             self._looked_s = self._last_s
             self._flown = [joined([(part, slice(None)) for part in self._flown])]
-            self._frozen = frozen(self._flown[0], self._airframe, parameters)
+            found = frozen(self._flown[0], self._airframe, parameters)
+            self._frozen = {c: stand for c, stand in found.items() if stand.rows[-1]}
         moving = [c for c, stood in self._frozen.items() if _moves(track, c, stood)]
         self._frozen = {c: stood for c, stood in self._frozen.items() if c not in moving}
-        return left_out(track, self._frozen)
+        whole = np.ones(time_s.size, dtype=np.bool_)
+        return left_out(track, {c: replace(s, rows=whole) for c, s in self._frozen.items()})
 
     def _other(self, track: FlightTrack) -> bool:
         return bool(self._flown) and self._flown[-1].rotor_count != track.rotor_count
 
 
-def _moves(track: FlightTrack, channel: str, stood: float) -> bool:
+def _moves(track: FlightTrack, channel: str, stood: Stand) -> bool:
     values = getattr(track, channel)
-    return bool(np.any(np.isfinite(values) & (values != stood)))
+    return bool(np.any(np.isfinite(values) & (values != stood.value)))

@@ -278,7 +278,7 @@ class VehicleMonitor:
         """The claim with the new rows, and what the model goes on from: nothing after a change."""
         before = self.claim
         claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
-        if claim is before and self.last is not None:
+        if replace(claim, outputs=before.outputs) == before and self.last is not None:
             return claim, start
         helps = [claim.remedy] if claim.withheld else []
         self.notes.append((int(new.stamp_us[-1]), "; ".join([claim.described, *helps])))

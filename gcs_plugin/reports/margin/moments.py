@@ -62,6 +62,7 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
     rotor = int(np.nanargmax(use[row]))
     value = float(use[row, rotor])
     reach = INTERVAL * float(analysis.utilisation_error[row, rotor])
+    to_low = reach - INTERVAL * float(analysis.utilisation_beyond[row, rotor])
     north, east, down = (float(x) for x in track.position_ned[row])
     latitude = longitude = float("nan")
     if track.origin is not None and np.isfinite(north) and np.isfinite(east):
@@ -82,7 +83,7 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         rotor=rotor + 1,
         rotor_name=names[rotor],
         capacity_use=value,
-        capacity_use_low=max(value - reach, 0.0),
+        capacity_use_low=max(value - to_low, 0.0),
         capacity_use_high=value + reach,
         margin=1.0 - value,
         basis=analysis.basis_of(row, rotor),

@@ -125,8 +125,8 @@ class ShownRow:
         """
         free = float(self.analysis.redundancy_yaw_uncontrolled[self.row])
         error = float(np.nan_to_num(self.analysis.redundancy_error[self.row]))
-        reach = float(np.exp(INTERVAL * error))
-        return free, free / reach, free * reach
+        low, high = np.exp(INTERVAL * np.array([-error, error - self.analysis.redundancy_beyond]))
+        return free, free * float(low), free * float(high)
 
     @property
     def survives(self) -> bool:

@@ -1,8 +1,8 @@
 """How well thrust utilisation is known: from rotor speeds, load, and what the airframe guesses.
 
-    by speed      s(ln u)² = (2 s_N/N)² + s_c² + s_o²           u = (N/N_max)²
-    by prediction s(ln u)² = (s_m/m)² + s_g² + s_c² + s_o² (+ the network's own interval)
-    redundancy    s(ln r)² = (s_m/m)² + s_g² + s_c² + s_o² + (s_rho/rho)²
+    by speed      (s(ln u) - s_o)² = (2 s_N/N)² + s_c²           u = (N/N_max)²
+    by prediction (s(ln u) - s_o)² = (s_m/m)² + s_g² + s_c² (+ the network's own interval)
+    redundancy    (s(ln r) - s_o)² = (s_m/m)² + s_g² + s_c² + (s_rho/rho)²
 
 s_N, s_m standard errors of rotor speed and mass, 0 where they were measured (of one that hover
 thrust shows, only what the largest thrust does not share); s_c of the ceiling where its rotor speed
@@ -11,8 +11,9 @@ density of the air is in redundancy only: by speed it cancels, and the network p
 that it learnt in.
 
 s_o is what the motor outputs show beyond the rotor speeds, or beyond the reported load where that
-is what the number rests on: too little to say which is wrong, enough that the 90 % interval reaches
-to what the outputs say (checks/output_evidence.py).
+is what the number rests on, or a battery beyond a full one: too little to say which is wrong,
+enough that the 90 % interval reaches there (checks/output_evidence.py). It is no scatter: it is
+added as it is, and to one side, for it shows that more is in use and less can be held.
 """
 
 from __future__ import annotations
@@ -68,13 +69,13 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
 def beyond_load(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None) -> float:
     """Standard error, as a share, by what motor outputs lift beyond the reported load; 0.
 
-    A load that hover thrust shows has it in its own error.
+    A load that hover thrust shows has that in its own error, but for a ceiling that is too high.
     """
-    if outputs is None or track.source("tank_kg").meaning is Meaning.HOVER_THRUST:
+    if outputs is None:
         return 0.0
     load = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
-    if not load.size:
-        return 0.0
+    if not load.size or track.source("tank_kg").meaning is Meaning.HOVER_THRUST:
+        return outputs.ceiling_high / INTERVAL
     return outputs.share_beyond(airframe.empty_mass + float(np.median(load))) / INTERVAL
 
 
@@ -84,13 +85,14 @@ def redundancy_error(
     density_share: Floats,
     outputs: OutputEvidence | None = None,
 ) -> Floats:
-    """(T,) standard error of ln redundancy; `density_share` (T,) is that of ln density.
+    """(T,) standard error of ln redundancy to the low side, `beyond_load` with it; `density_share`
+    (T,) is that of ln density.
 
     Where hover thrust shows the load, density shifts it and the largest thrust alike.
     """
     shared = track.source("tank_kg").meaning is Meaning.HOVER_THRUST
     error = np.hypot(load_error(track, airframe), 0.0 if shared else density_share)
-    return np.hypot(error, beyond_load(track, airframe, outputs))
+    return error + beyond_load(track, airframe, outputs)
 
 
 def utilisation_error(
@@ -100,8 +102,9 @@ def utilisation_error(
     utilisation: Floats,
     utilisation_predicted: Floats,
     outputs: OutputEvidence | None = None,
-) -> Floats:
-    """(T, R) standard error of the known utilisation; NaN where it is unknown.
+) -> tuple[Floats, Floats]:
+    """(T, R) standard error of the known utilisation to the high side, and the part of it that the
+    low side has not; NaN where it is unknown.
 
     That is the one by speed in rows with any, and else the predicted one.
     """
@@ -112,12 +115,13 @@ def utilisation_error(
         half = (prediction.upper_rpm - prediction.lower_rpm) / 2.0
         of_network = np.nan_to_num(2.0 * half / INTERVAL / prediction.rotor_speed_rpm)
         ceiling = ceiling_variance(airframe, track.voltage)[:, None]
+        load = load_error(track, airframe)[:, None]
         beyond = beyond_load(track, airframe, outputs)
         # Speeds that were made of the outputs rest on the load.
         of_outputs = 0.0 if outputs is None else outputs.share_beyond_speeds / INTERVAL
         of_outputs = np.where(error > 0.0, beyond, of_outputs)
-        by_speed = utilisation * np.sqrt(of_speed**2 + ceiling + of_outputs**2)
-        load = load_error(track, airframe)[:, None]
-        predicted = utilisation_predicted * np.sqrt(load**2 + of_network**2 + beyond**2)
     any_speed = np.any(np.isfinite(utilisation), axis=1)[:, None]
-    return np.where(any_speed, by_speed, predicted)
+    use = np.where(any_speed, utilisation, utilisation_predicted)
+    scatter = np.where(any_speed, np.sqrt(of_speed**2 + ceiling), np.hypot(load, of_network))
+    one_sided = use * np.where(any_speed, of_outputs, beyond)
+    return use * scatter + one_sided, one_sided

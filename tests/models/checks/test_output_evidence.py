@@ -1,6 +1,7 @@
 """Motor outputs as a third estimate of thrust, beside weight and rotor speeds, by hand."""
 
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from tests.made_sources import pulses
 from thrustmargin.models.checks.frozen import without_frozen
 from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.airframe_claim import airframe_claim
 from thrustmargin.models.model.analysis import analyse, for_verdict
 from thrustmargin.models.model.inferred.prepared import prepared
@@ -149,3 +151,112 @@ def test_what_outputs_show_beyond_gauge_or_speeds_lies_within_the_interval(chann
         assert np.exp(1.645 * found.redundancy_error[row]) > 37.1 / 30.1
     sound = analyse(hover(16.0), physics_model(F16), claim=claim_of(hover(16.0)))
     assert sound.utilisation_error[row, 0] == 0.0
+
+
+def redundancy_low(track: FlightTrack, airframe=F16) -> float:
+    """The low end of the least redundancy that is told of a flight."""
+    claim = airframe_claim(track, airframe, FACTS, SQUARE, given=True)
+    made = for_verdict(
+        analyse(prepared(track, airframe, SQUARE), physics_model(airframe), claim=claim)
+    )
+    low = made.redundancy_yaw_uncontrolled * np.exp(-1.645 * made.redundancy_error)
+    return float(np.nanmin(low))
+
+
+def changed(**values: float):
+    """The F16 with other numbers in its file."""
+    quantities = {k: replace(F16.quantities[k], value=v) for k, v in values.items()}
+    return replace(F16, **values, quantities=MappingProxyType({**F16.quantities, **quantities}))
+
+
+def test_what_is_shown_beyond_makes_an_answer_graver_and_never_better():
+    # By the gauge 34 kg, by outputs and speeds 37.1: too heavy either way, and as surely so.
+    track = hover(16.0, gauge=13.0)
+    claim = claim_of(track)
+    made = [
+        advise(analyse(prepared(track, F16, SQUARE), physics_model(F16), claim=one)).advice
+        for one in (claim, replace(claim, outputs=None))
+    ]
+    assert claim.outputs.share_beyond(34.1) == pytest.approx(3.0 / 34.1, rel=0.02)
+    shown, without_it = made
+    assert shown.level is without_it.level
+    assert shown.lost.least_high == pytest.approx(without_it.lost.least_high)
+    assert shown.lost.least_low < without_it.lost.least_low / 1.08
+    assert shown.fill.low_kg < without_it.fill.low_kg - 1.0
+    assert shown.fill.high_kg == pytest.approx(without_it.fill.high_kg)
+    assert shown.use.lasting_low == pytest.approx(without_it.use.lasting_low)
+
+
+TRUE_LOST = FULL / 2.0 / (37.1 * G0)  # two of four rotors hold what one pair of a quad can
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"max_rotor_speed_rpm": 3150.0},
+        {"max_rotor_speed_rpm": 3300.0},
+        {"empty_mass": 18.9},
+        {"empty_mass": 16.9},
+        {"thrust_coefficient": 2.212e-5},
+    ],
+    ids=lambda wrong: " ".join(f"{k} {v:g}" for k, v in wrong.items()),
+)
+@pytest.mark.parametrize("silent", [(), ("rotor_speed_rpm",)], ids=["both", "outputs"])
+def test_an_airframe_that_is_off_does_not_reassure(wrong, silent):
+    track = without(hover(16.0), *silent)
+    assert redundancy_low(track) == pytest.approx(TRUE_LOST, rel=0.06)
+    assert redundancy_low(track, changed(**wrong)) < TRUE_LOST
+
+
+def test_rotor_speeds_alone_show_a_mass_that_the_airframe_lacks():
+    light = changed(empty_mass=18.9)  # 6 % of 37.1 kg less, where a bench is good to 3 %
+    assert redundancy_low(without(hover(16.0), "throttle"), light) < TRUE_LOST
+
+
+def test_without_a_parameter_for_their_curve_outputs_show_less():
+    # 10 % of speed are 21 % of thrust: less than the 30 % that an assumed curve may be off.
+    track = hover(16.0, speeds=1.0 / 1.1)
+    curve = {"MOT_SPIN_MIN": 0.0, "MOT_SPIN_MAX": 1.0}
+    by_set, assumed = (output_evidence(track, F16, p) for p in (SQUARE, curve))
+    assert by_set.shows == pytest.approx(0.5 * by_set.error)
+    assert assumed.shows == pytest.approx(assumed.error)
+    assert by_set.share_beyond_speeds == pytest.approx(0.21, abs=0.005)
+
+
+@pytest.mark.parametrize("high", [1.03, 1.04, 1.06])
+@pytest.mark.parametrize("silent", [(), ("throttle",)], ids=["outputs", "none"])
+def test_a_voltmeter_that_reads_too_much_does_not_reassure(high, silent):
+    # At rest 58.8 V are read as more; in flight 55 V carry the weight.
+    volts = np.append(np.full(50, 58.8), 55.0 + 0.01 * RNG.standard_normal(850))
+    track = replace(hover(16.0), flying=np.arange(900) >= 50)
+    share = np.sqrt(37.1 * G0 / FULL) * 58.8 / 55.0
+    true = replace(track, voltage=volts, throttle=np.full((900, 4), share))
+    true = without(true, *silent)
+    lost = (55.0 / 58.8) ** 2 * TRUE_LOST
+    assert redundancy_low(true) == pytest.approx(lost, rel=0.06)
+    assert redundancy_low(replace(true, voltage=high * volts)) < lost
+
+
+def test_rows_in_which_a_voltage_stands_still_are_left_out_and_others_are_not():
+    moving = hover(9.0)
+    volts = moving.voltage.copy()
+    volts[200:] = 57.0
+    found = without_frozen(replace(moving, voltage=volts), F16, SQUARE)
+    assert np.isnan(found.voltage[200:]).all()
+    assert np.array_equal(found.voltage[:200], volts[:200])
+    assert [r.reason for r in found.source("voltage").rejected] == [Reason.FROZEN]
+    assert found.notes[-1].startswith("battery voltage stood at 57 V for a minute or more")
+    # One that shows whole volts stands for long, and is no worse than it says.
+    coarse = replace(moving, voltage=np.repeat([59.0, 58.0, 57.0], [100, 700, 100]))
+    assert without_frozen(coarse, F16, SQUARE) is coarse
+
+
+def test_a_gauge_that_sticks_on_the_way_is_not_believed_before_either():
+    emptied = np.linspace(16.0, 4.0, 900)
+    stuck = np.minimum.accumulate(np.where(np.arange(900) < 200, emptied, emptied[200]))
+    found = without_frozen(hover(emptied, gauge=stuck), F16, SQUARE)
+    assert not found.reports("tank_kg")
+    # A pump that is off leaves gauge and weight as they are.
+    paused = np.append(np.linspace(16.0, 13.0, 200), np.full(700, 13.0))
+    sound = hover(paused)
+    assert without_frozen(sound, F16, SQUARE) is sound

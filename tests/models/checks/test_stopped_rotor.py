@@ -1,5 +1,7 @@
 """A rotor that stops hands its share of the weight to the others; a silent ESC does not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,3 +54,23 @@ def test_a_silent_esc_is_no_stopped_rotor(rotors):
     # A pull of 30 % more just then is felt, and no rotor's share.
     assert stopped_rotors(flight(rotors, 0.0, climb=0.3)) == ()
     assert stopped_rotors(flight(rotors, 1.0, heard=False)) == ()
+
+
+@pytest.mark.parametrize(
+    ("asked", "stands"),
+    [
+        (0.68, True),  # of 0.5 before: more and more is asked for in vain
+        (0.0, True),  # it was switched off
+        (0.55, False),  # the others have taken up a load, and so has it
+        (0.3, False),  # a yaw turn: its pair slows, the other speeds up
+        (np.nan, True),  # not known
+    ],
+)
+def test_outputs_show_whether_the_others_took_over_or_all_had_more_to_do(asked, stands):
+    track = flight(6, 1.0)
+    throttle = np.full((TIME.size, 6), 0.5)
+    throttle[TIME >= 30.0] = 0.55
+    throttle[TIME >= 30.0, 1] = asked
+    assert bool(stopped_rotors(replace(track, throttle=throttle))) == stands
+    # Outputs that stay where they are show nothing of what the others do.
+    assert stopped_rotors(replace(track, throttle=np.full((TIME.size, 6), 0.5)))

@@ -104,14 +104,17 @@ def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
     gone = track.time_s > 100.0
     speeds = track.rotor_speed_rpm * np.where(gone, np.sqrt(4.0 / 3.0), 1.0)[:, None]
     speeds[gone, 2] = np.nan
-    made = advise(replace(sound, track=replace(track, rotor_speed_rpm=speeds))).advice
+    # The autopilot asks more of all, and most of the one that does not answer.
+    outputs = track.throttle * np.where(gone[:, None], [1.15, 1.15, 1.4, 1.15], 1.0)
+    stood = replace(track, rotor_speed_rpm=speeds, throttle=outputs)
+    made = advise(replace(sound, track=stood)).advice
     assert made.level is FlightLevel.DAMAGED
     assert (made.faults[0].fault.kind, made.faults[0].fault.rotor) == ("stopped", 2)
     assert headline(made).startswith("ROTOR 3, FRONT LEFT: STOOD STILL IN FLIGHT")
     assert "Rotor 3 front left stands still: land" in dict(facts(made))["alarm"]
     # It needs no airframe, and of one that is not known it has no place.
     unknown = replace(sound, claim=AirframeClaim(withheld=("another battery",)))
-    made = advise(replace(unknown, track=replace(track, rotor_speed_rpm=speeds))).advice
+    made = advise(replace(unknown, track=stood)).advice
     assert made.level is FlightLevel.DAMAGED
     assert headline(made).startswith("ROTOR 3: STOOD STILL IN FLIGHT")
 

@@ -141,6 +141,39 @@ def test_sound_again_is_as_likely_before_as_all_sizes_together(sound, bad):
     assert (named(posterior / posterior.sum()) is not None) == bad
 
 
+def test_a_repair_is_believed_when_two_blocks_on_end_show_it():
+    """While it begins one block says sound, the next a smaller size, and then two say sound."""
+    test = _motor_test(MODEL)
+    sound, small = np.zeros((2, SIZES + 1))
+    sound[0], small[5] = 1.0, 1.0
+    large = np.roll(small, 15)
+    test._name(1, large, begins=False)
+    test._before = test.faults
+    said = []
+    for posterior in (sound, small, sound, sound):
+        test._name(1, posterior, begins=True)
+        fault = test.faults.get(1)
+        said.append(0.0 if fault is None else fault.lower)
+    least, lesser = FAULT_SIZES[19], FAULT_SIZES[4]
+    assert said == pytest.approx([least, lesser, lesser, 0.0], rel=0.06)
+    # Once all of a change must be there, one block is enough.
+    test._name(1, large, begins=False)
+    test._name(1, sound, begins=False)
+    assert 1 not in test.faults
+
+
+def test_of_a_rotor_that_stands_no_alternative_is_named():
+    test = _motor_test(MODEL)
+    share = np.full((4, SIZES + 1), 0.5 / SIZES)
+    share[2:] = 0.0
+    suspect = test._one_of(share, 0, 1, None)
+    assert suspect is not None
+    assert suspect.rotors == (0, 1)
+    large = np.eye(SIZES + 1)[20]
+    test._name(1, large, begins=False)
+    assert test._one_of(share, 0, 1, None) is None
+
+
 @pytest.mark.parametrize(("wrong", "said"), [(24, False), (1, True)])
 def test_a_rotor_is_named_when_it_has_nearly_all_of_the_weight(wrong, said):
     """Two rotors move three signals alike, the second in so many of its sizes only."""

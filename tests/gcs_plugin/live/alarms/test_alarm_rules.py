@@ -71,6 +71,7 @@ def using(utilisation: Any, error: Any = 0.0, predicted: float = 0.4) -> FlightA
         analysis,
         utilisation=use,
         utilisation_error=np.broadcast_to(np.array(error, float), use.shape),
+        utilisation_beyond=np.zeros(use.shape),
         utilisation_predicted=np.full(use.shape, predicted),
     )
 

@@ -9,7 +9,7 @@ from tests.gcs_plugin.reports.margin.report_flight import flight, log, model, wi
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin import build_report, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import end_rows
-from thrustmargin.gcs_plugin.reports.margin.moments import doing
+from thrustmargin.gcs_plugin.reports.margin.moments import doing, worst_moments
 from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
@@ -44,6 +44,22 @@ def test_the_worst_moment_is_the_greatest_measured_use_in_the_air(analysis, repo
     assert (worst.north, worst.east) == tuple(analysis.track.position_ned[row, :2])
     assert worst.basis == "measured"
     assert report.verdict.measured_share == pytest.approx(1.0)
+
+
+def test_the_interval_of_a_moment_reaches_to_more_in_use_where_more_is_shown(analysis):
+    shape = analysis.utilisation.shape
+    nothing = np.zeros(shape)
+    plain = replace(analysis, utilisation_error=nothing, utilisation_beyond=nothing)
+    (moment, *_) = worst_moments(plain, model().airframe.rotor_names)
+    assert moment.capacity_use_low == moment.capacity_use == moment.capacity_use_high
+    shown = replace(
+        analysis,
+        utilisation_error=np.full(shape, 0.03),
+        utilisation_beyond=np.full(shape, 0.02),
+    )
+    (moment, *_) = worst_moments(shown, model().airframe.rotor_names)
+    assert moment.capacity_use_high == pytest.approx(moment.capacity_use + 1.645 * 0.03)
+    assert moment.capacity_use_low == pytest.approx(moment.capacity_use - 1.645 * 0.01)
 
 
 def test_time_above_the_limit_is_the_share_of_airborne_rows(analysis, report):
