@@ -37,6 +37,7 @@ class OutputEvidence:
     """Thrust by motor outputs in flight, against weight and against rotor speeds."""
 
     lifted_kg: float  # median mass that the outputs would lift; NaN where they are not known
+    load_kg: float  # median of what was reported on board in the same rows; NaN
     over_speeds: float  # ln of their thrust over that of the measured rotor speeds; NaN
     error: float  # standard error of ln of their thrust
 
@@ -74,7 +75,7 @@ def output_evidence(
     """
     nan = float("nan")
     if track.rotor_count != airframe.rotor_count:
-        return OutputEvidence(lifted_kg=nan, over_speeds=nan, error=nan)
+        return OutputEvidence(lifted_kg=nan, load_kg=nan, over_speeds=nan, error=nan)
     curve = output_curve(parameters, track.source("throttle"))
     share = curve.thrust_share(track.throttle)
     thrust = thrust_by_outputs(track, airframe, curve)
@@ -83,8 +84,10 @@ def output_evidence(
         turned = _median(np.log(share)[track.flying].ravel())
     guesses = sum(airframe.quantities[name].guessed for name in _BEHIND)
     error = np.sqrt((curve.steepness_error * turned) ** 2 + CEILING_ERROR**2 + guesses * GUESS**2)
+    load = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
     return OutputEvidence(
         lifted_kg=_median(lifted_mass(track, thrust)),
+        load_kg=float(np.median(load)) if load.size else nan,
         over_speeds=_median(np.where(track.flying, ratio, np.nan)),
         error=float(error),
     )

@@ -126,7 +126,7 @@ def monitor(
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.recording.recorder import tabulates
-    from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+    from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES

@@ -70,12 +70,10 @@ def beyond_load(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence 
 
     A load that hover thrust shows has it in its own error.
     """
-    if outputs is None or track.source("tank_kg").meaning is Meaning.HOVER_THRUST:
+    hover = track.source("tank_kg").meaning is Meaning.HOVER_THRUST
+    if outputs is None or hover or np.isnan(outputs.load_kg):
         return 0.0
-    load = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
-    if not load.size:
-        return 0.0
-    return outputs.share_beyond(airframe.empty_mass + float(np.median(load))) / INTERVAL
+    return outputs.share_beyond(airframe.empty_mass + outputs.load_kg) / INTERVAL
 
 
 def redundancy_error(
