@@ -26,6 +26,8 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.fill.fill_table import FillTable
 
+#: The day where nobody names one: °C of the air, m of the field above the sea, m/s while spraying.
+USUAL_C, USUAL_ALTITUDE, USUAL_SPEED = 30.0, 0.0, 5.0
 TEMPERATURES_C = (0.0, 10.0, 20.0, 30.0, 40.0)
 ALTITUDES = (0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0)  # m AMSL
 
@@ -34,10 +36,10 @@ def fill(
     *,
     model: Path | None = None,
     airframe: str | None = None,
-    air_temperature: float = 30.0,
-    altitude: float = 0.0,
+    air_temperature: float = USUAL_C,
+    altitude: float = USUAL_ALTITUDE,
     voltage: float | None = None,
-    speed: float = 5.0,
+    speed: float = USUAL_SPEED,
     wind: float = 0.0,
     max_utilisation: Share = 0.5,
     rotor_lost: bool = True,
