@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +14,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     Output,
     UsageError,
     check_outputs,
+    check_range,
     check_utilisation,
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import Share
@@ -73,10 +73,10 @@ def fill(
     if model is None and airframe is None:
         raise UsageError("no aircraft given; name one with --airframe or --model")
     check_utilisation(max_utilisation)
-    _check("--air-temperature", air_temperature, -60.0, 60.0, "°C")
-    _check("--altitude", altitude, -430.0, 9000.0, "m")
-    _check("--speed", speed, 0.0, 60.0, "m/s")
-    _check("--wind", wind, 0.0, 60.0, "m/s")
+    check_range("--air-temperature", air_temperature, -60.0, 60.0, "°C")
+    check_range("--altitude", altitude, -430.0, 9000.0, "m")
+    check_range("--speed", speed, 0.0, 60.0, "m/s")
+    check_range("--wind", wind, 0.0, 60.0, "m/s")
     check_outputs(
         (
             Output("--out", out, endings=(".html", ".htm")),
@@ -116,11 +116,6 @@ def fill(
             with whole_file(path) as draft:
                 draft.write_text(text(table), encoding="utf-8")
             console.print(f"wrote {path}")
-
-
-def _check(option: str, value: float, low: float, high: float, unit: str) -> None:
-    if not (math.isfinite(value) and low <= value <= high):
-        raise UsageError(f"{option} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
 
 
 def _check_voltage(voltage: float, nominal: float) -> None:
