@@ -77,7 +77,8 @@ commands:
 options:
   -h, --help  this help; after a command, that command's
   --version   the version that is installed
-  --language  with any command: en or de, for alarms, advice and the page
+  --language  with any command: en or de, for alarms, advice and the page;
+              findings of identify, inspect and train stay English
   --quiet     with any command: print nothing but results that go to standard output, and errors
 
 Where a log is asked for, `demo` is the bundled flight, and a folder is all logs in it.

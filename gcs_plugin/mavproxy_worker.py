@@ -137,11 +137,12 @@ class MarginWorker:
             self.messages.append((True, f"margin: {self.failure}"))
 
     def _work(self) -> None:
+        from concurrent.futures import ThreadPoolExecutor
         from pathlib import Path
 
         from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
         from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-        from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+        from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings, in_background
 
         options = self.options
         path = None if options.model is None else Path(options.model)
@@ -152,6 +153,7 @@ class MarginWorker:
                 **reading_keywords(options),
             ),
             heard_us=self.heard_us,
+            later=in_background(ThreadPoolExecutor(1, thread_name_prefix="margin-landed")),
         )
         while not self._stop.wait(PERIOD):
             self._take(fleet)

@@ -134,10 +134,11 @@ class Announcer(Subscriber):
     def _landed(self, state: _Vehicle, update: Update) -> None:
         """After a flight, what to do before the next one."""
         flight = update.flight
-        if flight is not None and state.flying and not flight.goes_on and flight.answer.brief:
+        if flight is not None and state.flying and flight.settled and flight.answer.brief:
             grave = flight.advice.level in LAND_FIRST
             self._queue(state, WARNING if grave else INFO, flight.answer.brief)
-        state.flying = flight is not None and flight.goes_on
+        # What it said so far is not yet the last word on a flight that has just landed.
+        state.flying = flight is not None and not flight.settled
 
     def _queue(self, state: _Vehicle, severity: int, text: str) -> None:
         if (severity, text) in state.texts:

@@ -8,9 +8,11 @@ from types import MappingProxyType
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_MISSION
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.live.watch.watch_settings import Later, WatchSettings, when_asked
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.who_sends import GROUND_STATION, HEARTBEAT, NO_AUTOPILOT
+from thrustmargin.models.model.advice import Advice
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STATIONS = (0, 255)  # system ids that are never vehicles
@@ -21,7 +23,7 @@ class Fleet:
     """Every vehicle that is heard. `vehicles` are those that have shown themselves as such.
 
     `heard_us` is the listener's: system id -> ground's clock when it was last heard, which may be
-    ahead of the frames that were taken.
+    ahead of the frames that were taken; `later` works out the answer of a flight that is over.
     """
 
     def __init__(
@@ -30,8 +32,9 @@ class Fleet:
         settings: WatchSettings | None = None,
         *,
         heard_us: Mapping[int, int] = MappingProxyType({}),
+        later: Later[Advice] = when_asked,
     ) -> None:
-        self._model, self._heard_us = model, heard_us
+        self._model, self._heard_us, self._later = model, heard_us, later
         self._settings = WatchSettings() if settings is None else settings
         self.every_s = 0.0  # from one analysis of a vehicle to the next, as planned
         self._stations: set[int] = set(STATIONS)
@@ -73,9 +76,8 @@ class Fleet:
             if watch is None:
                 if self._settings.vehicle not in (None, frame.system):
                     continue
-                watch = VehicleMonitor(
-                    frame.system, self._model, self._settings, heard_us=self._heard_us
-                )
+                heard = {"heard_us": self._heard_us, "later": self._later}
+                watch = VehicleMonitor(frame.system, self._model, self._settings, **heard)
                 self._watches[frame.system] = watch
             watch.take(frame)
 

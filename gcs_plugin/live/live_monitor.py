@@ -17,6 +17,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -31,7 +32,7 @@ from thrustmargin.gcs_plugin.live.recording.event_record import EventRecord
 from thrustmargin.gcs_plugin.live.recording.recorded_table import sample_batch
 from thrustmargin.gcs_plugin.live.recording.recorder import Recorder, RecorderStatus, tabulates
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings, in_background
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.live_words import (
     NOT_BEHIND,
@@ -128,8 +129,12 @@ class LiveMonitor:
                 raise
             if self.live:  # the link itself is taken as long as this runs
                 watch = replace(watch, link=str(self.recorder.telemetry))
-        # Of a recording all may have been read before any is analysed.
-        self.fleet = Fleet(model, watch, heard_us=self.listener.heard_us if self.live else {})
+        self._beside = ThreadPoolExecutor(1, thread_name_prefix="landed")
+        if self.live:
+            later = in_background(self._beside)
+            self.fleet = Fleet(model, watch, heard_us=self.listener.heard_us, later=later)
+        else:  # all may have been read before any is analysed, and it waits
+            self.fleet = Fleet(model, watch)
         self._events = EventRecord(self.recorder, self.subscribers)
         self._thread = threading.Thread(target=self._run, name="compute", daemon=True)
 
@@ -163,6 +168,7 @@ class LiveMonitor:
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
+        self._beside.shutdown(wait=False, cancel_futures=True)
         if self.recorder is not None:
             self.recorder.close()
 
@@ -233,6 +239,7 @@ class LiveMonitor:
                 if self._queue.finished or (self.listener.finished and not frames):
                     for update in self.fleet.finish():
                         self._publish(update)
+                    self._round_over()
                     return
                 self.fleet.every_s = spacing(self._round_s, len(self.fleet.vehicles))
                 pause = self.fleet.every_s - self._round_s

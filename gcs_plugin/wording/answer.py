@@ -25,7 +25,7 @@ class FlightAnswer:
     rotors: tuple[int, ...] = ()  # from 1, that were found bad, or of one of which it was
     fill_kg: float = math.nan  # to plan the next fill by, rounded down
     brief: str = ""  # what to do after landing, in the 50 letters of a STATUSTEXT
-    until_s: float = math.nan  # of the flight, where it goes on; NaN of a whole one
+    until_s: float = math.nan  # of the flight, up to which it goes; NaN of a whole one
 
     @property
     def line(self) -> str:
@@ -55,7 +55,7 @@ class FlightAnswer:
 
 
 def answer_of(advice: Advice, until_s: float = math.nan) -> FlightAnswer:
-    """The answer in words; `until_s` is the last row of a flight that goes on."""
+    """The answer in words; `until_s` is the row up to which it goes, NaN of a whole flight."""
     return FlightAnswer(
         headline=headline(advice),
         level=advice.level,
@@ -63,7 +63,7 @@ def answer_of(advice: Advice, until_s: float = math.nan) -> FlightAnswer:
         rotors=suspects(advice),
         fill_kg=safe_kg(advice.fill),
         brief=brief(advice),
-        until_s=until_s if advice.goes_on else math.nan,
+        until_s=until_s,
     )
 
 

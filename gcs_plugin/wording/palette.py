@@ -25,8 +25,9 @@ Rgb = tuple[int, int, int]
 NO_DATA: Rgb = (165, 165, 165)
 INK: Rgb = (17, 17, 17)
 ALARM: Rgb = (176, 0, 32)  # of what stands out most: a critical alarm and its rotor
-GOOD = ((150, 195, 222), (66, 140, 208), (14, 66, 150))
-BAD = ((236, 150, 35), (206, 66, 16), (112, 0, 4))
+#: On black, the ground by night, the darkest has a contrast of 3 too, as WCAG asks of drawings.
+GOOD = ((150, 195, 222), (72, 146, 212), (20, 88, 178))
+BAD = ((240, 160, 48), (222, 96, 26), (178, 22, 24))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -46,6 +46,7 @@ class OutputEvidence:
     """Thrust by motor outputs in flight, against weight and against rotor speeds."""
 
     lifted_kg: float  # median mass that the outputs would lift; NaN where they are not known
+    load_kg: float  # median of what was reported on board in the same rows; NaN
     over_speeds: float  # ln of their thrust over that of the measured rotor speeds; NaN
     error: float  # standard error of ln of their thrust
     shows: float = float("nan")  # ln from which an interval reaches to what they show beyond
@@ -92,7 +93,7 @@ def output_evidence(
     """
     nan = float("nan")
     if track.rotor_count != airframe.rotor_count:
-        return OutputEvidence(lifted_kg=nan, over_speeds=nan, error=nan)
+        return OutputEvidence(lifted_kg=nan, load_kg=nan, over_speeds=nan, error=nan)
     curve = output_curve(parameters, track.source("throttle"))
     share = curve.thrust_share(track.throttle)
     thrust = thrust_by_outputs(track, airframe, curve)
@@ -100,8 +101,10 @@ def output_evidence(
         ratio = np.log(thrust / thrust_by_speeds(track, airframe))
         turned = _median(np.log(share)[track.flying].ravel())
     error = np.hypot(curve.steepness_error * turned, _error(CEILING_ERROR, airframe, _BEHIND))
+    load = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
     return OutputEvidence(
         lifted_kg=_median(lifted_mass(track, thrust)),
+        load_kg=float(np.median(load)) if load.size else nan,
         over_speeds=_median(np.where(track.flying, ratio, np.nan)),
         error=float(error),
         shows=float(error) * (1.0 if curve.is_assumed else SHOWS),

@@ -33,7 +33,7 @@ from thrustmargin.models.model.predict import flown_airframe, predict, temperatu
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thermometer import by_thermometer
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import track_air
+from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.margin import (
     ceiling,
     redundancy,
@@ -259,6 +259,21 @@ def analyse(
         trimmable_loss=trimmable_loss(airframe, limits, load),
         start=start,
         claim=claim,
+    )
+
+
+def heavier(analysis: FlightAnalysis, beyond_kg: float) -> FlightAnalysis:
+    """The rows of a flight that carries so many kg beyond its gauge: by `for_verdict`, of a flight
+    that goes on, of which only some rows are at hand."""
+    if not beyond_kg > 0.0:
+        return analysis
+    share = analysis.weight / (analysis.weight + G0 * beyond_kg)
+    return replace(
+        analysis,
+        weight=analysis.weight / share,
+        redundancy_yaw_kept=analysis.redundancy_yaw_kept * share,
+        redundancy_yaw_uncontrolled=analysis.redundancy_yaw_uncontrolled * share,
+        beyond_gauge_kg=beyond_kg,
     )
 
 

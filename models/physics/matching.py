@@ -17,7 +17,6 @@ from thrustmargin.models.physics.margin import (
     Ceiling,
     ceiling,
     hover_use,
-    largest_fill,
     nameplate_ceiling,
     redundancy,
     weight,
@@ -43,8 +42,6 @@ class CeilingMatch:
     redundancy_yaw_uncontrolled_empty: float
     redundancy_yaw_kept_full: float
     redundancy_yaw_kept_empty: float
-    fill_half_use: float  # kg at which utilisation is 50 %; not cut to the tank
-    fill_one_rotor_out: float  # kg at which redundancy with yaw uncontrolled is 1; likewise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,8 +109,6 @@ def _against(
         redundancy_yaw_uncontrolled_empty=survived(empty, yaw_kept=False).item(),
         redundancy_yaw_kept_full=survived(full, yaw_kept=True).item(),
         redundancy_yaw_kept_empty=survived(empty, yaw_kept=True).item(),
-        fill_half_use=largest_fill(airframe, limits).item(),
-        fill_one_rotor_out=largest_fill(airframe, limits, criterion="yaw uncontrolled").item(),
     )
 
 

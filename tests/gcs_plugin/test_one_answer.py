@@ -1,27 +1,18 @@
 """Every surface says the same of one flight: the same first line, action and numbers."""
 
-import io
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings, season_flights
-from thrustmargin.gcs_plugin.live.announce import figures
-from thrustmargin.gcs_plugin.live.console import Screen
-from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
-from thrustmargin.gcs_plugin.live.metrics.collector import MonitorCollector
-from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
-from thrustmargin.gcs_plugin.view.live_view import LiveView
 from thrustmargin.gcs_plugin.wording.advice_words import action, headline
-from thrustmargin.models.model.advice import FlightLevel, advise
+from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.fill_limits import largest_fills
 from thrustmargin.models.model.model_file import shipped_model
@@ -58,56 +49,6 @@ def test_report_page_json_console_replay_store_and_python_agree(
     advice = advise(analyse(read_log(path).track, shipped_model())).advice
     assert (headline(advice), action(advice)) == (first, do)
     assert f"{np.floor(advice.fill.kg * 10) / 10:.1f} kg" in do
-
-
-@pytest.mark.parametrize("name", FLIGHTS)
-def test_all_that_flies_live_says_at_the_end_what_the_report_says(
-    sitl_logs: Path, capsys, name: str
-):
-    """Page, terminal, bar, metrics, MAVProxy and what is sent, each by the way it is read."""
-    path, model = sitl_logs / name, shipped_model()
-    assert run(["report", str(path), "--json", "-"]) == 0
-    report = json.loads(capsys.readouterr().out)["flights"][0]
-    first, do = report["verdict"]["headline"], report["verdict"]["action"]
-    level, fill_kg = (
-        report["verdict"]["level"],
-        np.floor(report["verdict"]["fill_safe_kg"] * 10) / 10,
-    )
-    rotors = [alarm["rotor"] for alarm in report["alarms"]]
-    view = LiveView(model.airframe, port=0)
-    bar = PilotBar(lambda: 0, limit=0.5, port=0, host="127.0.0.1")
-    view.start()
-    with LiveMonitor(model, str(path), subscribers=[view, bar]) as monitor:
-        while not monitor.finished:
-            monitor.wait(0.1)
-        update = monitor.wait(0.0)[1]
-        (page,) = view._screen.state()["vehicles"]
-        assert (page["flight"]["level"], page["flight"]["headline"]) == (level, first)
-        assert (page["flight"]["action"], page["flight"]["fill_kg"]) == (do, fill_kg)
-        assert page["flight"]["rotors"] == rotors
-        (heard,) = bar.content()["vehicles"]
-        assert heard["flight"] == {k: v for k, v in page["flight"].items() if k != "line"}
-        shown = io.StringIO()
-        Console(file=shown, width=4000).print(Screen(monitor))
-        assert f"{first}: {do}" in plain(shown.getvalue())
-        assert f"{first}: {do}" in plain(" ".join(summary(reading(update, 0.0), 0.5, 0.0)))
-        sent = figures(update)
-        assert sent["NEXT_FILL"] == fill_kg
-        assert list(FlightLevel)[int(sent["FLIGHT_LVL"])] == level
-        found = {m.name: m.samples for m in MonitorCollector(monitor).collect()}
-        assert found["thrustmargin_next_fill_kg"][0].value == fill_kg
-        assert found["thrustmargin_flight_level"][0].value == sent["FLIGHT_LVL"]
-        standing = monitor.fleet.vehicles[1].alarms.listed
-        assert [alarm.rotor for alarm in standing.values() if alarm.name == "rotor"] == rotors
-    view.stop()
-    assert update.answer is not None
-    brief = update.answer.brief
-    assert len(brief) <= 50
-    assert brief == (
-        f"Do not fly: look at rotor {rotors[0]} front left"
-        if rotors
-        else f"Next fill: at most {fill_kg} kg"
-    )
 
 
 def test_fill_says_before_the_flight_what_the_report_says_after_it(sitl_logs: Path):

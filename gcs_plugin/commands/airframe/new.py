@@ -19,9 +19,19 @@ from thrustmargin.gcs_plugin.commands.airframe.questions import (
     logs_here,
     require_all,
 )
-from thrustmargin.gcs_plugin.commands.airframe.stated import OwnerStatement, stated
-from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.gcs_plugin.commands.airframe.stated import OwnerStatement, check_numbers, stated
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    LONGEST_S,
+    Output,
+    check_outputs,
+    check_range,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    ReadingOptions,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
@@ -71,6 +81,9 @@ class AirframeNew:
         from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters, read_source
         from thrustmargin.models.physics.airframe_draft import airframe_toml
 
+        reading_keywords(self.reading)
+        check_numbers(self.owner)
+        check_range("--timeout", self.timeout, 0.0, LONGEST_S, "s")
         console, asks = Terminal(), sys.stdin.isatty()
         source = self.source or (str(self.hover[0]) if self.hover else None)
         here = logs_here(Path()) if source is None and self.bench is None else []

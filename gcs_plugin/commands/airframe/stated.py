@@ -97,12 +97,24 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
     if owner.propeller is not None or owner.max_thrust_kgf is not None:
         quantities.pop("max_rotor_speed_rpm", None)  # another thrust is reached at another speed
     quantities |= reported.quantities
+    check_numbers(owner)  # those that were asked for
     for option, (name, unit, factor) in _NUMBERS.items():
         value = getattr(owner, option)
         if value is not None:
-            flag = "--" + option.replace("_", "-")
-            if not isfinite(value) or value < 0 or (value == 0 and option != "tank_litres"):
-                raise UsageError(f"{flag} {value:g} is not a number above 0")
-            words = f"stated: {flag} {value:g}"
+            words = f"stated: {_flag(option)} {value:g}"
             quantities[name] = Quantity(round(value * factor, 5), unit, words)
     return quantities
+
+
+def check_numbers(owner: OwnerStatement) -> None:
+    """Raise UsageError for a number that no aircraft has."""
+    for option in _NUMBERS:
+        value = getattr(owner, option)
+        if value is None:
+            continue
+        if not isfinite(value) or value < 0 or (value == 0 and option != "tank_litres"):
+            raise UsageError(f"{_flag(option)} {value:g} is not a number above 0")
+
+
+def _flag(option: str) -> str:
+    return "--" + option.replace("_", "-")

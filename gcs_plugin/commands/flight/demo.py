@@ -6,7 +6,12 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.options import check_port
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    LONGEST_S,
+    check_port,
+    check_range,
+    check_speed,
+)
 from thrustmargin.gcs_plugin.commands.shared.typed import BUNDLED
 
 
@@ -43,6 +48,8 @@ def demo(
     from thrustmargin.models.model.model_file import shipped_model
 
     check_port(port)
+    check_speed(speed)
+    check_range("--seconds", seconds, 0.0, LONGEST_S, "s")
     if log is None:
         log = BUNDLED
     if not log.exists():

@@ -14,8 +14,10 @@ from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.shared.options import (
+    LONGEST_S,
     UsageError,
     check_port,
+    check_range,
     check_utilisation,
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import (
@@ -119,6 +121,9 @@ def monitor(
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 
     check_port(port)
+    check_port(bar, "--bar")
+    check_port(metrics, "--metrics")
+    check_range("--seconds", seconds, 0.0, LONGEST_S, "s")
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
     beforehand = None if assumed is None else read_assumed(assumed, beside=plan)
@@ -126,7 +131,7 @@ def monitor(
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.recording.recorder import tabulates
-    from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+    from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES

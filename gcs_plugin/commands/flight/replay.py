@@ -9,8 +9,19 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_port, require_logs
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    UsageError,
+    check_port,
+    check_range,
+    check_speed,
+    require_logs,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    ReadingOptions,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
@@ -70,6 +81,9 @@ def replay(
     from thrustmargin.gcs_plugin.view.replay_view import run_replay
 
     check_port(port)
+    check_speed(speed)
+    check_range("--sortie", sortie, 1, 100_000)
+    reading_keywords(reading)
     logs = require_logs([log])
     first, *others = logs
     if others:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from rich.progress import Progress, TextColumn, TimeElapsedColumn
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.options import check_speed
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, LogError
 from thrustmargin.models.whole_file import regular
@@ -40,8 +40,7 @@ def stream(
     from thrustmargin.gcs_plugin.link.transport import parse_url
     from thrustmargin.gcs_plugin.logs.read import formats
 
-    if not (speed > 0.0 and math.isfinite(speed)):
-        raise LinkError(f"--speed {speed:g} is no speed; give a number above 0")
+    check_speed(speed)
     if not log.exists():
         raise LogError(f"{log}: no such file; check the name")
     try:

@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.options import Output, UsageError, check_outputs
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    Output,
+    UsageError,
+    check_outputs,
+    check_range,
+)
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -69,13 +74,13 @@ def cover(
     from thrustmargin.mission.coverage.field_file import read_field
     from thrustmargin.mission.plan import write_plan
 
-    _check("--swath", swath, 0.1, 100.0, "m")
-    _check("--speed", speed, 0.2, 30.0, "m/s")
-    _check("--height", height, 0.5, 500.0, "m")
-    _check("--headland", headland, 0.0, 1000.0, "m")
-    _check("--heading", 0.0 if heading is None else heading, -360.0, 360.0, "°")
+    check_range("--swath", swath, 0.1, 100.0, "m")
+    check_range("--speed", speed, 0.2, 30.0, "m/s")
+    check_range("--height", height, 0.5, 500.0, "m")
+    check_range("--headland", headland, 0.0, 1000.0, "m")
+    check_range("--heading", 0.0 if heading is None else heading, -360.0, 360.0, "°")
     clear = swath / 2 if clearance is None else clearance
-    _check("--clearance", clear, 0.0, 1000.0, "m")
+    check_range("--clearance", clear, 0.0, 1000.0, "m")
     output = pump_of(pump)
     if px4 and output.servo is None and output.relay is None:
         raise UsageError("PX4 has no DO_SPRAYER; say what switches the pump with --pump")
@@ -153,8 +158,3 @@ def _home(words: str) -> tuple[float, float, float]:
     if abs(values[0]) > 90.0 or abs(values[1]) > 180.0:
         raise UsageError(f"--home {words!r:.40} is no place on Earth; degrees are needed")
     return (values[0], values[1], values[2] if len(values) == 3 else math.nan)
-
-
-def _check(option: str, value: float, low: float, high: float, unit: str) -> None:
-    if not (math.isfinite(value) and low <= value <= high):
-        raise UsageError(f"{option} {value:g} {unit} is not between {low:g} and {high:g} {unit}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +14,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     Output,
     UsageError,
     check_outputs,
+    check_range,
     check_utilisation,
     check_voltage,
 )
@@ -27,6 +27,8 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.fill.fill_table import FillTable
 
+#: The day where nobody names one: °C of the air, m of the field above the sea, m/s while spraying.
+USUAL_C, USUAL_ALTITUDE, USUAL_SPEED = 30.0, 0.0, 5.0
 TEMPERATURES_C = (0.0, 10.0, 20.0, 30.0, 40.0)
 ALTITUDES = (0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0)  # m AMSL
 
@@ -35,10 +37,10 @@ def fill(
     *,
     model: Path | None = None,
     airframe: str | None = None,
-    air_temperature: float = 30.0,
-    altitude: float = 0.0,
+    air_temperature: float = USUAL_C,
+    altitude: float = USUAL_ALTITUDE,
     voltage: float | None = None,
-    speed: float = 5.0,
+    speed: float = USUAL_SPEED,
     wind: float = 0.0,
     max_utilisation: Share = 0.5,
     rotor_lost: bool = True,
@@ -72,10 +74,10 @@ def fill(
     if model is None and airframe is None:
         raise UsageError("no aircraft given; name one with --airframe or --model")
     check_utilisation(max_utilisation)
-    _check("--air-temperature", air_temperature, -60.0, 60.0, "°C")
-    _check("--altitude", altitude, -430.0, 9000.0, "m")
-    _check("--speed", speed, 0.0, 60.0, "m/s")
-    _check("--wind", wind, 0.0, 60.0, "m/s")
+    check_range("--air-temperature", air_temperature, -60.0, 60.0, "°C")
+    check_range("--altitude", altitude, -430.0, 9000.0, "m")
+    check_range("--speed", speed, 0.0, 60.0, "m/s")
+    check_range("--wind", wind, 0.0, 60.0, "m/s")
     check_outputs(
         (
             Output("--out", out, endings=(".html", ".htm")),
@@ -115,11 +117,6 @@ def fill(
             with whole_file(path) as draft:
                 draft.write_text(text(table), encoding="utf-8")
             console.print(f"wrote {path}")
-
-
-def _check(option: str, value: float, low: float, high: float, unit: str) -> None:
-    if not (math.isfinite(value) and low <= value <= high):
-        raise UsageError(f"{option} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
 
 
 def _grid(table: FillTable, state: str, volts: float, heads: list[str]) -> Table:

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     UsageError,
     check_outputs,
     check_port,
+    check_range,
     check_utilisation,
     check_voltage,
 )
@@ -121,11 +122,11 @@ def forecast(
         ("--flow", flow, 0.0, 200.0, "L/min"),
         ("--rate", rate, 0.0, 2000.0, "L/ha"),
         ("--swath", swath, 0.1, 100.0, "m"),
+        ("--voltage", voltage, 1.0, 1000.0, "V"),
         ("--capacity", capacity, 0.1, 1000.0, "Ah"),
         ("--resistance", resistance, 0.0, 1000.0, "mOhm"),
     ):
-        if value is not None and not (math.isfinite(value) and low <= value <= high):
-            raise UsageError(f"{name} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
+        check_range(name, value, low, high, unit)
     if rate is not None and (swath is None or flow is not None):
         raise UsageError("--rate needs --swath, and goes without --flow")
     if refuse and lua is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,15 +9,17 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from thrustmargin.gcs_plugin.commands.load.fill import USUAL_ALTITUDE, USUAL_C, USUAL_SPEED
 from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
+from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, ONE_LOST, SPINS
-from thrustmargin.gcs_plugin.wording.numbers import UNKNOWN
+from thrustmargin.gcs_plugin.wording.fault_words import HELD, ONE_LOST, SPINS
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.atmosphere import G0
 
 if TYPE_CHECKING:
     from thrustmargin.models.model.network_points import NetworkPoints
+    from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.matching import Matching
 
 PAPER_AIRFRAME = "topxgun-f16"
@@ -35,7 +36,7 @@ def match(
     """Match an aircraft's load with its power system, as the paper does, and draw its Figure 10.
 
     Prints what each rotor carries with a full and an empty tank, how much of its maximum that is,
-    the largest fill for the 50 % limit, and whether one lost rotor can be survived.
+    whether one lost rotor can be survived, and how much to fill on a usual day, as `fill` says.
 
     Example: thrustmargin match --airframe agras-t40 --out t40.svg
 
@@ -45,6 +46,7 @@ def match(
         model: Rotor speed model whose predictions are drawn as points; else the shipped one.
         out: Figure to write, .svg or .pdf; without an ending both are written.
     """
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.reports.model.model_figures import (
         ENDINGS,
         figure10,
@@ -63,6 +65,7 @@ def match(
         matching = match_airframe(load_model(model).airframe)
     else:
         matching = match_airframe(load_airframe(airframe or PAPER_AIRFRAME))
+    points, drawn = _network(matching, model)
     console = Terminal()
     console.print(load_table(matching))
     if airframe is None and model is None:
@@ -73,8 +76,9 @@ def match(
         )
     for note in notes(matching):
         console.print(note)
-    console.print(FOR_A_DAY, soft_wrap=True)
-    points, drawn = _network(matching, model)
+    chosen = chosen_model(model, None if model else airframe or PAPER_AIRFRAME)
+    for line in (*usual_fill(chosen), FOR_A_DAY):
+        console.print(line, soft_wrap=True, highlight=False)
     console.print(drawn)
     for path in write_figure(figure10(matching, points), out):
         console.print(f"wrote {path}", soft_wrap=True)
@@ -89,7 +93,7 @@ def load_table(matching: Matching) -> Table:
     table.add_column("")
     table.add_column("full tank", justify="right")
     table.add_column("empty tank", justify="right")
-    load, capacity = matching.load, matching.airframe.tank_capacity_kg
+    load = matching.load
     table.add_row("load a rotor", f"{load.full_load:.2f} kg", f"{load.empty_load:.2f} kg")
     table.add_row("increase over empty (Eq. 8)", f"{100 * load.load_increase:.2f} %", "")
     table.add_row(
@@ -115,12 +119,18 @@ def load_table(matching: Matching) -> Table:
             f"{limit.redundancy_yaw_kept_full:.2f} x weight",
             f"{limit.redundancy_yaw_kept_empty:.2f} x weight",
         )
-        table.add_row(
-            "  fill at 50 % utilisation in hover", _fill(limit.fill_half_use, capacity), ""
-        )
-        fill = _fill(limit.fill_one_rotor_out, capacity)
-        table.add_row(f"  {MAXIMUM_FILL}", fill, "")
     return table
+
+
+def usual_fill(model: RotorModel) -> list[str]:
+    """What to fill on a usual day, and how sure that is: as `thrustmargin fill` says it."""
+    from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, conditions, fill_table
+
+    nominal = model.airframe.nominal_voltage
+    day = Day(temperature_c=USUAL_C, altitude=USUAL_ALTITUDE, voltage=nominal, airspeed=USUAL_SPEED)
+    one = {"temperatures_c": (USUAL_C,), "altitudes": (USUAL_ALTITUDE,)}
+    table = fill_table(model, day, limit=LIMIT, rotor_lost=True, **one)
+    return [table.advice, *(f"  {sentence}" for sentence in conditions(table))]
 
 
 def notes(matching: Matching) -> list[str]:
@@ -131,20 +141,8 @@ def notes(matching: Matching) -> list[str]:
         f"C_T of the thrust curve {matching.thrust_coefficient:.4f}, {inside} the range of Eq. 3, "
         f"{low:.4f} to {high:.4f} over the printed parameters.",
         "One rotor lost: thrust that can be held level and steady, over the weight. 1 or more "
-        f"carries the aircraft, with nothing kept back for gusts or turns; its fill is {SPINS}.",
+        "carries the aircraft, with nothing kept back for gusts or turns.",
     ]
-
-
-def _fill(fill: float, capacity: float) -> str:
-    if not math.isfinite(fill):
-        return UNKNOWN
-    if capacity == 0.0:
-        return "no tank"
-    if fill < 0.0:
-        return f"none, {-fill:.1f} kg over when empty"
-    if fill >= capacity:
-        return f"full (line {fill:.1f} kg)"
-    return f"{fill:.1f} of {capacity:.1f} kg"
 
 
 def _network(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:

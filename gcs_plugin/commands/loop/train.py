@@ -73,8 +73,8 @@ def train(
     )
     from thrustmargin.gcs_plugin.commands.shared.options import (
         Output,
-        UsageError,
         check_outputs,
+        check_range,
         require_logs,
     )
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
@@ -100,8 +100,9 @@ def train(
         ],
         inputs=[*logs, airframe],
     )
-    if members < 3 or max_epochs < 1:
-        raise UsageError("--members must be at least 3 and --max-epochs at least 1")
+    check_range("--members", members, 3, 100)
+    check_range("--max-epochs", max_epochs, 1, 1_000_000)
+    check_range("--seed", seed, 0, 2**32 - 1)
     given = airframe is not None
     aircraft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
     settings = TrainSettings(

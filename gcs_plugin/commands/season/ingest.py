@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     Output,
     UsageError,
     check_outputs,
+    check_range,
     check_utilisation,
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import (
@@ -104,8 +105,7 @@ def ingest(
         raise UsageError("no log given; name logs or folders of recorded flights")
     check_utilisation(max_utilisation)
     check_outputs([Output("--json", json, endings=(".json",))], inputs=[model, airframe])
-    if workers is not None and workers < 1:
-        raise DataError(f"--workers {workers} is no number of processes; give 1 or more")
+    check_range("--workers", workers, 1, 1024)
     reading_keywords(reading)
     where = store if address(store) else str(Path(store).absolute())
     settings = IngestSettings(

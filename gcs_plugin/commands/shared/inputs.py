@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -20,7 +19,7 @@ from thrustmargin.gcs_plugin.commands.shared.reading import (
     reading_keywords,
 )
 from thrustmargin.gcs_plugin.wording.flight_words import several_words
-from thrustmargin.models.errors import AirframeError, DataError, LogError, ThrustMarginError
+from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
@@ -181,46 +180,7 @@ def read_flights(
 
     Where there is none, it is read without an airframe. Raises as `read_sorties`.
     """
-    from thrustmargin.gcs_plugin.logs import read_sorties
-    from thrustmargin.gcs_plugin.telemetry.flight_log import with_track
-    from thrustmargin.models.checks.frozen import without_frozen
-    from thrustmargin.models.model.airframe_claim import airframe_claim
-    from thrustmargin.models.model.inferred.prepared import prepared
-    from thrustmargin.models.model.predict import flown_airframe
+    from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
 
-    keywords = {**reading_keywords(reading), "any_vehicle": any_vehicle, "sought": given}
-    craft = flown_airframe(model)
-
-    def claims_of(logs: Iterable[FlightLog]) -> list[AirframeClaim]:
-        claims = (
-            airframe_claim(log.track, craft, log.facts, log.parameters, given=given) for log in logs
-        )
-        return [replace(claim, source=shlex.quote(str(path))) for claim in claims]
-
-    def read(**options: Any) -> list[FlightLog]:
-        logs = read_sorties(path, **options, **keywords)
-        return [
-            replace(log, track=without_frozen(log.track, craft, log.parameters)) for log in logs
-        ]
-
-    try:
-        logs, fits = read(airframe=model.airframe), True
-    except AirframeError:  # another number of rotors, which the claim will say
-        logs, fits = read(), False
-    claims = claims_of(logs)
-    if fits and any(claim.basis == "not known" for claim in claims):
-        bare = read()
-        if len(bare) == len(logs):
-            unclaimed = [claim.basis == "not known" for claim in claims]
-            logs = [b if none else log for log, b, none in zip(logs, bare, unclaimed, strict=True)]
-        else:  # the airframe's tank or speeds divided them otherwise
-            logs, claims = bare, claims_of(bare)
-    return [
-        (
-            log
-            if claim.basis == "not known" or claim.withheld
-            else with_track(log, prepared(log.track, craft, log.parameters)),
-            claim,
-        )
-        for log, claim in zip(logs, claims, strict=True)
-    ]
+    keywords = reading_keywords(reading)
+    return claimed_flights(path, model, given=given, any_vehicle=any_vehicle, **keywords)

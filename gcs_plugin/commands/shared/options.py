@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,9 @@ QUIET = "THRUSTMARGIN_QUIET"
 
 #: `--json -`: the JSON, and nothing else, goes to standard output.
 STDOUT = Path("-")
+
+
+LONGEST_S = 1e7  # s for which a command may be asked to run: four months
 
 
 class UsageError(DataError):
@@ -91,10 +95,23 @@ def check_utilisation(value: float) -> None:
         )
 
 
-def check_port(port: int) -> None:
-    """Raise UsageError unless `port` is one."""
-    if not 0 <= port <= 65535:
-        raise UsageError(f"--port {port} is none; ports are 0 to 65535")
+def check_range(option: str, value: float | None, low: float, high: float, unit: str = "") -> None:
+    """Raise UsageError unless the `value` of an option is from `low` to `high`; None is."""
+    if value is None or (math.isfinite(value) and low <= value <= high):
+        return
+    of = f" {unit}" if unit else ""
+    raise UsageError(f"{option} {value:g}{of} is not between {low:g} and {high:g}{of}")
+
+
+def check_speed(speed: float) -> None:
+    """Raise UsageError unless it is how many times as fast as it was recorded a flight can go."""
+    check_range("--speed", speed, 0.01, 1000.0)
+
+
+def check_port(port: int | None, option: str = "--port") -> None:
+    """Raise UsageError unless `port` is one; None is."""
+    if port is not None and not 0 <= port <= 65535:
+        raise UsageError(f"{option} {port} is none; ports are 0 to 65535")
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
-from thrustmargin.gcs_plugin.commands.shared.options import UsageError
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_range
 from thrustmargin.models.errors import LogError
 
 #: °C. No multirotor flies outside these.
 COLDEST_C, HOTTEST_C = -60.0, 60.0
+MOST_KG = 10_000.0  # no multirotor lifts more
 
 #: A limit, which help shows in percent as pages do; `as_read` has made a share of what is typed.
 Share = Annotated[
@@ -80,8 +80,11 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
         "--load-end": reading.load_end,
     }
     for option, mass in given.items():
-        if mass is not None and not 0.0 <= mass < math.inf:
-            raise UsageError(f"{option} {mass:g} is no mass on board; give kg, 0 or more")
+        if mass is not None and not 0.0 <= mass <= MOST_KG:
+            raise UsageError(
+                f"{option} {mass:g} is no mass on board; give kg, 0 or more, at most {MOST_KG:g}"
+            )
+    check_range("--vehicle", reading.vehicle, 1, 255)
     try:
         check_source(reading.tank)
     except LogError as error:

@@ -6,6 +6,7 @@ alarm stands its text follows the numbers. Measured false alarms: tests/lab/benc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,9 +29,11 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
     OF_ROWS,
     OF_SETTLED_ROWS,
     OF_THE_LINK,
+    PARTS,
     TELEMETRY,
 )
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
+from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.stopped_rotor import StoppedWatch
 from thrustmargin.models.flight import Bools, Floats
@@ -71,6 +74,11 @@ class Alarms:
     def fault_history(self) -> FaultHistory:
         """When the faults of rotors and motors changed, by the vehicle's clock, and to what."""
         return [] if self._faults is None else self._faults.history
+
+    @property
+    def of_parts(self) -> bool:
+        """Whether a rotor or a motor that was found bad is listed."""
+        return any(name == part for name, _ in self.listed for part, _ in PARTS)
 
     def rows(
         self,
@@ -195,6 +203,14 @@ class Alarms:
                 if alarm.name not in {rule.name for rule in OF_THE_LINK}:
                     self._change(events, alarm, AlarmState.UNCONFIRMED, lost_s, missing)
         return events
+
+    def restate(self, faults: Sequence[RotorFault], places: Sequence[str]) -> None:
+        """Take the sizes of the faults that stand from a report of their flight, which is over."""
+        for fault in faults:
+            names = (name for name, kind in PARTS if kind == fault.kind and not fault.rotors)
+            for name in names:
+                if (alarm := self.listed.get((name, fault.rotor + 1))) is not None:
+                    self.listed[alarm.key] = replace(alarm, text=fault_words(fault, places))
 
     def _follow(
         self,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import GONE
+from thrustmargin.gcs_plugin.live.watch.watch_settings import GONE
 from thrustmargin.gcs_plugin.wording.live_words import heard_words, silent_words
 
 if TYPE_CHECKING:

@@ -1,15 +1,15 @@
 """The flight that goes on, kept whole, so that its answer is what a report would say of it so far.
 
-The rows are those of the monitor, which are the file's (tests: test_live_is_the_file.py); load and
-speeds are inferred anew over all of them, as of a file. A flight begins at the first row heard, and
-anew at the first take-off after a stay of LONG_DOWN on the ground, or one in which it was disarmed,
-or its tank or battery became fuller, as a file is divided.
+The rows are those of the monitor; load and speeds are inferred anew over all of them, as of a file.
+SETTLED seconds after the landing the answer is the report's (landed_flight.py). A flight begins at
+the first row heard, and anew at the first take-off after a stay of LONG_DOWN on the ground, or one
+in which it was disarmed, or its tank or battery became fuller, as a file is divided.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,11 +22,12 @@ from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, ser
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import check_motor_order
-from thrustmargin.models.checks.output_evidence import output_evidence
+from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
 from thrustmargin.models.flight import FlightTrack, Floats, joined
 from thrustmargin.models.model.advice import Advice, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
 from thrustmargin.models.model.inferred.prepared import prepared
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_faults import FaultHistory
@@ -35,6 +36,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 #: s of the vehicle's clock between two answers, and the share by which its rows have grown: more
 #: rows take longer, and change the answer less.
 AGAIN_S, GROWN = 5.0, 0.05
+SETTLED = 5.0  # s on the ground after which a flight is over, for as long as none follows
 STOOD = 600.0  # s on the ground before the first take-off that are kept
 
 
@@ -49,28 +51,65 @@ class FlightSoFar:
     faults: FaultHistory
     limit: float  # share of a rotor's largest thrust that may last
     goes_on: bool  # it has not landed
+    reported: Callable[[], Advice | None] = lambda: None  # of one that is over: as a report has it
+
+    @property
+    def advice(self) -> Advice:
+        """So far; of a flight that is over, the report's own."""
+        return self.so_far if (known := self.reported()) is None else known
 
     @cached_property
-    def advice(self) -> Advice:
-        """As of a report of these rows."""
+    def outputs(self) -> OutputEvidence | None:
+        """What the motor outputs of all its rows say of the load: the claim was decided in the
+        first climb, where they show more than the weight."""
+        if self.claim.withheld:
+            return None
+        return output_evidence(self.track, flown_airframe(self.model), self.parameters)
+
+    @cached_property
+    def _prepared(self) -> FlightTrack:
         craft = None if self.claim.withheld else flown_airframe(self.model)
-        claim, track = self.claim, prepared(self.track, craft, self.parameters)
-        if craft is not None:
-            # The claim was decided in the first climb, where outputs show more than the weight.
-            claim = replace(claim, outputs=output_evidence(self.track, craft, self.parameters))
+        return prepared(self.track, craft, self.parameters)
+
+    @cached_property
+    def beyond_gauge_kg(self) -> float:
+        """kg that hover thrust surely shows beyond gauge or statement; else 0."""
+        if self.claim.withheld:
+            return 0.0
+        track = with_load_for_verdict(self._prepared, flown_airframe(self.model), self.outputs)
+        beyond = (track.tank_kg - self._prepared.tank_kg)[track.flying]
+        return 0.0 if track is self._prepared else float(np.nanmedian(beyond))
+
+    @cached_property
+    def so_far(self) -> Advice:
+        """As of a report of these rows, with the faults that were found in flight."""
+        track, withheld = self._prepared, self.claim.withheld
         made = advise(
-            analyse(track, self.model, claim=claim),
+            analyse(track, self.model, claim=replace(self.claim, outputs=self.outputs)),
             limit=self.limit,
-            names_known=craft is None or _names_known(track, self.model),
+            names_known=bool(withheld) or _names_known(track, self.model),
             history=self.faults,
             goes_on=self.goes_on,
         )
         return made.advice
 
-    @cached_property
+    @property
+    def settled(self) -> bool:
+        """Whether its answer is that of a report."""
+        return self.reported() is not None
+
+    @property
     def answer(self) -> FlightAnswer:
-        """The same in words."""
-        return answer_of(self.advice, float(self.track.time_s[-1]))
+        """The same in words, with the time up to which it goes."""
+        return self._whole_answer if self.settled else self._answer_so_far
+
+    @cached_property
+    def _whole_answer(self) -> FlightAnswer:
+        return answer_of(self.advice)
+
+    @cached_property
+    def _answer_so_far(self) -> FlightAnswer:
+        return answer_of(self.so_far, float(self.track.time_s[-1]))
 
 
 def _names_known(track: FlightTrack, model: RotorModel) -> bool:
@@ -78,11 +117,19 @@ def _names_known(track: FlightTrack, model: RotorModel) -> bool:
     return check_motor_order(flown, flown_airframe(model)).verdict in ("agrees", "unclear")
 
 
-class SortieRows:
-    """Follows the rows of one start of a vehicle; `now` is its flight as it was made last."""
+#: Gives the answer of a flight that is over once that is known.
+Over = Callable[[FlightSoFar], Callable[[], Advice | None]]
 
-    def __init__(self, model: RotorModel, alarms: Alarms) -> None:
-        self._model, self._alarms = model, alarms
+
+class SortieRows:
+    """Follows the rows of one start of a vehicle; `now` is its flight as it was made last.
+
+    `over` is asked once for each flight that is over, for what a report says of it.
+    """
+
+    def __init__(self, model: RotorModel, alarms: Alarms, over: Over) -> None:
+        self._model, self._alarms, self._over = model, alarms, over
+        self._reported = False  # `now` is over, and read as a file
         self._earlier = len(alarms.fault_history)  # changes before this start of the vehicle
         self._parts: list[FlightTrack] = []
         self._zero_s = self._begin_s = 0.0  # clock when the track's time is 0; of the flight
@@ -123,12 +170,29 @@ class SortieRows:
             self._keep(end_s - STOOD)
         elif landed and self._anew(end_s):
             self._keep(end_s - REST)  # the flight itself stays in `now`
+        elif landed and end_s - self._landed_s >= SETTLED:
+            self.settle()
         elif (
             self._landed_s == end_s
             or end_s - self._made_s >= due_s
             or any(event.raised for event in events)
         ):
             self.make()
+
+    def settle(self) -> None:
+        """No more comes of the flight: it has landed, or the recording ends."""
+        if self._reported:
+            return
+        self.make()
+        if self.now is not None:
+            self._reported, self.now = True, replace(self.now, reported=self._over(self.now))
+
+    def restate(self) -> None:
+        """The faults that stand after a flight, as its report has them."""
+        if self.now is None or not self._alarms.of_parts:
+            return
+        if (reported := self.now.reported()) is not None:
+            self._alarms.restate([one.fault for one in reported.faults], reported.places)
 
     def make(self) -> None:
         """The flight up to the last row."""
@@ -152,6 +216,11 @@ class SortieRows:
             goes_on=bool(track.flying[-1]),
         )
 
+    @property
+    def kept_s(self) -> float:
+        """s from the first row that is kept to the last."""
+        return float(self._parts[-1].time_s[-1] - self._parts[0].time_s[0]) if self._parts else 0.0
+
     def _anew(self, time_s: float) -> bool:
         """Whether a take-off now would begin another flight."""
         long = LONG_DOWN if not self._disarmed else REST
@@ -163,6 +232,7 @@ class SortieRows:
         elif self._flown and self._landed_s < time_s:
             self._stay = self._landed_s, time_s
         self._flown, self._disarmed, self._landed_s = True, False, math.nan
+        self._reported = False
 
     def _begin(self, down_s: float, up_s: float) -> None:
         """The flight after a stay is another, with the ground that is nearer to it."""

@@ -7,7 +7,7 @@ given, so that a recording gives live what it gives from its file.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
-from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
+from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
@@ -23,15 +23,25 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, Vehicl
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import SortieRows
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
+from thrustmargin.gcs_plugin.live.watch.landed_flight import LandedFlights
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
 from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, with_rows
+from thrustmargin.gcs_plugin.live.watch.watch_settings import (
+    GONE,
+    LASTING,
+    ROWLESS,
+    SHARED_HOLD,
+    Later,
+    WatchSettings,
+    when_asked,
+)
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import BOOT_CLOCKS
-from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
+from thrustmargin.models.model.advice import Advice
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
+from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse, heavier
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -40,29 +50,12 @@ from thrustmargin.models.model.rotor_model import RotorModel
 SHOWN = 20
 #: Arrays of an Update that the next one goes on with.
 CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
-#: s for which two vehicles with one id stay suspended after they were last seen to take turns.
-SHARED_HOLD = 10.0
-ROWLESS = 5.0  # s after which a vehicle without any row says so
-#: s after which a field is shown as no longer reported, seldom where a link loses half.
-LASTING = 5.0
-GONE = 60.0  # s of silence after which a vehicle has left
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WatchSettings(Options):
-    """How vehicles are watched: how they are read, and when an alarm is raised."""
-
-    vehicle: int | None = None  # system id of the only one; None: all that are heard
-    alarms: AlarmSettings = field(default_factory=AlarmSettings)
-    airframe_given: bool = True  # by the user; else a vehicle must be recognised as one of it
-    asked: frozenset[str] = frozenset()  # options by which vehicles are asked for more
-    link: str = "LOG"  # where vehicles are heard, for the command that makes an airframe
 
 
 class VehicleMonitor:
     """One system id. Call `take` with its frames, `updates` for its rows, `tick` often.
 
-    `heard_us` says by system id when it was heard last, taken or not.
+    `heard_us` says by system id when it was heard last; `later` answers for a flight that is over.
     """
 
     def __init__(
@@ -72,6 +65,7 @@ class VehicleMonitor:
         settings: WatchSettings,
         *,
         heard_us: Mapping[int, int] = MappingProxyType({}),
+        later: Later[Advice] = when_asked,
     ) -> None:
         self.system = system
         self._heard_us = heard_us
@@ -93,7 +87,8 @@ class VehicleMonitor:
         self._inferred = Inferred()
         self._unsettled = 0  # of the known rows, the last so many
         self._ahead = LookAhead(model)
-        self._sortie = SortieRows(model, self.alarms)
+        self._landed = LandedFlights(system, model, settings, later)
+        self._sortie = SortieRows(model, self.alarms, self._landed.answer)
         self._frozen = FrozenWatch(flown_airframe(model))
         self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
@@ -172,6 +167,7 @@ class VehicleMonitor:
             self.telemetry.forget()
             return
         self.telemetry.take(frame)
+        self._landed.take(frame)
         self._piloted |= self.state.autopilot >= 0
 
     @property
@@ -202,7 +198,7 @@ class VehicleMonitor:
         if last is None or (new is not None and not goes_on(last, new)):
             last, self._unsettled, self._inferred = None, 0, Inferred()
             self._ahead.restart()
-            self._sortie = SortieRows(self._model, self.alarms)
+            self._sortie = SortieRows(self._model, self.alarms, self._landed.answer)
         window, start, measured = slice(0, 0), None, None
         if last is not None:
             window, start = self._window(last)
@@ -211,12 +207,16 @@ class VehicleMonitor:
             measured = self._frozen.without_frozen(new.track, parameters)
             notes = (*new.notes, *measured.notes[len(new.track.notes) :])
             new = replace(new, track=measured, notes=notes)
-            claim, start = self._claimed(new, start)
-            airframe = None if claim.withheld else flown_airframe(self._model)
+            start = self._claimed(new, start)
+            airframe = None if self.claim.withheld else flown_airframe(self._model)
             track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
             new = replace(new, track=track)
         track = with_rows(last, window, new)
-        analysis = analyse(track, self._model, start=start, claim=self.claim)
+        flight = self._sortie.now
+        claim = self.claim if flight is None else replace(self.claim, outputs=flight.outputs)
+        analysis = analyse(track, self._model, start=start, claim=claim)
+        if flight is not None and not claim.withheld:
+            analysis = heavier(analysis, flight.beyond_gauge_kg)
         total = track.time_s.size
         first = total - (0 if new is None else new.clock_s.size)
         unsettled, settled = first - self._unsettled, total
@@ -246,9 +246,11 @@ class VehicleMonitor:
             else np.pad(new.esc_failures, ((first, 0), (0, 0)), constant_values=np.nan),
         )
         if new is None or measured is None:
-            self._sortie.make()
+            self._sortie.settle()
+            self._sortie.restate()
         else:
             self._sortie.add(measured, new.clock_s, self.claim, self.state, events)
+            self._landed.forget(float(new.stamp_us[-1]) - self._sortie.kept_s * 1e6)
         kept = self.last
         self.last = Update(
             vehicle=self.system,
@@ -272,17 +274,15 @@ class VehicleMonitor:
         )
         return self.last
 
-    def _claimed(
-        self, new: LiveRows, start: FlightState | None
-    ) -> tuple[AirframeClaim, FlightState | None]:
-        """The claim with the new rows, and what the model goes on from: nothing after a change."""
+    def _claimed(self, new: LiveRows, start: FlightState | None) -> FlightState | None:
+        """Decide the claim, and say what the model goes on from: nothing after a change."""
         before = self.claim
         claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
         if replace(claim, outputs=before.outputs) == before and self.last is not None:
-            return claim, start
+            return start
         helps = [claim.remedy] if claim.withheld else []
         self.notes.append((int(new.stamp_us[-1]), "; ".join([claim.described, *helps])))
-        return claim, None if bool(before.withheld) != bool(claim.withheld) else start
+        return None if bool(before.withheld) != bool(claim.withheld) else start
 
     def _window(self, last: Update) -> tuple[slice, FlightState | None]:
         """Rows of the last update that the next one needs, and what the model carries to them."""
@@ -318,6 +318,7 @@ class VehicleMonitor:
         """Check the link at a time of the ground's clock up to which all that came is known."""
         if not self.seen:
             return []
+        self._sortie.restate()
         # Frames that came and were not taken yet may hold the rotor speeds.
         behind = (self.telemetry.stamp_us - self._rotor_us) * 1e-6
         if self.shared:  # what comes is not used: that is no fault of the ESCs

@@ -178,6 +178,10 @@ class VehicleNode:
         if self._discs is not None:
             self._discs.batched_colors = disc_colours(margin)
         for i, label in enumerate(self._labels):
+            # Over the whole field the numbers would lie on each other: those of bad rotors alone.
+            shown = self._detailed or i + 1 in faulty
+            if label.visible != shown:
+                label.visible = shown
             text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
             label.text = f"! {text}" if i + 1 in faulty else text
         self._show_tank(row.track.tank_kg[row.row])

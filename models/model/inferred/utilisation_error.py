@@ -73,10 +73,10 @@ def beyond_load(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence 
     """
     if outputs is None:
         return 0.0
-    load = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
-    if not load.size or track.source("tank_kg").meaning is Meaning.HOVER_THRUST:
+    hover = track.source("tank_kg").meaning is Meaning.HOVER_THRUST
+    if hover or np.isnan(outputs.load_kg):
         return outputs.ceiling_high / INTERVAL
-    return outputs.share_beyond(airframe.empty_mass + float(np.median(load))) / INTERVAL
+    return outputs.share_beyond(airframe.empty_mass + outputs.load_kg) / INTERVAL
 
 
 def redundancy_error(

@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.live.console import status_lines, vehicle_cells
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, spacing
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.view.live.live_heard import Heard
 
 SILENCE = 1.6  # s here, to be quick; rotor speeds are missed a second earlier

@@ -63,7 +63,8 @@ def test_worse_is_darker_on_each_side_of_the_line(scale):
     lightness = lab(linear(scale.screen(values)))[:, 0]
     for side in (values < line - 1e-9, values >= line):
         assert np.all(worse * np.diff(lightness[side]) <= 0.6)  # rounding to 8 bits
-        assert abs(lightness[side][0] - lightness[side][-1]) > 35
+        # Not more: the darkest stands out from black by night, the lightest from white by day.
+        assert abs(lightness[side][0] - lightness[side][-1]) > 33
 
 
 def test_load_and_margin_are_one_scale_read_from_both_ends():
@@ -130,3 +131,10 @@ def test_ink_on_paper_has_the_contrast_that_wcag_asks_for_at_every_value(scale):
 def test_the_last_mark_of_a_legend_is_where_its_bar_ends():
     for limit in (1.5000000000000004, 2.6000000000000014, 77.7):
         assert [place for place, _ in legend(residual_scale(limit))["marks"]] == [0.0, 50.0, 100.0]
+
+
+@pytest.mark.parametrize("scale", [LOAD, MARGIN, REDUNDANCY])
+def test_every_colour_of_a_route_stands_out_by_night(scale):
+    values = np.linspace(scale.low, scale.high, 401)
+    luminance = linear(scale.screen(values)) @ np.array([0.2126, 0.7152, 0.0722])
+    assert ((luminance + 0.05) / 0.05).min() >= 3.0  # against black

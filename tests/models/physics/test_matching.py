@@ -21,8 +21,6 @@ def test_f16_is_the_papers_matching():
     assert f"{matching.load.load_increase:.2%}" == "75.83%"
     assert f"{nameplate.use_full:.1%}" == "54.6%"
     assert curve.use_full == pytest.approx(0.50, abs=0.005)
-    assert nameplate.fill_half_use == pytest.approx(12.9, abs=1e-4)
-    assert nameplate.fill_one_rotor_out == pytest.approx(12.9, abs=1e-4)
 
 
 def test_f16_survives_a_lost_rotor_when_empty_and_not_when_full():
@@ -91,4 +89,4 @@ def test_an_aircraft_and_its_simulation_are_one_design_and_others_are_not():
 def test_an_aircraft_without_a_tank_matches_too():
     matching = match_airframe(replace(F16, tank_volume_l=0.0))
     assert matching.load.load_increase == 0.0
-    assert np.isfinite(matching.ceilings[0].fill_half_use)
+    assert np.isfinite(matching.ceilings[0].use_full)

@@ -61,7 +61,6 @@ def test_a_log_is_served_until_ctrl_c_which_is_a_clean_end(sitl_logs):
     [
         (["no_such_flight.tlog"], "no_such_flight.tlog"),
         (["{log}", "--airframe", "dragonfly"], "dragonfly"),
-        (["{log}", "--speed", "0"], "speed"),
     ],
 )
 def test_what_cannot_be_replayed_is_one_line_and_exit_1(sitl_logs, capsys, arguments, words):

@@ -1,12 +1,13 @@
 """`thrustmargin match` as a user runs it: the printed table, the figure files, the refusals."""
 
+import json
 import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.load.match import _fill, match
+from thrustmargin.gcs_plugin.commands.load.match import match
 from thrustmargin.gcs_plugin.reports.model.model_figures import figure10, write_figure
 from thrustmargin.models.errors import AirframeError, DataError, ModelError
 from thrustmargin.models.model.model_file import save_model
@@ -31,7 +32,6 @@ def test_f16_prints_the_papers_matching_and_writes_both_figures(tmp_path, capsys
         "increase over empty (Eq. 8) 75.83 %",
         "thrust utilisation 54.6 % 31.0 %",
         "thrust utilisation 50.3 % 28.6 %",
-        "fill at 50 % utilisation in hover 12.9 of 16.0 kg",
         "C_T of the thrust curve 0.0869, inside the range of Eq. 3, 0.0293 to 0.3514",
     ):
         assert said in text
@@ -122,20 +122,15 @@ def test_help_shows_what_a_pilot_needs(capsys):
         run(["match", "--help"])
     assert stopped.value.code == 0
     text = printed(capsys)
-    assert "the largest fill for the 50 % limit" in text
+    assert "how much to fill on a usual day" in text
     assert "Example: thrustmargin match --airframe agras-t40" in text
 
 
-@pytest.mark.parametrize(
-    ("fill", "capacity", "said"),
-    [
-        (float("nan"), 16.0, "unknown"),
-        (float("-inf"), 16.0, "unknown"),
-        (-1.5, 16.0, "none, 1.5 kg over when empty"),
-        (11.6, 0.0, "no tank"),
-        (8.0, 16.0, "8.0 of 16.0 kg"),
-        (17.0, 16.0, "full (line 17.0 kg)"),
-    ],
-)
-def test_a_fill_is_said_where_it_is_a_number_of_a_tank(fill, capacity, said):
-    assert _fill(fill, capacity) == said
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_fill_is_what_fill_says(name, tmp_path, capsys):
+    match(airframe=name, out=tmp_path / "one.svg")
+    matched = capsys.readouterr().out
+    assert run(["fill", "--airframe", name, "--json", str(tmp_path / "fill.json")]) == 0
+    advice, *conditions = capsys.readouterr().out.splitlines()
+    assert f"\n{advice}\n{conditions[0]}\n" in matched
+    assert advice in json.loads((tmp_path / "fill.json").read_text()).values()

@@ -38,7 +38,7 @@ def day(*, tank: float, voltage: float, down: float) -> FlightTrack:
 
 def begins(track: FlightTrack, *, armed: bool) -> float:
     """s at which the flight that goes on began, followed in pieces of a second."""
-    sorties, claim = SortieRows(MODEL, Alarms()), AirframeClaim()
+    sorties, claim = SortieRows(MODEL, Alarms(), lambda _: lambda: None), AirframeClaim()
     for first in range(0, track.time_s.size, 10):
         part = track.rows(slice(first, first + 10))
         on = armed or bool(part.flying.any())

@@ -8,7 +8,8 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.live.monitored import MODEL
 from thrustmargin.gcs_plugin.live.console import minutes, percent
-from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.wording.alarm_words import MARGIN_AHEAD, margin_words
 
 

@@ -10,7 +10,7 @@ from tests.gcs_plugin.live.monitored import MODEL
 from thrustmargin.gcs_plugin.live.console import COLUMNS, vehicle_cells
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures
-from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 

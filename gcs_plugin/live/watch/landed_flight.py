@@ -1,0 +1,92 @@
+"""A flight that is over, read from its messages as a report reads its file.
+
+Rows that were made as messages came hold the last value of each channel, and cannot know what came
+later. A file's rows are interpolated, and its faults and loads are sought in the whole flight. So
+that page, terminal and alarm say at the end what the report says, the messages of a flight are
+kept, and read once more when it has landed.
+"""
+
+from __future__ import annotations
+
+import struct
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, OF_MISSION
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
+from thrustmargin.gcs_plugin.live.watch.watch_settings import Later, WatchSettings
+from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
+from thrustmargin.gcs_plugin.logs.findings import names_known
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
+from thrustmargin.models.errors import ThrustMarginError
+from thrustmargin.models.model.advice import Advice, advise
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import RotorModel
+
+CHUNK_S = 10.0  # s of messages that are forgotten together
+#: What a vehicle says seldom, and what holds from then on: kept for as long as it is heard.
+_LASTING_NAMES = (
+    *("HOME_POSITION", "GPS_GLOBAL_ORIGIN", "EXTENDED_SYS_STATE", "AUTOPILOT_VERSION"),
+    *("STATUSTEXT", "SYSTEM_TIME"),
+)
+LASTING = OF_ITSELF | OF_MISSION | {message_ids()[name] for name in _LASTING_NAMES}
+
+
+class LandedFlights:
+    """Keeps the messages of one vehicle in the order in which they came, as the bytes of a .tlog,
+    and reads them when a flight is over; `later` says when that is done."""
+
+    def __init__(
+        self, system: int, model: RotorModel, settings: WatchSettings, later: Later[Advice]
+    ) -> None:
+        self._system, self._model, self._settings, self._later = system, model, settings, later
+        self._chunks: list[tuple[int, bytearray, bytearray]] = []  # first µs, all, what lasts
+
+    def take(self, frame: Frame) -> None:
+        """One more."""
+        stamp_us = frame.stamp_us
+        if not self._chunks or stamp_us - self._chunks[-1][0] > CHUNK_S * 1e6:
+            self._chunks.append((stamp_us, bytearray(), bytearray()))
+        stamped = struct.pack(">Q", stamp_us) + frame.data
+        _, whole, lasting = self._chunks[-1]
+        whole += stamped
+        if frame.id in LASTING:
+            lasting += stamped
+
+    def forget(self, before_us: float) -> None:
+        """Keep of what came before a time, by the ground's clock, only what lasts."""
+        for k, (first_us, whole, lasting) in enumerate(self._chunks[:-1]):
+            if self._chunks[k + 1][0] <= before_us and len(whole) > len(lasting):
+                self._chunks[k] = first_us, lasting, lasting
+
+    def answer(self, flight: FlightSoFar) -> Callable[[], Advice | None]:
+        """What a report says of the flight; what it said so far where none can be made of it."""
+        tlog = b"".join(whole for _, whole, _ in self._chunks)
+        read = partial(as_reported, tlog, self._model, self._settings, system=self._system)
+        return self._later(lambda: read() or flight.so_far)
+
+
+def as_reported(
+    tlog: bytes, model: RotorModel, settings: WatchSettings, *, system: int
+) -> Advice | None:
+    """What `report` says of a vehicle's last flight in a .tlog; None where it cannot be read."""
+    given = settings.airframe_given
+    with tempfile.TemporaryDirectory(prefix="thrustmargin-") as folder:
+        file = Path(folder) / f"vehicle {system}.tlog"
+        file.write_bytes(tlog)
+        try:
+            stated = settings.as_of_a_file
+            flights = claimed_flights(file, model, given=given, vehicle=system, **stated)
+        except ThrustMarginError:
+            return None
+    log, claim = flights[-1]
+    found = inspect_log(log, model.airframe, claim).findings
+    return advise(
+        analyse(log.track, model, claim=claim),
+        limit=settings.alarms.max_utilisation,
+        names_known=names_known(found),
+    ).advice

@@ -1,0 +1,65 @@
+"""The sorties of a log with what can be inferred of them, and on what ground each is one of the
+model's airframe: the one way from a file to what is analysed."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from thrustmargin.gcs_plugin.logs.read import read_sorties
+from thrustmargin.gcs_plugin.telemetry.flight_log import with_track
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.models.checks.frozen import without_frozen
+from thrustmargin.models.errors import AirframeError
+from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
+from thrustmargin.models.model.inferred.prepared import prepared
+from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.rotor_model import RotorModel
+
+
+def claimed_flights(
+    path: Path, model: RotorModel, *, given: bool, **options: Any
+) -> list[tuple[FlightLog, AirframeClaim]]:
+    """Every sortie of a log with what can be inferred of it, and the ground on which it is one of
+    the model's airframe, which the user gave or not; `options` as of `read_sorties`.
+
+    Where there is none, it is read without an airframe. Raises as `read_sorties`.
+    """
+    craft = flown_airframe(model)
+
+    def claims_of(logs: Iterable[FlightLog]) -> list[AirframeClaim]:
+        claims = (
+            airframe_claim(log.track, craft, log.facts, log.parameters, given=given) for log in logs
+        )
+        return [replace(claim, source=shlex.quote(str(path))) for claim in claims]
+
+    def read(**airframe: Any) -> list[FlightLog]:
+        logs = read_sorties(path, sought=given, **airframe, **options)
+        return [
+            replace(log, track=without_frozen(log.track, craft, log.parameters)) for log in logs
+        ]
+
+    try:
+        logs, fits = read(airframe=model.airframe), True
+    except AirframeError:  # another number of rotors, which the claim will say
+        logs, fits = read(), False
+    claims = claims_of(logs)
+    if fits and any(claim.basis == "not known" for claim in claims):
+        bare = read()
+        if len(bare) == len(logs):
+            unclaimed = [claim.basis == "not known" for claim in claims]
+            logs = [b if none else log for log, b, none in zip(logs, bare, unclaimed, strict=True)]
+        else:  # the airframe's tank or speeds divided them otherwise
+            logs, claims = bare, claims_of(bare)
+    return [
+        (
+            log
+            if claim.basis == "not known" or claim.withheld
+            else with_track(log, prepared(log.track, craft, log.parameters)),
+            claim,
+        )
+        for log, claim in zip(logs, claims, strict=True)
+    ]
