@@ -29,7 +29,7 @@ WITHOUT_EXTRAS = {
     "record": [FLIGHT, "--out", "job"],
     "replay": [FLIGHT, "--port", "0", "--no-browser"],
     "report": [FLIGHT, "--out", "r.html", "--pdf", "r.pdf"],
-    "stream": [FLIGHT, "--to", "udpout:127.0.0.1:9", "--speed", "10000"],
+    "stream": [FLIGHT, "--to", "udpout:127.0.0.1:9", "--speed", "1000"],
 }
 LINK = "udpin:127.0.0.1:14999"
 #: command line, what it says is missing, and the extra that holds it

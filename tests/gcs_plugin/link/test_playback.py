@@ -149,22 +149,22 @@ def test_a_file_without_frames_says_so(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "words", "code"),
     [
-        (["missing.tlog"], "missing.tlog: no such file"),
-        (["sitl_logs/onset/reference.tlog", "--speed", "0"], "--speed 0"),
-        (["sitl_logs/onset/reference.tlog", "--to", "nowhere"], "not a link"),
+        (["missing.tlog"], "missing.tlog: no such file", 1),
+        (["sitl_logs/onset/reference.tlog", "--speed", "0"], "--speed 0", 2),
+        (["sitl_logs/onset/reference.tlog", "--to", "nowhere"], "not a link", 1),
     ],
 )
-def test_the_command_tells_mistakes_in_one_line(arguments, words):
-    code = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
+def test_the_command_tells_mistakes_in_one_line(arguments, words, code):
+    program = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
     done = subprocess.run(
-        [sys.executable, "-c", code, "stream", *arguments],
+        [sys.executable, "-c", program, "stream", *arguments],
         capture_output=True,
         text=True,
         cwd=ROOT,
         check=False,
     )
-    assert done.returncode == 1
+    assert done.returncode == code
     assert words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

@@ -95,5 +95,5 @@ def test_of_another_format_it_says_what_to_share(tmp_path: Path, capsys: pytest.
     assert run(["inspect", str(log), "--anonymise", str(tmp_path / "a.tlog")]) == 1
     said = capsys.readouterr().err.replace("\n", " ")
     assert "only a telemetry log (.tlog) can be copied" in said
-    assert "report v4_m10_q2.5.BIN --anonymise --csv" in said
+    assert "report v4_m10_q2.5.BIN --anonymise --out rows.html" in said
     assert not (tmp_path / "a.tlog").exists()

@@ -30,7 +30,7 @@ def test_two_vehicles_are_told_apart_and_the_choice_is_said(tmp_path):
     log = read_log(path)
     assert (log.vehicle, log.vehicles) == (2, (1, 2))
     found = inspect_log(log, load_airframe("topxgun-f16-sitl")).findings
-    (said,) = repeated(found)
+    (said, *_) = repeated(found)
     words = "2 in the log (1, 2), vehicle 2 is read: --vehicle chooses another"
     assert (said.check, said.words) == ("vehicles", words)
     assert log.track.rotor_speed_rpm[0, 1] == 2501
