@@ -95,7 +95,7 @@ def test_a_rotor_is_spoken_of_before_anything_else(sets):
 
 def test_two_rotors_that_lose_with_airspeed_are_both_right():
     data = build(20_000, "worn", SMALL)
-    at = int(data.implants[0].condition["rotor"])
+    at = int(str(data.implants[0].condition["rotor"]))
     assert uneven_rotors(data) == {at + 1, (at + 1) % 4 + 1}
 
 

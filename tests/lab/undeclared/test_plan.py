@@ -75,7 +75,9 @@ def test_what_a_craft_reports_is_slow_coarse_or_repeated():
 
 def test_a_repaired_rotor_is_sound_afterwards():
     data = build(20_000, "repaired rotor", SMALL)
-    (implant,), rotor = data.implants, data.implants[0].rotor
+    (implant,) = data.implants
+    rotor = implant.rotor
+    assert rotor is not None
     means = [f.track.rotor_speed_rpm[f.track.flying].mean(axis=0) for f in data.fit]
     apart = [m[rotor] - np.delete(m, rotor).mean() for m in means]
     assert min(apart[:4]) > max(apart[4:]) + 0.2 * implant.size * SMALL.hover_rpm

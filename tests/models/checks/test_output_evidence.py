@@ -177,6 +177,7 @@ def test_what_is_shown_beyond_makes_an_answer_graver_and_never_better():
         advise(analyse(prepared(track, F16, SQUARE), physics_model(F16), claim=one)).advice
         for one in (claim, replace(claim, outputs=None))
     ]
+    assert claim.outputs is not None
     assert claim.outputs.share_beyond(34.1) == pytest.approx(3.0 / 34.1, rel=0.02)
     shown, without_it = made
     assert shown.level is without_it.level

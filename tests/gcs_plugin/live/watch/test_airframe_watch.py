@@ -60,9 +60,11 @@ def test_a_voltmeter_that_reads_too_much_at_rest_widens_the_margin_in_flight(giv
     # 58.8 V at rest are 14 cells at 4.20 V; 4 % more is 8.2 % of thrust. In flight they read less.
     track = replace(LOG.track, voltage=1.04 * LOG.track.voltage)
     made = claims(watched(given=given), track, 0, LOG.track.time_s.size)
+    assert made[-1].outputs is not None
     assert made[-1].outputs.ceiling_high == pytest.approx(0.082, abs=0.002)
     assert not any(claim.misfit for claim in made)
     sound = claims(watched(given=given), LOG.track, 0, LOG.track.time_s.size)
+    assert sound[-1].outputs is not None
     assert sound[-1].outputs.ceiling_high == 0.0
 
 
