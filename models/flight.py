@@ -124,7 +124,7 @@ class FlyingBy(StrEnum):
     IDLE_OUTPUTS = "idle outputs"
     CONSTANT_OUTPUTS = "constant outputs"
     SLOW_ROTORS = "slow rotors"  # they never carry half of the empty weight
-    NEVER_ROSE = "never rose"  # armed in the log, and never higher than where it was
+    NEVER_ROSE = "never rose"  # motors ran up in the log, and it was never higher than before
     NOT_KNOWN = "not known"  # nothing in it says
 
 

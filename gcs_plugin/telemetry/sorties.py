@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import IDLE
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.wording.flight_words import restart_words
+from thrustmargin.models.checks.loss_of_control import loss_of_control
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
 
@@ -42,7 +43,8 @@ def sorties_of(
 ) -> tuple[FlightLog, ...]:
     """The sorties of a log, numbered, of its recordings and signals from restart to restart.
 
-    Where nothing in it flew, the longest recording is given as it is. Raises LogError when none of
+    One that turned over before it rose is one of them. Where nothing in it flew, the longest
+    recording is given as it is. Raises LogError when none of
     them makes a table, AirframeError when the airframe has another number of rotors.
     """
     flown: list[FlightLog] = []
@@ -54,7 +56,7 @@ def sorties_of(
         except LogError as error:
             failed.append(error)
             continue
-        if not has_flight(whole.track, signals):
+        if not has_flight(whole.track, signals) and not loss_of_control(whole.track):
             idle.append(whole)
             continue
         spans = flight_spans(whole.track, whole.clock_start_s, signals)

@@ -20,7 +20,7 @@ GROUNDED_BY: Mapping[FlyingBy, str] = MappingProxyType(
         FlyingBy.IDLE_OUTPUTS: "its motor outputs never rose above idle",
         FlyingBy.CONSTANT_OUTPUTS: "its motor outputs never changed",
         FlyingBy.SLOW_ROTORS: "its rotors never carried half of the empty weight",
-        FlyingBy.NEVER_ROSE: "it was armed and never rose from where it stood",
+        FlyingBy.NEVER_ROSE: "its motors ran up and it never rose from where it stood",
         FlyingBy.NOT_KNOWN: "neither landed state, rotor speeds, motor outputs nor height is in it",
         FlyingBy.LANDED_STATE: "by its own landed state",
         FlyingBy.HEIGHT: "it was never more than 1 m above home",

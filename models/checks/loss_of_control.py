@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from thrustmargin.models.flight import Bools, FlightTrack, Floats, down_axis
+from thrustmargin.models.flight import Bools, FlightTrack, Floats, FlyingBy, down_axis
 from thrustmargin.models.physics.atmosphere import G0
 
 #: rad: no autopilot lets anybody ask for more in the modes that spraying is flown in.
@@ -22,6 +22,7 @@ TURNED_TILT = np.radians(70.0)
 OFF_TILT, OFF_S = np.radians(30.0), 1.0
 SPIN_RATE = 6.0  # rad/s, about one turn a second
 FALL_FORCE = 0.3 * G0  # m/s²: hardly held by anything
+DRIVEN = 0.12  # mean output above which motors do more than idle: it may turn over on its legs
 FALL_SPEED = 3.0  # m/s downwards: less is a gust, or a landing
 HIT_FORCE = 3.0 * G0  # m/s², mean of a row
 #: Calm flight: tilt in rad and rate in rad/s below which, and s for which it must be.
@@ -89,15 +90,15 @@ def recovered(track: FlightTrack) -> tuple[LossOfControl, ...]:
 
 def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]]:
     """All signs that lasted: those that it came back from, and those of a loss."""
-    watched = _watched(track)
-    if not watched.any():
+    watched, driven = _watched(track), _driven(track)
+    if not (watched | driven).any():
         return [], []
     seen = movements(track)
     last_calm = _last_of_calm(track.time_s, track.flying & seen.calm)
     found = [
         LossOfControl(kind=kind, time_s=begin, value=float(np.nanmax(size[first:end])))
         for kind, (rows, size) in seen.signs.items()
-        for first, end in _runs(watched & rows)
+        for first, end in _runs(rows & (watched | (driven & (kind is LossKind.TURNED_OVER))))
         if float(track.time_s[end - 1]) - (begin := float(track.time_s[first]))
         >= LASTS_S[kind] - 1e-9
     ]
@@ -173,6 +174,13 @@ def _watched(track: FlightTrack) -> Bools:
         return track.flying
     last = np.searchsorted(flown, track.time_s, side="right") - 1
     return (last >= 0) & (track.time_s - flown[np.maximum(last, 0)] <= AFTER_S)
+
+
+def _driven(track: FlightTrack) -> Bools:
+    """(T,) rows, on the ground too, in which the motors of an armed aircraft do more than idle."""
+    off = track.flying_by in (FlyingBy.DISARMED, FlyingBy.CONSTANT_OUTPUTS)
+    total = np.nan_to_num(track.throttle).sum(axis=1)
+    return (total > DRIVEN * track.rotor_count) & (not off)
 
 
 def _after_fall(track: FlightTrack, sink: Floats) -> Bools:

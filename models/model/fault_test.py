@@ -68,6 +68,8 @@ class FaultTest:
         """A new flight."""
         self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
         self._held_s, self._before = math.nan, self.faults
+        self._group: tuple[int, ...] = ()  # of whom one is bad, and none can be told from the next
+        self._suspected_s = math.nan
         self._first: list[tuple[float, Floats, Floats]] | None = []
         self._passed, self._again, self._suspect = -1, -1, None
 
@@ -114,29 +116,44 @@ class FaultTest:
         )
         suspected, self._suspect = self._suspect, None
         if change is None:
-            self._sound, self._passed = 1.0, -1
+            self._sound, self._passed, self._suspected_s = 1.0, -1, math.nan
             return
         share = change.share.reshape(steps.shape[:2])
         rotor = int(np.argmax(share.sum(axis=1)))
-        posterior = share[rotor] / share[rotor].sum()
         self._sound = 1.0 / (1.0 + math.exp(min(change.log_ratio - LIKE_A_TURN, 50.0)))
         if math.isnan(self._held_s):
             likely = change.log_ratio > LIKE_A_TURN and share[rotor].sum() > SURE
             # One block may be an outlier: two on end must say the same.
             before, self._passed = self._passed, rotor if likely else -1
-            if change.log_ratio > THRESHOLD and not (likely and before == rotor):
+            named = likely and before == rotor
+            if change.log_ratio > THRESHOLD and not named:
                 self._suspect = self._one_of(share, rotor, before, suspected)
-            elif likely and change.log_ratio > THRESHOLD:
-                self._held_s, self._before = time_s, self.faults
+            if self._suspect is None:
+                self._suspected_s = math.nan
+            elif math.isnan(self._suspected_s):
+                self._suspected_s = time_s
+            # Two on one arm move all signals alike: waiting longer names neither.
+            alike = time_s - self._suspected_s >= 0.5 * WINDOW
+            if change.log_ratio > THRESHOLD and (named or alike):
+                self._group = self._suspect.rotors if self._suspect else ()
+                self._held_s, self._before, self._suspect = time_s, self.faults, None
                 self._test.hold()
-                self._name(rotor, posterior, begins=True)
+                self._name(rotor, self._sizes(share, rotor), begins=True)
         elif change.log_ratio < 0.0:
             self._held_s, self.faults = math.nan, self._before
             self._test.release()
         else:
-            self._name(rotor, posterior, begins=time_s - self._held_s < 2.0 * SETTLE * BLOCK)
+            alone = share[rotor].sum() > SURE
+            before, self._passed = self._passed, rotor if alone else -1
+            self._group = () if alone and before == rotor else self._group
+            self._name(
+                rotor,
+                self._sizes(share, rotor),
+                begins=time_s - self._held_s < 2.0 * SETTLE * BLOCK,
+            )
             if time_s - self._held_s >= WINDOW:
                 bad = rotor in self.faults
+                posterior = share[rotor] / share[rotor].sum()
                 step = posterior @ steps[rotor] if bad else -self._now[rotor]
                 spread = posterior @ ((steps[rotor] - step) ** 2 + self._widths[rotor] ** 2)
                 self._now[rotor] += step
@@ -166,6 +183,11 @@ class FaultTest:
             rotors=tuple(sorted(rotors)),
         )
 
+    def _sizes(self, share: Floats, rotor: int) -> Floats:
+        """(J,) posterior of the sizes of a rotor, or of its group's, by that (R, J) of all."""
+        sizes = share[list(self._group or (rotor,))].sum(axis=0)
+        return sizes / sizes.sum()
+
     def _name(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
         """Put down what the posterior (J,) of a rotor's sizes says.
 
@@ -189,6 +211,7 @@ class FaultTest:
                 size=float(weight @ FAULT_SIZES),
                 lower=float(lower),
                 upper=MOST if begins else float(upper),
+                rotors=self._group,
             )
 
 

@@ -46,6 +46,9 @@ def worst_moments(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> tup
     When rotors peak together the moment is listed once, with its worst rotor.
     """
     use = airborne_use(analysis)
+    # One that may as well be none says nothing.
+    to_low = INTERVAL * (analysis.utilisation_error - analysis.utilisation_beyond)
+    use = np.where(to_low < use, use, np.nan)
     left, _ = worst_rotor(use)
     time_s = analysis.track.time_s
     found = []

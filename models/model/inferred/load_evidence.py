@@ -203,10 +203,10 @@ def gathered(
     thrust = rotor_thrust(airframe, track.rotor_speed_rpm, air.density).sum(axis=1)
     cosine = np.prod(np.cos(track.attitude[:, :2]), axis=1)
     felt = -track.specific_force_frd[:, 2]
-    mass = thrust / np.where(np.isfinite(felt), felt, G0 / cosine)
     speed = np.hypot(*track.velocity_ned[:, :2].T)
     speed = np.nan_to_num(np.where(np.isfinite(track.airspeed), track.airspeed, speed))
     with np.errstate(invalid="ignore", divide="ignore"):
+        mass = thrust / np.where(np.isfinite(felt), felt, G0 / cosine)
         lift = 1.0 - induced_ratio(speed / hover_induced_velocity(mass, air.density, airframe))
         inferred = track.standard_errors.get("rotor_speed_rpm")
         error = np.zeros(mass.size)

@@ -1,5 +1,6 @@
 """Loss of control on flights of a few movements, each made by hand at ten rows a second."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from thrustmargin.models.checks.loss_of_control import (
     loss_of_control,
     recovered,
 )
-from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.flight import FlightTrack, FlyingBy
 
 G = 9.81
 TIME = np.arange(0.0, 30.0, 0.1)
@@ -28,7 +29,7 @@ def flight(**changed: Any) -> FlightTrack:
     attitude, rates, velocity, force = zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy()
     asked, told = np.zeros((TIME.size, 2)), changed.pop("told", "asked_deg" in changed)
     force[:, 2] = -G
-    output = np.full((TIME.size, 4), 0.5)
+    output = np.full((TIME.size, 4), 0.08 if changed.pop("idle", False) else 0.5)
     put = {
         "roll_deg": (attitude[:, 0], np.radians),
         "asked_deg": (asked[:, 0], np.radians),
@@ -100,10 +101,10 @@ def test_a_fall_that_ends_in_the_ground_is_dated_from_its_first_sign():
         {"roll_deg": [(10.0, 25.0, 55.0)], "output": [(10.0, 25.0, 1.0)]},
         # Carried by hand after the landing, and before the take-off.
         {"roll_deg": [(0.0, 1.5, 120.0), (30.0, 31.0, 120.0)]},
-        {"roll_deg": [(20.0, 30.0, 120.0)], "flying": (2.0, 17.0)},
+        {"roll_deg": [(20.0, 30.0, 120.0)], "flying": (2.0, 17.0), "idle": True},
         # One row is damage.
         {"roll_deg": [(27.0, 27.2, 120.0)]},
-        {"flying": (0.0, 0.0), "roll_deg": [(5.0, 25.0, 170.0)]},
+        {"flying": (0.0, 0.0), "roll_deg": [(5.0, 25.0, 170.0)], "idle": True},
     ],
 )
 def test_what_is_no_loss_of_control(changed: dict[str, Any]):
@@ -178,3 +179,15 @@ def test_what_calm_flight_followed_and_a_hard_landing_are_dated_and_no_loss(chan
     assert [(one.kind, round(one.time_s, 1)) for one in recovered(made)] == found
     if found:
         assert loss_of_control(made) == ()
+
+
+def test_one_that_turns_over_on_its_legs_never_flew_and_is_lost():
+    """Motors run up, and it lies on its side: no row in flight, by whatever says so."""
+    on_the_ground = {"roll_deg": [(10.0, 30.0, 100.0)], "flying": (40.0, 50.0)}
+    assert signs(**on_the_ground) == [("turned over", 10.0, 1.75)]
+    # Turned by hand: disarmed, at idle, or with outputs that nothing controls.
+    assert not signs(**on_the_ground, idle=True)
+    for by in (FlyingBy.DISARMED, FlyingBy.CONSTANT_OUTPUTS):
+        assert not loss_of_control(replace(flight(**on_the_ground), flying_by=by))
+    # A stick held over before it lifts asks for a tilt that no aircraft on its legs takes.
+    assert not signs(asked_deg=[(3.0, 6.0, 45.0)], flying=(40.0, 50.0))
