@@ -2,17 +2,18 @@
 
 On a disk the system holds the lock and frees it when the process ends, however it ends. In a bucket
 it is an object that its holder renews; one that was not renewed for `STALE_S` is taken over, and a
-holder that finds another's name in it stops before it writes again.
+holder that finds another's name in it stops before it writes again. Both times are the bucket's
+own, so that no computer's clock, set wrong or set meanwhile, frees a lock or keeps it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import socket
 import threading
-import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -74,8 +75,7 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
     path, lost, done = store.path(LOCK), threading.Event(), threading.Event()
 
     def note() -> bytes:
-        content = {"owner": own, "who": _me(), "renewed_unix_s": time.time()}
-        return json.dumps(content).encode()
+        return json.dumps({"owner": own, "who": _me()}).encode()
 
     def take() -> None:
         store.files.pipe_file(path, note(), mode="create")
@@ -84,7 +84,7 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
         take()
     except FileExistsError:
         held = _held(store)
-        if held is not None and time.time() - held["renewed_unix_s"] < STALE_S:
+        if held is not None and _since_renewed(store, own) < STALE_S:
             raise _refused(store, held["who"]) from None
         store.delete(LOCK)
         try:
@@ -117,6 +117,20 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
         thread.join()
         if mine():
             store.delete(LOCK)
+
+
+def _since_renewed(store: SeasonStore, own: str) -> float:
+    """s by the bucket's clock since the lock was written; infinite where it is gone."""
+    now = store.path(f"{LOCK}.{own}")
+    store.files.pipe_file(now, b"")
+    try:
+        store.files.invalidate_cache()
+        written = store.files.modified(store.path(LOCK))
+        return (store.files.modified(now) - written).total_seconds()
+    except FileNotFoundError:
+        return math.inf
+    finally:
+        store.files.rm_file(now)
 
 
 def _held(store: SeasonStore) -> dict[str, Any] | None:

@@ -1,5 +1,6 @@
 """A store in a bucket is the store on a disk, and has one writer too."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,22 @@ def test_a_writer_that_died_is_followed_and_stops_when_it_wakes(
     with writer_lock(store) as still_held:
         monkeypatch.setattr(lock_module, "STALE_S", 0.0)
         with writer_lock(store), pytest.raises(DataError, match="taken over by another"):
+            still_held()
+
+
+@pytest.mark.parametrize("off_s", [-1e6, 1e6])
+def test_a_computer_s_clock_neither_frees_a_lock_nor_keeps_it(
+    season_bucket: str, monkeypatch: pytest.MonkeyPatch, off_s: float
+):
+    store = SeasonStore.open(f"{season_bucket}/four{off_s:+.0f}")
+    now = time.time()
+    with writer_lock(store):
+        monkeypatch.setattr(time, "time", lambda: now + off_s)
+        with pytest.raises(DataError, match="written by another"), writer_lock(store):
+            pass
+        time.sleep(1.1)  # the bucket's times have whole seconds
+        monkeypatch.setattr(lock_module, "STALE_S", 1.0)
+        with writer_lock(store) as still_held:
             still_held()
 
 
