@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.logs.findings import (
     loss_findings,
 )
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.gcs_plugin.wording.flight_words import STOOD_STILL
+from thrustmargin.gcs_plugin.wording.flight_words import STOOD_STILL, TOO_SELDOM
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.frozen import INSTRUMENTS
 from thrustmargin.models.checks.late_speeds import late_speeds
@@ -42,6 +42,8 @@ _OTHER_UNIT = 2.0
 #: m/s² from which shaking is strong: a quiet mount keeps each axis within 3 to 5.
 _STRONG_SHAKING = 5.0
 
+#: Hz of rotor speeds below which the means of rotor_faults.py hold no three of them.
+SLOWEST_HZ = 2.9
 _MUCH_LOST = 1.0  # % of a file's bytes
 
 #: Verdicts of the checks that are no warning.
@@ -208,6 +210,9 @@ def _speed_readings(log: FlightLog) -> Finding:
     elif log.track.reports("rotor_speed_rpm"):
         level, words = Severity.OK, "no reading is held, lone, or zero while thrust was asked"
         words = "; ".join(filter(None, (words, resolution_words(log.track))))
+        rate = next(c.rate_hz for c in log.channels if c.name == "rotor_speed_rpm")
+        if rate < SLOWEST_HZ:
+            level, words = Severity.WARNING, say(TOO_SELDOM, seconds=f"{1.0 / rate:.2g}")
     else:
         level, words = Severity.UNKNOWN, "no readings"
     return Finding("rotor speed sensors", level, words)

@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, decode
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order, known_rows
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
+from thrustmargin.mission.parameter_names import parameter
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
 

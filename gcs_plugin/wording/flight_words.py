@@ -29,6 +29,7 @@ GROUNDED_BY: Mapping[FlyingBy, str] = MappingProxyType(
         FlyingBy.GIVEN: "as the table says",
     }
 )
+TOO_SELDOM = "readings come every {seconds} s: too seldom to find a weak rotor or motor"
 #: Of an instrument whose reading is left out.
 STOOD_STILL = "its reading stood still in flight: no measurement, and left out"
 

@@ -1,7 +1,7 @@
 """How fast a vehicle flies a mission by its own parameters: speeds, accelerations, jerk, yaw.
 
-Names and defaults are those of ArduPilot's Copter 4.6 and before (cm, centidegrees), of 4.7 (m,
-degrees), and of PX4 1.16. What no parameter says has its default, and `assumed` names it.
+Names and defaults are those of ArduPilot's Copter 4.7 (those of before: `parameter_names`) and of
+PX4 1.16. What no parameter says has its default, and `assumed` names it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-CENTI = 0.01
+from thrustmargin.mission.parameter_names import parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,45 +42,45 @@ class FlightLimits:
     assumed: tuple[str, ...] = ()  # parameters that were not known
 
 
-#: field of FlightLimits -> parameter of 4.6, of 4.7, what a unit of the former is, default.
-_ARDUPILOT: Mapping[str, tuple[str, str, float, float]] = {
-    "speed": ("WPNAV_SPEED", "WP_SPD", CENTI, 10.0),
-    "climb_speed": ("WPNAV_SPEED_UP", "WP_SPD_UP", CENTI, 2.5),
-    "descent_speed": ("WPNAV_SPEED_DN", "WP_SPD_DN", CENTI, 1.5),
-    "acceleration": ("WPNAV_ACCEL", "WP_ACC", CENTI, 2.5),
-    "corner_acceleration": ("WPNAV_ACCEL_C", "WP_ACC_CNR", CENTI, 0.0),
-    "climb_acceleration": ("WPNAV_ACCEL_Z", "WP_ACC_Z", CENTI, 1.0),
-    "jerk": ("WPNAV_JERK", "WP_JERK", 1.0, 1.0),
-    "climb_jerk": ("PSC_JERK_Z", "PSC_JERK_D", 1.0, 5.0),
-    "radius": ("WPNAV_RADIUS", "WP_RADIUS_M", CENTI, 2.0),
-    "land_speed": ("LAND_SPEED", "LAND_SPD_MS", CENTI, 0.5),
-    "land_below": ("LAND_ALT_LOW", "LAND_ALT_LOW_M", CENTI, 10.0),
-    "return_height": ("RTL_ALT", "RTL_ALT_M", CENTI, 15.0),
-    "slew_deg": ("ATC_SLEW_YAW", "ATC_RATE_WPY_MAX", CENTI, 60.0),
-    "yaw_rate_deg": ("ATC_RATE_Y_MAX", "ATC_RATE_Y_MAX", 1.0, 0.0),
-    "yaw_acceleration_deg": ("ATC_ACCEL_Y_MAX", "ATC_ACC_Y_MAX", CENTI, 270.0),
-    "yaw_time": ("ATC_INPUT_TC", "ATC_INPUT_TC", 1.0, 0.15),
-    "yaw_gain": ("ATC_ANG_YAW_P", "ATC_ANG_YAW_P", 1.0, 4.5),
-    "yaw_behaviour": ("WP_YAW_BEHAVIOR", "WP_YAW_BEHAVIOR", 1.0, 2.0),
-    "spray_speed": ("SPRAY_SPEED_MIN", "SPRAY_SPEED_MIN", CENTI, 1.0),
+#: field of FlightLimits -> parameter, and its default.
+_ARDUPILOT: Mapping[str, tuple[str, float]] = {
+    "speed": ("WP_SPD", 10.0),
+    "climb_speed": ("WP_SPD_UP", 2.5),
+    "descent_speed": ("WP_SPD_DN", 1.5),
+    "acceleration": ("WP_ACC", 2.5),
+    "corner_acceleration": ("WP_ACC_CNR", 0.0),
+    "climb_acceleration": ("WP_ACC_Z", 1.0),
+    "jerk": ("WP_JERK", 1.0),
+    "climb_jerk": ("PSC_D_JERK", 5.0),
+    "radius": ("WP_RADIUS_M", 2.0),
+    "land_speed": ("LAND_SPD_MS", 0.5),
+    "land_below": ("LAND_ALT_LOW_M", 10.0),
+    "return_height": ("RTL_ALT_M", 15.0),
+    "slew_deg": ("ATC_RATE_WPY_MAX", 60.0),
+    "yaw_rate_deg": ("ATC_RATE_Y_MAX", 0.0),
+    "yaw_acceleration_deg": ("ATC_ACC_Y_MAX", 270.0),
+    "yaw_time": ("ATC_INPUT_TC", 0.15),
+    "yaw_gain": ("ATC_ANG_YAW_P", 4.5),
+    "yaw_behaviour": ("WP_YAW_BEHAVIOR", 2.0),
+    "spray_cm_s": ("SPRAY_SPEED_MIN", 100.0),
 }
-_PX4: Mapping[str, tuple[str, str, float, float]] = {
-    "speed": ("MPC_XY_CRUISE", "MPC_XY_CRUISE", 1.0, 5.0),
-    "climb_speed": ("MPC_Z_V_AUTO_UP", "MPC_Z_V_AUTO_UP", 1.0, 3.0),
-    "descent_speed": ("MPC_Z_V_AUTO_DN", "MPC_Z_V_AUTO_DN", 1.0, 1.5),
-    "acceleration": ("MPC_ACC_HOR", "MPC_ACC_HOR", 1.0, 3.0),
-    "climb_acceleration": ("MPC_ACC_UP_MAX", "MPC_ACC_UP_MAX", 1.0, 4.0),
-    "jerk": ("MPC_JERK_AUTO", "MPC_JERK_AUTO", 1.0, 4.0),
-    "climb_jerk": ("MPC_JERK_AUTO", "MPC_JERK_AUTO", 1.0, 4.0),
-    "radius": ("NAV_ACC_RAD", "NAV_ACC_RAD", 1.0, 10.0),
-    "take_off_speed": ("MPC_TKO_SPEED", "MPC_TKO_SPEED", 1.0, 1.5),
-    "land_speed": ("MPC_LAND_SPEED", "MPC_LAND_SPEED", 1.0, 0.7),
-    "land_below": ("MPC_LAND_ALT2", "MPC_LAND_ALT2", 1.0, 5.0),
-    "return_height": ("RTL_RETURN_ALT", "RTL_RETURN_ALT", 1.0, 60.0),
-    "yaw_rate_deg": ("MPC_YAWRAUTO_MAX", "MPC_YAWRAUTO_MAX", 1.0, 60.0),
-    "yaw_acceleration_deg": ("MPC_YAWRAUTO_ACC", "MPC_YAWRAUTO_ACC", 1.0, 20.0),
-    "yaw_gain": ("MC_YAW_P", "MC_YAW_P", 1.0, 2.8),
-    "yaw_behaviour": ("MPC_YAW_MODE", "MPC_YAW_MODE", 1.0, 0.0),
+_PX4: Mapping[str, tuple[str, float]] = {
+    "speed": ("MPC_XY_CRUISE", 5.0),
+    "climb_speed": ("MPC_Z_V_AUTO_UP", 3.0),
+    "descent_speed": ("MPC_Z_V_AUTO_DN", 1.5),
+    "acceleration": ("MPC_ACC_HOR", 3.0),
+    "climb_acceleration": ("MPC_ACC_UP_MAX", 4.0),
+    "jerk": ("MPC_JERK_AUTO", 4.0),
+    "climb_jerk": ("MPC_JERK_AUTO", 4.0),
+    "radius": ("NAV_ACC_RAD", 10.0),
+    "take_off_speed": ("MPC_TKO_SPEED", 1.5),
+    "land_speed": ("MPC_LAND_SPEED", 0.7),
+    "land_below": ("MPC_LAND_ALT2", 5.0),
+    "return_height": ("RTL_RETURN_ALT", 60.0),
+    "yaw_rate_deg": ("MPC_YAWRAUTO_MAX", 60.0),
+    "yaw_acceleration_deg": ("MPC_YAWRAUTO_ACC", 20.0),
+    "yaw_gain": ("MC_YAW_P", 2.8),
+    "yaw_behaviour": ("MPC_YAW_MODE", 0.0),
 }
 PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
 
@@ -90,15 +90,14 @@ class _Values:
     parameters: Mapping[str, float]
     assumed: list[str] = field(default_factory=list)
 
-    def of(self, table: Mapping[str, tuple[str, str, float, float]]) -> dict[str, float]:
+    def of(self, table: Mapping[str, tuple[str, float]]) -> dict[str, float]:
         return {name: self._one(*entry) for name, entry in table.items()}
 
-    def _one(self, old: str, new: str, unit: float, default: float) -> float:
-        for name, scale in ((old, unit), (new, 1.0)):
-            value = self.parameters.get(name)
-            if value is not None and math.isfinite(value):
-                return value * scale
-        self.assumed.append(f"{new} {default:g}")
+    def _one(self, name: str, default: float) -> float:
+        value = parameter(self.parameters, name)
+        if math.isfinite(value):
+            return value
+        self.assumed.append(f"{name} {default:g}")
         return default
 
 
@@ -113,10 +112,12 @@ def _ardupilot(values: _Values) -> FlightLimits:
     slew = math.radians(found.pop("slew_deg"))
     rate = math.radians(found.pop("yaw_rate_deg"))
     behaviour = found.pop("yaw_behaviour")
+    spray = 0.01 * found.pop("spray_cm_s")
     turning = math.radians(found.pop("yaw_acceleration_deg"))
     found["corner_acceleration"] = found["corner_acceleration"] or 2.0 * found["acceleration"]
     return FlightLimits(
         **found,
+        spray_speed=spray,
         # Half of what leaning takes in the time of the attitude controller (AC_WPNav).
         snap=found["jerk"] * math.pi / (4.0 * max(found["yaw_time"], 0.1)),
         take_off_speed=found["climb_speed"],

@@ -48,6 +48,7 @@ TRIM, NOISE = 0.1, 0.01
 KNOWN = 0.1  # of a manoeuvre's effect that a model with that effect leaves
 LEAK = 0.1  # of what an axis needs, that shows in another mode
 STEEPNESS, LAG = 0.15, 0.2  # standard errors of the thrust curve (Quiver), and of a lag in s
+IDLING = 0.05  # of full thrust, below which a motor's speed shows how it slows, and no part
 UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the ground
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 
@@ -251,7 +252,8 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
     curve = output_curve({}, track.source("throttle"))
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = (measured**2 - predicted**2) / np.mean(predicted**2, axis=1, keepdims=True)
-        output = np.log(curve.thrust_share(track.throttle[rows]))
+        share = curve.thrust_share(track.throttle[rows])
+        output = np.log(np.where(share > IDLING, share, np.nan))
         motors = np.log(measured**2) - output
     load = np.linalg.norm(track.specific_force_frd[rows], axis=1) / G0 - 1.0
     turning = np.column_stack([load, track.angular_rate_frd[rows]])

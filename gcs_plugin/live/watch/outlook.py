@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import DeliveryMeter
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT, VehicleState
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
+from thrustmargin.mission.parameter_names import parameter
 from thrustmargin.mission.plan import MissionPlan, plan_from_items
 from thrustmargin.mission.rest_of_route import (
     Conditions,

@@ -32,11 +32,11 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     restarts,
     stretches,
 )
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent, error_events
+from thrustmargin.mission.parameter_names import parameter
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 

@@ -1,20 +1,11 @@
-"""Values of a vehicle's parameters: whole numbers, motors by output, and those of two names.
-
-ArduPilot 4.7 put many of its parameters into SI and into new names (its release notes list them).
-"""
+"""Values of a vehicle's parameters: whole numbers, and motors by output."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 
-#: name -> (the other name, and how many of our unit one of its unit is)
-OTHER_NAMES: Mapping[str, tuple[str, float]] = {
-    "WP_SPD": ("WPNAV_SPEED", 0.01),  # m/s, was cm/s
-    "MAV_SYSID": ("SYSID_THISMAV", 1.0),
-    "ARSPD_TYPE": ("ARSPD1_TYPE", 1.0),
-    "FRAME_TYPE": ("FRAME", 1.0),  # up to Copter 3.4
-}
+from thrustmargin.mission.parameter_names import parameter
 
 #: SERVOn_FUNCTION -> motor, both counted as ArduPilot does, the motor from 0.
 MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
@@ -22,16 +13,6 @@ MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in ra
 
 #: PWM_MAIN_FUNCn of PX4 -> motor, from 0; its SERVO_OUTPUT_RAW has the main outputs first.
 PX4_FUNCTIONS = {101 + k: k for k in range(12)}
-
-
-def parameter(parameters: Mapping[str, float], name: str) -> float:
-    """The value under `name` or its other name, in the unit of `name`; NaN where neither is."""
-    if name in parameters:
-        return parameters[name]
-    if name not in OTHER_NAMES:
-        return math.nan
-    other, factor = OTHER_NAMES[name]
-    return parameters.get(other, math.nan) * factor
 
 
 def whole_number(parameters: Mapping[str, float], name: str) -> int | None:

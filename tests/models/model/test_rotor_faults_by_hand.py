@@ -58,6 +58,23 @@ def test_the_signals_of_a_row():
     np.testing.assert_allclose(found[13:], [load, 0.1, 0.0, 0.3])
 
 
+def test_a_motor_that_nearly_idles_shows_no_part():
+    """In a sharp turn outputs fall to idle, and a rotor that still slows down is no weak motor."""
+    outputs = [0.15, 0.25, 0.35, 0.55]
+    track = FlightTrack.of(
+        name="x",
+        time_s=np.array([7.0]),
+        rotor_count=4,
+        rotor_speed_rpm=np.full((1, 4), 2000.0),
+        throttle=np.array([outputs]),
+        airspeed=np.zeros(1),
+        tank_kg=np.array([8.0]),
+    )
+    found = fault_signals(analyse(track, MODEL, np.full(1, F16.reference_density)), slice(None))[0]
+    # Shares of full thrust: 0, 0.35/8 + 0.65/64 = 0.054, 0.128, 0.338.
+    assert np.isfinite(found[5:9]).tolist() == [False, True, True, True]
+
+
 def test_a_motor_s_prior():
     prior = _motor_test(MODEL)._prior
     np.testing.assert_allclose(prior.trim, 0.1)

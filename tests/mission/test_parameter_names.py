@@ -5,11 +5,8 @@ import math
 import pytest
 
 from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import (
-    OTHER_NAMES,
-    parameter,
-    whole_number,
-)
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
+from thrustmargin.mission.parameter_names import OTHER_NAMES, parameter
 
 
 def test_a_speed_is_in_metres_a_second_under_either_name():
@@ -34,3 +31,17 @@ def test_whole_numbers_go_by_both_names():
 def test_no_name_is_its_own_other():
     others = {other for other, _ in OTHER_NAMES.values()}
     assert not others & OTHER_NAMES.keys()
+
+
+def test_the_names_of_4_7_are_those_that_ardupilot_lists():
+    """Every parameter of a mission that was renamed, written down from its list by hand."""
+    renamed = {
+        **{f"WPNAV_{old}": f"WP_{new}" for old, new in (("SPEED_UP", "SPD_UP"), ("JERK", "JERK"))},
+        **{"WPNAV_SPEED_DN": "WP_SPD_DN", "WPNAV_ACCEL": "WP_ACC", "WPNAV_ACCEL_Z": "WP_ACC_Z"},
+        **{"WPNAV_ACCEL_C": "WP_ACC_CNR", "WPNAV_RADIUS": "WP_RADIUS_M", "RTL_ALT": "RTL_ALT_M"},
+        **{"LAND_SPEED": "LAND_SPD_MS", "LAND_ALT_LOW": "LAND_ALT_LOW_M"},
+        **{"PSC_JERK_Z": "PSC_D_JERK", "ATC_SLEW_YAW": "ATC_RATE_WPY_MAX"},
+    }
+    for old, new in renamed.items():
+        kept = 1.0 if "JERK" in old else 0.01
+        assert parameter({old: 300.0}, new) == pytest.approx(300.0 * kept), old
