@@ -52,7 +52,8 @@ class NewestFigures:
     stamp: float = NAN  # time.monotonic() of the newest row
     flying: bool = False
     margin: float = NAN  # of the worst rotor, by measured speeds, motor outputs or prediction
-    error: float = 0.0  # half of that margin's 90 % interval
+    low: float = math.nan  # ends of that margin's 90 % interval
+    high: float = math.nan
     basis: str = ""  # what stands in for a measured speed, in words
     rotor: int = 0  # that rotor, from 1
     margin_predicted: float = NAN
@@ -221,21 +222,22 @@ def reading(update: Update, stamp: float) -> NewestFigures:
     from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
     from thrustmargin.gcs_plugin.wording.live_words import by_source
     from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
-    from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
     analysis, outlook = update.analysis, update.outlook
     claim = analysis.claim
     known, rotor = (float(a[0]) for a in worst_rotor(analysis.known_utilisation[-1:]))
     basis = analysis.speed_basis if analysis.any_measured[-1] else SpeedBasis.PREDICTED
     predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
-    errors = analysis.utilisation_error[-1]
+    low, high = analysis.use_ends
+    worst = 0 if math.isnan(rotor) else int(rotor)
     return NewestFigures(
         vehicle=update.vehicle,
         stamp=stamp,
         flying=bool(analysis.track.flying[-1]),
         margin=1.0 - known,
         basis="" if basis is SpeedBasis.MEASURED else basis,
-        error=0.0 if math.isnan(rotor) else INTERVAL * float(errors[int(rotor)]),
+        low=1.0 - float(high[-1, worst]),
+        high=1.0 - float(low[-1, worst]),
         rotor=int(rotor) + 1 if math.isfinite(rotor) else 0,
         margin_predicted=1.0 - float(predicted[0]),
         redundancy=float(analysis.redundancy_yaw_uncontrolled[-1]),
@@ -286,7 +288,8 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
     state = "flying" if now.flying else "on the ground"
     old = f", OLD: {age:.0f} s ago" if age > STALE else ""
     rotor = f" (rotor {now.rotor})" if now.rotor else ""
-    within = f" ±{100 * now.error:.0f}" if now.error > 0.0 else ""
+    wide = now.high - now.low > 1e-9
+    within = f" ({100 * now.low:.0f} to {100 * now.high:.0f})" if wide else ""
     basis = f", {now.basis}" if now.basis else ""
     source = f" {now.tank_source}" if now.tank_source else ""
     if now.withheld:
@@ -322,7 +325,7 @@ def fields(
             "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
         }
     predicted = now.basis == "predicted"
-    low, near = (now.margin + e < 1.0 - max_utilisation for e in (now.error, -now.error))
+    low, near = (end < 1.0 - max_utilisation for end in (now.high, now.low))
     out = now.redundancy < 1.0
     rotor = f" R{now.rotor}" if now.rotor else ""
     return {

@@ -21,7 +21,6 @@ from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -141,14 +140,15 @@ def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
     predicted = float(np.min(analysis.margin_predicted[-1]))
     free = float(analysis.redundancy_yaw_uncontrolled[-1])
     tank = float(analysis.track.tank_kg[-1])
+    low, high = (1.0 - end[-1] for end in analysis.use_ends[::-1])
     inferred = math.isfinite(tank) and math.isnan(analysis.track.measured("tank_kg")[-1])
-    error = INTERVAL * analysis.utilisation_error[-1]
     return (
         Text(words.NO_VERDICT)
         if analysis.withheld
         else _margin_cell(
             1.0 - analysis.known_utilisation[-1],
-            error,
+            low,
+            high,
             limit,
             flying=bool(analysis.track.flying[-1]),
             predicted=not analysis.any_measured[-1],
@@ -167,7 +167,8 @@ def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
 
 def _margin_cell(
     margin: np.ndarray,
-    error: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
     limit: float,
     *,
     flying: bool,
@@ -175,7 +176,7 @@ def _margin_cell(
 ) -> Text:
     """Worst rotor's margin and number; how many rotors are unknown; nothing for rotors at rest.
 
-    An inferred margin has half of its 90 % interval, and is green or red where all of that is; one
+    An inferred margin has its 90 % interval, and is green or red where all of that is; one
     that is `predicted`, without any rotor's speed, is never green.
     """
     from rich.text import Text
@@ -188,12 +189,12 @@ def _margin_cell(
     worst = float(np.min(margin[known]))
     unknown = int(np.sum(~known))
     rotor = int(np.nanargmin(margin))
-    reach = float(error[rotor])
-    within = f" ±{100 * reach:.0f}" if reach > 0.0 else ""
+    least, most = float(low[rotor]), float(high[rotor])
+    within = f" ({100 * least:.0f} to {100 * most:.0f})" if most - least > 1e-9 else ""
     cell = f"{'≈ ' if predicted else ''}{percent(worst)}{within} r{rotor + 1}"
     cell += f", {unknown} unknown" if unknown else ""
-    near = unknown or predicted or worst - reach < limit
-    colour = "bold red" if worst + reach < limit else "yellow" if near else "green"
+    near = unknown or predicted or least < limit
+    colour = "bold red" if most < limit else "yellow" if near else "green"
     return Text(cell, style=colour)
 
 

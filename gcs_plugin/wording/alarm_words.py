@@ -83,16 +83,19 @@ def control_words(kind: LossKind, value: float) -> str:
     return say(words, amount=number(shown, unit, 0))
 
 
-def margin_words(what: str, least: float, limit: float, *, error: float, rotor: int | None) -> str:
+def margin_words(
+    what: str, least: float, limit: float, *, ends: tuple[float, float], rotor: int | None
+) -> str:
     """`Thrust margin 44% below 50%, rotor 1: fly gently`; shares, rounded down, so that what is
-    below the limit also reads so. `error` is half the 90 % interval, 0 of what was measured."""
-    within = f" (+-{math.ceil(100 * error)})" if error > 0.0 else ""
+    below the limit also reads so. `ends` are those of its 90 % interval."""
+    low, high = math.floor(100 * max(ends[0], 0.0) + 1e-6), math.ceil(100 * ends[1] - 1e-6)
+    within = f" ({low}-{high})" if ends[1] > ends[0] else ""
     of = "" if rotor is None else say(", rotor {rotor}", rotor=rotor)
-    low = f"{math.floor(100 * least + 1e-6)}%{within}"
-    words = "{what} {low} below {limit}" if least + error < limit else "{what} {low} near {limit}"
-    if least + error < 0.0:
+    value = f"{math.floor(100 * least + 1e-6)}%{within}"
+    words = "{what} {low} below {limit}" if ends[1] < limit else "{what} {low} near {limit}"
+    if ends[1] < 0.0:
         words = "{what} none: beyond ceiling"
-    says, do = say(words, what=say(what), low=low, limit=f"{limit:.0%}"), say(GENTLY)
+    says, do = say(words, what=say(what), low=value, limit=f"{limit:.0%}"), say(GENTLY)
     return fitting(f"{says}{of}: {do}", f"{says}: {do}", f"{says}{of}", says)
 
 

@@ -141,6 +141,13 @@ class FlightAnalysis:
         return np.where(self.any_measured[:, None], self.utilisation, self.utilisation_predicted)
 
     @property
+    def use_ends(self) -> tuple[Floats, Floats]:
+        """(T, R) low and high end of the 90 % interval of the known utilisation, NaN unknown."""
+        use = self.known_utilisation
+        low = use - INTERVAL * (self.utilisation_error - self.utilisation_beyond)
+        return np.maximum(low, 0.0), use + INTERVAL * self.utilisation_error
+
+    @property
     def from_outputs(self) -> Bools:
         """(T, R) rotors whose speed was not measured, but made from their motor's output."""
         error = self.track.standard_errors.get("rotor_speed_rpm")

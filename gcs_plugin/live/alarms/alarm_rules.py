@@ -81,22 +81,20 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 def margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     analysis, rows = now.analysis, now.rows
     use, error = analysis.utilisation[rows], np.nan_to_num(analysis.utilisation_error[rows])
-    down = error - np.nan_to_num(analysis.utilisation_beyond[rows])
     measured = np.isfinite(use)
     # Without a speed the prediction may say that there is thrust again, and nothing else can.
     reach = analysis.utilisation_predicted[rows] + INTERVAL * error
     with np.errstate(invalid="ignore"):
         enough = np.max(reach, axis=1) < s.max_utilisation - s.margin_hysteresis
     blind: Bools = ~np.any(measured, axis=1)
-    return _low(s, words.MEASURED_MARGIN, use, down, np.all(measured, axis=1), blind & enough)
+    return _low(s, words.MEASURED_MARGIN, use, _ends(now), np.all(measured, axis=1), blind & enough)
 
 
 def predicted_margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     analysis, rows = now.analysis, now.rows
     measured: Bools = np.any(np.isfinite(analysis.utilisation[rows]), axis=1)
     use = np.where(measured[:, None], np.nan, analysis.utilisation_predicted[rows])
-    error = np.nan_to_num((analysis.utilisation_error - analysis.utilisation_beyond)[rows])
-    low = _low(s, words.PREDICTED_MARGIN, use, error, ~measured, measured)
+    low = _low(s, words.PREDICTED_MARGIN, use, _ends(now), ~measured, measured)
     return replace(low, over=measured)
 
 
@@ -104,14 +102,20 @@ def margin_ahead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     rows = now.analysis.track.time_s[now.rows].size
     ahead = np.full(rows, np.nan) if now.margin_ahead is None else now.margin_ahead[now.rows]
     use, no = 1.0 - ahead[:, None], np.zeros(rows, dtype=np.bool_)
-    return _low(s, words.MARGIN_AHEAD, use, 0.0 * use, ~no, no, rotors=False)
+    return _low(s, words.MARGIN_AHEAD, use, (use, use), ~no, no, rotors=False)
+
+
+def _ends(now: RowsNow) -> tuple[Floats, Floats]:
+    """(N, R) ends of the interval of each use."""
+    low, high = now.analysis.use_ends
+    return low[now.rows], high[now.rows]
 
 
 def _low(
     s: AlarmSettings,
     what: str,
     use: Floats,
-    error: Floats,
+    ends: tuple[Floats, Floats],
     clears: Bools,
     off: Bools,
     *,
@@ -123,17 +127,21 @@ def _low(
     """
     limit, at = 1.0 - s.max_utilisation, range(len(use))
     rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)
-    least, reach = 1.0 - use[at, rotor], INTERVAL * error[at, rotor]
+    least = 1.0 - use[at, rotor]
+    # Of an interval that is not known there is the value alone.
+    low, high = (np.where(np.isnan(end), use, end)[at, rotor] for end in ends[::-1])
+    low, high = 1.0 - low, 1.0 - high
     on = least < limit
     off = off | (clears & (least > limit + s.margin_hysteresis))
 
     def severity(row: int, _: int) -> int:
-        sure = not reach[row] > 0.0 or least[row] + reach[row] < limit
+        sure = not high[row] > low[row] or high[row] < limit
         return WARNING if sure else NOTICE
 
     def text(row: int, _: int) -> str:
         of = int(rotor[row]) + 1 if rotors else None
-        return words.margin_words(what, least[row], limit, error=float(reach[row]), rotor=of)
+        ends = float(low[row]), float(high[row])
+        return words.margin_words(what, float(least[row]), limit, ends=ends, rotor=of)
 
     known = on | off | (clears & np.isfinite(least))
     past = words.margin_past(what, limit)

@@ -17,7 +17,6 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 #: MAV_SEVERITY -> what the label `level` says.
 LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
@@ -182,16 +181,15 @@ def _of_rotors(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str,
     names = analysis.model.airframe.rotor_names
     if analysis.withheld or not analysis.track.flying[-1]:
         return
-    uses, errors = analysis.known_utilisation[-1], analysis.utilisation_error[-1]
-    for rotor, (use, error) in enumerate(zip(uses.tolist(), errors.tolist(), strict=True)):
-        reach = INTERVAL * error
+    figures = (analysis.known_utilisation, *analysis.use_ends)
+    for rotor, (use, low, high) in enumerate(zip(*(f[-1].tolist() for f in figures), strict=True)):
         yield (
             (str(rotor + 1), names[rotor], str(analysis.basis_of(-1, rotor))),
             {
                 "utilisation_ratio": use,
                 "margin_ratio": 1.0 - use,
-                "margin_low_ratio": 1.0 - (use + reach),
-                "margin_high_ratio": 1.0 - max(use - reach, 0.0) if use == use else math.nan,
+                "margin_low_ratio": 1.0 - high,
+                "margin_high_ratio": 1.0 - low,
             },
         )
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.models.model.analysis import worst_rotor
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 
 def csv_text(made: PlanForecast) -> str:
@@ -19,7 +18,7 @@ def csv_text(made: PlanForecast) -> str:
     track = flight.track
     use, rotor = worst_rotor(analysis.utilisation_predicted)
     which = np.nan_to_num(rotor).astype(int)
-    reach = INTERVAL * analysis.utilisation_error[np.arange(use.size), which]
+    low, high = (end[np.arange(use.size), which] for end in analysis.use_ends)
     items = np.array([timed.leg.item for timed in flight.course.legs])
     columns = {
         "time [s]": track.time_s,
@@ -36,8 +35,8 @@ def csv_text(made: PlanForecast) -> str:
         "energy [Wh]": flight.energy_wh,
         "worst rotor": rotor + 1.0,
         "utilisation [1]": use,
-        "utilisation low [1]": use - reach,
-        "utilisation high [1]": use + reach,
+        "utilisation low [1]": low,
+        "utilisation high [1]": high,
         "redundancy yaw uncontrolled [1]": analysis.redundancy_yaw_uncontrolled,
     }
     text = io.StringIO()

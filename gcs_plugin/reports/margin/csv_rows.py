@@ -39,7 +39,8 @@ COLUMNS: tuple[tuple[str, str, int | None], ...] = (
     ("utilisation_{}", "1", 5),
     ("utilisation_from_outputs_{}", "1", 5),
     ("utilisation_predicted_{}", "1", 5),
-    ("utilisation_error_{}", "1", 5),
+    ("utilisation_low_{}", "1", 5),
+    ("utilisation_high_{}", "1", 5),
 )
 
 
@@ -56,7 +57,7 @@ def rows_of(
         values = getattr(track, channel)
         of_track[name] = values if values.ndim == 1 else values[:, part]
     of_analysis = ("density", "redundancy_yaw_uncontrolled", "redundancy_yaw_kept")
-    used = ("utilisation_predicted", "known_utilisation", "utilisation_error", "trimmable_loss")
+    used = ("utilisation_predicted", "known_utilisation", "trimmable_loss")
     measured = ~analysis.from_outputs
     by_speed = {"rotor_speed{}_rpm": track.rotor_speed_rpm, "utilisation{}": analysis.utilisation}
     values = {
@@ -67,6 +68,7 @@ def rows_of(
             for key, x in by_speed.items()
         },
         **{key: getattr(analysis, key) for key in (*of_analysis, *used)},
+        **dict(zip(("utilisation_low", "utilisation_high"), analysis.use_ends, strict=True)),
         "tank_error_kg": track.standard_errors.get("tank_kg", np.full(track.time_s.size, np.nan)),
         "ground_speed": np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1]),
         "basis": prediction.basis,

@@ -17,7 +17,6 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
 #: Moments closer than this are one moment, s: about the length of a turn at a line end.
@@ -47,8 +46,7 @@ def worst_moments(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> tup
     """
     use = airborne_use(analysis)
     # One that may as well be none says nothing.
-    to_low = INTERVAL * (analysis.utilisation_error - analysis.utilisation_beyond)
-    use = np.where(to_low < use, use, np.nan)
+    use = np.where(analysis.use_ends[0] > 0.0, use, np.nan)
     left, _ = worst_rotor(use)
     time_s = analysis.track.time_s
     found = []
@@ -64,8 +62,7 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
     tankless = not analysis.model.airframe.tank_volume_l
     rotor = int(np.nanargmax(use[row]))
     value = float(use[row, rotor])
-    reach = INTERVAL * float(analysis.utilisation_error[row, rotor])
-    to_low = reach - INTERVAL * float(analysis.utilisation_beyond[row, rotor])
+    low, high = (float(end[row, rotor]) for end in analysis.use_ends)
     north, east, down = (float(x) for x in track.position_ned[row])
     latitude = longitude = float("nan")
     if track.origin is not None and np.isfinite(north) and np.isfinite(east):
@@ -86,8 +83,8 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         rotor=rotor + 1,
         rotor_name=names[rotor],
         capacity_use=value,
-        capacity_use_low=max(value - to_low, 0.0),
-        capacity_use_high=value + reach,
+        capacity_use_low=low,
+        capacity_use_high=high,
         margin=1.0 - value,
         basis=analysis.basis_of(row, rotor),
         doing=doing(analysis, row),

@@ -20,7 +20,6 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 #: Columns of the report's rows that are one number a moment, with their units.
 PLAIN = {name: unit for name, unit, _ in COLUMNS if not name.endswith("_{}")}
@@ -193,9 +192,10 @@ def _nulls(values: Floats) -> list[Any]:
 def _margin_band(report: FlightReport) -> tuple[Floats, Floats, Floats]:
     """(T, R) margin by the known utilisation, off the ground, and its 90 % interval."""
     rows = report.rows
-    use = np.where(rows["flying"][:, None] > 0.0, rows["known_utilisation"], np.nan)
-    reach = INTERVAL * rows["utilisation_error"]
-    return 1.0 - use, 1.0 - (use + reach), 1.0 - np.maximum(use - reach, 0.0)
+    flying = rows["flying"][:, None] > 0.0
+    names = ("known_utilisation", "utilisation_high", "utilisation_low")
+    use, high, low = (np.where(flying, rows[name], np.nan) for name in names)
+    return 1.0 - use, 1.0 - high, 1.0 - low
 
 
 def _margins(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:

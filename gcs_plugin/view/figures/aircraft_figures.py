@@ -34,7 +34,7 @@ def aircraft_figures(
     if not row.flying and np.isfinite(row.margin_predicted).any():
         worst = int(np.nanargmin(row.margin_predicted))
     places, radius = rotor_places(airframe)
-    margin, error = row.margin, row.error
+    margin, (low, high) = row.margin, row.ends if row.flying else (row.margin, row.margin)
     rotors = [
         {
             "number": i + 1,
@@ -42,8 +42,8 @@ def aircraft_figures(
             "x": round(float(places[i, 0]), 3),
             "y": round(float(places[i, 1]), 3),
             "left": known(margin[i], 4),
-            "low": known(margin[i] - error[i], 4) if row.flying else known(margin[i], 4),
-            "high": known(margin[i] + error[i], 4) if row.flying else known(margin[i], 4),
+            "low": known(low[i], 4),
+            "high": known(high[i], 4),
             "basis": str(row.basis(i)),
             "worst": i == worst,
             "faulty": i + 1 in faulty,
@@ -79,7 +79,8 @@ def coloured(row: ShownRow, i: int) -> float:
     NaN, no colour, where that is enough and rests on no measurement: that colour is a promise.
     """
     # Where the interval is not known either, the value itself can still be too little.
-    low = float(row.margin[i] - (np.nan_to_num(row.error[i]) if row.flying else 0.0))
+    low, margin = float(row.ends[0][i]), float(row.margin[i])
+    low = low if row.flying and math.isfinite(low) else margin
     sure = row.flying and bool(row.measured[i])
     return low if sure or low < colours.ENOUGH else math.nan
 

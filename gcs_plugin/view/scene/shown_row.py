@@ -78,9 +78,10 @@ class ShownRow:
         return 1.0 - self.analysis.utilisation_predicted[self.row]
 
     @property
-    def error(self) -> Floats:
-        """(R,) half of the 90 % interval of the known margin; 0 where it was measured."""
-        return INTERVAL * self.analysis.utilisation_error[self.row]
+    def ends(self) -> tuple[Floats, Floats]:
+        """(R,) low and high end of the 90 % interval of the known margin, in flight."""
+        low, high = self.analysis.use_ends
+        return 1.0 - high[self.row], 1.0 - low[self.row]
 
     def basis(self, rotor: int) -> str:
         """What a rotor's margin rests on, in words; empty where it is unknown."""
@@ -96,12 +97,6 @@ class ShownRow:
         return 1.0 - float(use[0]), int(rotor[0]) if np.isfinite(rotor[0]) else None
 
     @property
-    def reach(self) -> float:
-        """Half of the 90 % interval of the worst margin; 0 where it was measured or is unknown."""
-        rotor = self.worst[1]
-        return 0.0 if rotor is None else float(self.error[rotor])
-
-    @property
     def unmeasured(self) -> int:
         """Rotors of which nothing is known where others are measured: one of them may be worse."""
         return int(np.sum(~self.measured)) if self.measured.any() else 0
@@ -113,7 +108,8 @@ class ShownRow:
         NaN, no colour, where that is above the limit and rests on no measurement of all rotors:
         the colour of enough thrust is a promise.
         """
-        low = self.worst[0] - self.reach
+        least, rotor = self.worst
+        low = least if rotor is None else float(self.ends[0][rotor])
         sure = bool(self.measured.all())
         return low if sure or low < MARGIN_LIMIT else float("nan")
 

@@ -143,13 +143,13 @@ def alarms() -> list[str]:
         for rotors in ((), (3, 1))
     ]
     low = [
-        alarm_words.margin_words(what, 0.442, 0.5, error=error, rotor=rotor)
+        alarm_words.margin_words(what, 0.442, 0.5, ends=ends, rotor=rotor)
         for what in (
             alarm_words.MEASURED_MARGIN,
             alarm_words.PREDICTED_MARGIN,
             alarm_words.MARGIN_AHEAD,
         )
-        for error in (0.0, 0.05)
+        for ends in ((0.442, 0.442), (0.36, 0.49))
         for rotor in (None, 3)
     ]
     fixed = [

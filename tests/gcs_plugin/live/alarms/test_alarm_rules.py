@@ -231,3 +231,17 @@ def test_estimates_are_means_of_ten_seconds_at_both_ends_of_forty():
         for time_s in (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 38.0, later):
             paused.add(time_s, 1.0, 1.0, math.nan)
         assert (paused.balance() is not None) == kept
+
+
+def test_an_interval_to_one_side_is_said_with_both_its_ends():
+    """What outputs show beyond the speeds raises use alone: 0.55, from 0.51 to 0.71."""
+    wide = replace(
+        using([0.3, 0.55, 0.3, 0.3], error=0.1), utilisation_beyond=np.full((1, 4), 0.075)
+    )
+    low, high = wide.use_ends
+    assert (low[0, 1], high[0, 1]) == (
+        pytest.approx(0.509, abs=1e-3),
+        pytest.approx(0.7145, abs=1e-3),
+    )
+    found = rules.margin(USUAL, RowsNow(analysis=wide, rows=slice(None)))
+    assert found.text(0, 0) == "Thrust margin 45% (28-50) below 50%: fly gently"

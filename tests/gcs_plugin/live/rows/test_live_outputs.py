@@ -1,5 +1,6 @@
 """A vehicle whose ESCs do not report, watched live: a margin from motor outputs, marked as such."""
 
+import re
 from functools import cache
 
 import numpy as np
@@ -59,7 +60,7 @@ def test_it_is_marked_and_no_rotor_is_accused():
     assert {e.alarm.name for e in events if e.raised} <= {"margin"}
     texts = {e.alarm.text for e in events if e.raised and e.alarm.name == "margin"}
     assert texts
-    assert all("(+-" in text and len(text) <= 50 for text in texts)
+    assert all(re.search(r"margin \d+% \(\d+-\d+\)", t) and len(t) <= 50 for t in texts)
     assert not np.isfinite(rows(updates, "residual_rpm")).all()
 
 
