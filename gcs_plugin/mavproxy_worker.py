@@ -52,8 +52,7 @@ class NewestFigures:
     stamp: float = NAN  # time.monotonic() of the newest row
     flying: bool = False
     margin: float = NAN  # of the worst rotor, by measured speeds, motor outputs or prediction
-    low: float = math.nan  # ends of that margin's 90 % interval
-    high: float = math.nan
+    ends: tuple[float, float] | None = None  # of that margin's 90 % interval
     basis: str = ""  # what stands in for a measured speed, in words
     rotor: int = 0  # that rotor, from 1
     margin_predicted: float = NAN
@@ -236,8 +235,7 @@ def reading(update: Update, stamp: float) -> NewestFigures:
         flying=bool(analysis.track.flying[-1]),
         margin=1.0 - known,
         basis="" if basis is SpeedBasis.MEASURED else basis,
-        low=1.0 - float(high[-1, worst]),
-        high=1.0 - float(low[-1, worst]),
+        ends=(1.0 - float(high[-1, worst]), 1.0 - float(low[-1, worst])),
         rotor=int(rotor) + 1 if math.isfinite(rotor) else 0,
         margin_predicted=1.0 - float(predicted[0]),
         redundancy=float(analysis.redundancy_yaw_uncontrolled[-1]),
@@ -288,8 +286,8 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
     state = "flying" if now.flying else "on the ground"
     old = f", OLD: {age:.0f} s ago" if age > STALE else ""
     rotor = f" (rotor {now.rotor})" if now.rotor else ""
-    wide = now.high - now.low > 1e-9
-    within = f" ({100 * now.low:.0f} to {100 * now.high:.0f})" if wide else ""
+    low, high = now.ends or (now.margin, now.margin)
+    within = f" ({100 * low:.0f} to {100 * high:.0f})" if high - low > 1e-9 else ""
     basis = f", {now.basis}" if now.basis else ""
     source = f" {now.tank_source}" if now.tank_source else ""
     if now.withheld:
@@ -325,7 +323,7 @@ def fields(
             "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
         }
     predicted = now.basis == "predicted"
-    low, near = (end < 1.0 - max_utilisation for end in (now.high, now.low))
+    near, low = (end < 1.0 - max_utilisation for end in now.ends or (now.margin, now.margin))
     out = now.redundancy < 1.0
     rotor = f" R{now.rotor}" if now.rotor else ""
     return {

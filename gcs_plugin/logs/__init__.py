@@ -6,4 +6,3 @@ from thrustmargin.gcs_plugin.telemetry.recording import ChannelReport as Channel
 from thrustmargin.gcs_plugin.telemetry.recording import Damage as Damage
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog as FlightLog
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality as LogQuality
-from thrustmargin.gcs_plugin.telemetry.recording import Waypoint as Waypoint

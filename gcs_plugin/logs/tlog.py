@@ -28,8 +28,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     NotThisFormat,
     Recording,
     Stream,
-    Waypoint,
     damage_of,
+    mission_item,
     pauses,
     serial_digits,
 )
@@ -42,6 +42,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.wording.live_words import copies_words, two_autopilots
+from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
 
@@ -227,7 +228,7 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, f
     return found, 0 < int(fields["param_count"].max(initial=0)) <= len(found)
 
 
-def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[Waypoint, ...]:
+def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ...]:
     """The mission as last sent whole to or from the vehicle up to the row, by item number.
 
     Items whose count was not heard change those that were known.
@@ -239,15 +240,15 @@ def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[Waypoint, ..
         concerns = (system[rows] == chosen) | (fields["target_system"] == chosen)
         for k in np.flatnonzero(concerns & (fields["mission_type"] == 0)).tolist():
             events.append((int(rows[k]), name, fields[k]))
-    mission: dict[int, Waypoint] = {}
-    arriving: dict[int, Waypoint] = {}
+    mission: dict[int, PlanItem] = {}
+    arriving: dict[int, PlanItem] = {}
     expected = 0
     for _, name, fields in sorted(events, key=lambda event: event[0]):
         if name in ("MISSION_COUNT", "MISSION_CLEAR_ALL"):
             expected = int(fields["count"]) if name == "MISSION_COUNT" else 0
             arriving, mission = {}, mission if expected else {}
             continue
-        waypoint = Waypoint.of_message(name, fields)
+        waypoint = mission_item(name, fields)
         (arriving if expected else mission)[waypoint.number] = waypoint
         if expected and len(arriving) == expected:
             arriving, mission, expected = {}, arriving, 0

@@ -135,39 +135,29 @@ def _with_escs(found: UlogMotors, topic: Topic) -> UlogMotors:
     """And ESC channels by motor number from 0, whatever their place in the message."""
     made: list[Signal] = []
     notes: list[str] = []
-    seen: dict[int, int] = {}
+    seen: dict[int, int] = {}  # motor -> its place
+    fields = [f"esc[{place}]." for place in range(MOST_MOTORS)]
+    places = [f for f in fields if f"{f}esc_rpm" in topic]
+    functions = [topic.get(f"{f}actuator_function", np.zeros(1)) for f in places]
     # Logs from before 2021 have no functions, or zeros: then the place is the motor.
-    named = any(
-        np.any(topic.get(f"esc[{place}].actuator_function", np.zeros(1)) >= MOTOR_1)
-        for place in range(MOST_MOTORS)
-    )
-    for place in range(MOST_MOTORS):
-        if f"esc[{place}].esc_rpm" not in topic:
-            break
-        rpm = in_si(topic, f"esc[{place}].esc_rpm", "rpm")
-        if named:
-            motor = int(topic.get(f"esc[{place}].actuator_function", np.zeros(1))[-1]) - MOTOR_1
-            if not 0 <= motor < MOST_MOTORS:
-                continue
-        else:
-            motor = place
-            if not np.any(rpm != 0):
-                continue
-        if motor in seen:
+    named = any(np.any(function >= MOTOR_1) for function in functions)
+    online = topic.get("esc_online_flags")
+    for place, (start, function) in enumerate(zip(places, functions, strict=True)):
+        rpm = in_si(topic, f"{start}esc_rpm", "rpm")
+        turned, motor = bool(np.any(rpm != 0)), int(function[-1]) - MOTOR_1 if named else place
+        if not 0 <= motor < MOST_MOTORS or motor in seen or not (named or turned):
             continue
-        twin = next((m for m, p in seen.items() if _same(topic, p, place)), None)
-        if twin is not None and np.any(rpm != 0):
+        twin = next((m for m, other in seen.items() if _same(topic, other, place)), None)
+        if twin is not None and turned:
             notes.append(f"esc_status {place + 1} repeats motor {twin + 1} and is left out")
             continue
         seen[motor] = place
-        online = topic.get("esc_online_flags")
         if online is not None:
             rpm = np.where((online.astype(np.int64) >> place) & 1, rpm, np.nan)
-        made.append(
-            topic_signal("esc_rpm", topic_source("esc_status", "esc_rpm", "rpm"), topic, rpm, motor)
-        )
+        source = topic_source("esc_status", "esc_rpm", "rpm")
+        made.append(topic_signal("esc_rpm", source, topic, rpm, motor))
         for name, unit in (("esc_voltage", "V"), ("esc_current", "A")):
-            if (column := f"esc[{place}].{name}") in topic:
+            if (column := f"{start}{name}") in topic:
                 values = in_si(topic, column, unit)
                 source = topic_source("esc_status", name, unit)
                 made.append(topic_signal(name, source, topic, values, motor))

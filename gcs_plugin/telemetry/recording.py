@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -69,46 +69,22 @@ class LogQuality:
     gaps: tuple[tuple[float, float], ...] = ()  # (start, length) s without any message, > 1 s
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Waypoint:
-    """One mission item as the log holds it; degrees and m, NaN where the command has no place."""
+def mission_item(message: str, item: np.void) -> PlanItem:
+    """The fields of one MISSION_ITEM_INT or MISSION_ITEM."""
+    scale, places = (1e-7, 7) if message == "MISSION_ITEM_INT" else (1.0, 15)
+    where = tuple(round(float(item[k]) * scale, places) for k in ("x", "y"))
+    one, two, three, four = (float(item[f"param{k}"]) for k in (1, 2, 3, 4))
+    return PlanItem(
+        number=int(item["seq"]),
+        command=int(item["command"]),
+        frame=int(item["frame"]),
+        parameters=(one, two, three, four, *placed(*where), float(item["z"])),
+    )
 
-    number: int
-    command: int  # MAV_CMD
-    frame: int  # MAV_FRAME
-    latitude_deg: float
-    longitude_deg: float
-    altitude: float  # m in `frame`
-    parameters: tuple[float, float, float, float]
 
-    @property
-    def plan_item(self) -> PlanItem:
-        """The item as the vehicle's list has it: latitude and longitude 0 where it has no place."""
-        placed = math.isfinite(self.latitude_deg + self.longitude_deg)
-        place = (self.latitude_deg, self.longitude_deg) if placed else (0.0, 0.0)
-        return PlanItem(
-            number=self.number,
-            command=self.command,
-            frame=self.frame,
-            parameters=(*self.parameters, *place, self.altitude),
-        )
-
-    @classmethod
-    def of_message(cls, message: str, item: np.void) -> Self:
-        """The fields of one MISSION_ITEM_INT or MISSION_ITEM."""
-        scale, places = (1e-7, 7) if message == "MISSION_ITEM_INT" else (1.0, 15)
-        latitude, longitude = (round(float(item[k]) * scale, places) for k in ("x", "y"))
-        placed = (latitude, longitude) != (0.0, 0.0)
-        one, two, three, four = (float(item[f"param{k}"]) for k in (1, 2, 3, 4))
-        return cls(
-            number=int(item["seq"]),
-            command=int(item["command"]),
-            frame=int(item["frame"]),
-            latitude_deg=latitude if placed else float("nan"),
-            longitude_deg=longitude if placed else float("nan"),
-            altitude=float(item["z"]),
-            parameters=(one, two, three, four),
-        )
+def placed(latitude: float, longitude: float) -> tuple[float, float]:
+    """Both in degrees as a vehicle's list has them: 0 where one is no number."""
+    return (latitude, longitude) if math.isfinite(latitude + longitude) else (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +112,7 @@ class LogHeader:
     format: str
     quality: LogQuality
     parameters: Mapping[str, float] = field(default_factory=dict)
-    waypoints: tuple[Waypoint, ...] = ()
+    waypoints: tuple[PlanItem, ...] = ()
     messages: tuple[tuple[float, str], ...] = ()  # (s, text)
     events: tuple[VehicleEvent, ...] = ()  # of a recording those that no text says
     vehicle: int = 1

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.scene.overlays import planned_overlays
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.plans.forecast_words import fill_words, verdict
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
-from thrustmargin.mission.plan_items import PlanItem
 
 
 def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
@@ -19,22 +16,9 @@ def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
     advised = made.advised
     return ReplayView(
         advised.analysis,
-        waypoints=[_waypoint(item) for item in made.plan.items],
+        waypoints=made.plan.items,
         overlays=planned_overlays(advised.analysis, advised.advice.limit),
         whole=FlightAnswer(verdict(made), made.level, fill_words(made)),
         planned=True,
         **options,
-    )
-
-
-def _waypoint(item: PlanItem) -> Waypoint:
-    latitude, longitude, altitude = item.place or (math.nan, math.nan, math.nan)
-    return Waypoint(
-        number=item.number,
-        command=item.command,
-        frame=item.frame,
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        altitude=altitude,
-        parameters=item.parameters[:4],
     )

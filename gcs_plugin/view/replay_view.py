@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     import viser
     from viser import SceneClickEvent
 
-    from thrustmargin.gcs_plugin.logs import Waypoint
+    from thrustmargin.mission.plan_items import PlanItem
 
 TICK_HZ = 15.0
 #: How long a message of the vehicle stays on the screen, s of the flight.
@@ -82,7 +82,7 @@ class ReplayView(ViewPage):
         self,
         analysis: FlightAnalysis,
         *,
-        waypoints: Sequence[Waypoint] = (),
+        waypoints: Sequence[PlanItem] = (),
         messages: Sequence[tuple[float, str]] = (),
         overlays: Sequence[Overlay] = (),
         host: str = LOOPBACK,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from thrustmargin.mission.parameter_names import parameter
@@ -85,30 +85,23 @@ _PX4: Mapping[str, tuple[str, float]] = {
 PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
 
 
-@dataclass(slots=True)
-class _Values:
-    parameters: Mapping[str, float]
-    assumed: list[str] = field(default_factory=list)
-
-    def of(self, table: Mapping[str, tuple[str, float]]) -> dict[str, float]:
-        return {name: self._one(*entry) for name, entry in table.items()}
-
-    def _one(self, name: str, default: float) -> float:
-        value = parameter(self.parameters, name)
-        if math.isfinite(value):
-            return value
-        self.assumed.append(f"{name} {default:g}")
-        return default
+def _values(
+    table: Mapping[str, tuple[str, float]], parameters: Mapping[str, float]
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Value of each field, and the parameters that were not known."""
+    said = {name: parameter(parameters, name) for name, _ in table.values()}
+    unknown = [(name, default) for name, default in table.values() if not math.isfinite(said[name])]
+    found = {key: said[n] if math.isfinite(said[n]) else d for key, (n, d) in table.items()}
+    return found, tuple(f"{name} {default:g}" for name, default in unknown)
 
 
 def flight_limits(parameters: Mapping[str, float], *, px4: bool = False) -> FlightLimits:
     """The limits of a vehicle with these parameters, by name; none at all are all defaults."""
-    values = _Values(parameters)
-    return (_px4 if px4 else _ardupilot)(values)
+    return (_px4 if px4 else _ardupilot)(parameters)
 
 
-def _ardupilot(values: _Values) -> FlightLimits:
-    found: dict[str, Any] = values.of(_ARDUPILOT)
+def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
+    found, assumed = _values(_ARDUPILOT, parameters)
     slew = math.radians(found.pop("slew_deg"))
     rate = math.radians(found.pop("yaw_rate_deg"))
     behaviour = found.pop("yaw_behaviour")
@@ -124,13 +117,13 @@ def _ardupilot(values: _Values) -> FlightLimits:
         yaw_rate=min(slew, rate) if rate > 0.0 else slew,
         yaw_acceleration=turning,
         nose_ahead=behaviour in (1.0, 2.0, 3.0),
-        sprays_by_speed=values.parameters.get("SPRAY_ENABLE", 1.0) > 0.0,
-        assumed=tuple(values.assumed),
+        sprays_by_speed=parameters.get("SPRAY_ENABLE", 1.0) > 0.0,
+        assumed=assumed,
     )
 
 
-def _px4(values: _Values) -> FlightLimits:
-    found: dict[str, Any] = values.of(_PX4)
+def _px4(parameters: Mapping[str, float]) -> FlightLimits:
+    found, assumed = _values(_PX4, parameters)
     behaviour = found.pop("yaw_behaviour")
     rate, turning = (
         math.radians(found.pop(name)) for name in ("yaw_rate_deg", "yaw_acceleration_deg")
@@ -144,5 +137,5 @@ def _px4(values: _Values) -> FlightLimits:
         yaw_time=PX4_YAW_TIME,
         nose_ahead=behaviour in (0.0, 3.0),
         sprays_by_speed=False,
-        assumed=tuple(values.assumed),
+        assumed=assumed,
     )

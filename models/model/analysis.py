@@ -142,10 +142,14 @@ class FlightAnalysis:
 
     @property
     def use_ends(self) -> tuple[Floats, Floats]:
-        """(T, R) low and high end of the 90 % interval of the known utilisation, NaN unknown."""
+        """(T, R) low and high end of the 90 % interval of the known utilisation, NaN unknown.
+
+        Of an error that is not known there is the value alone.
+        """
         use = self.known_utilisation
-        low = use - INTERVAL * (self.utilisation_error - self.utilisation_beyond)
-        return np.maximum(low, 0.0), use + INTERVAL * self.utilisation_error
+        errors = self.utilisation_error - self.utilisation_beyond, self.utilisation_error
+        down, up = (INTERVAL * np.nan_to_num(error) for error in errors)
+        return np.maximum(use - down, 0.0), use + up
 
     @property
     def from_outputs(self) -> Bools:

@@ -128,10 +128,8 @@ class FaultTest:
             named = likely and before == rotor
             if change.log_ratio > THRESHOLD and not named:
                 self._suspect = self._one_of(share, rotor, before, suspected)
-            if self._suspect is None:
-                self._suspected_s = math.nan
-            elif math.isnan(self._suspected_s):
-                self._suspected_s = time_s
+            since = time_s if math.isnan(self._suspected_s) else self._suspected_s
+            self._suspected_s = math.nan if self._suspect is None else since
             # Two on one arm move all signals alike: waiting longer names neither.
             alike = time_s - self._suspected_s >= 0.5 * WINDOW
             if change.log_ratio > THRESHOLD and (named or alike):

@@ -16,13 +16,13 @@ from thrustmargin.mission.plan_items import (
     FIRMWARE_GENERIC,
     FIRMWARE_PX4,
     MissionPlan,
+    PlanItem,
     plan_from_items,
 )
 from thrustmargin.models.errors import LogError, PlanError
 from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
     from thrustmargin.mission.ahead.plan_flight import PlanConditions
 
 _ENDINGS = (".plan", ".mission", ".waypoints")
@@ -150,7 +150,7 @@ def _holds_messages(path: Path) -> bool:
     return False
 
 
-def plan_of_waypoints(waypoints: Sequence[Waypoint], *, autopilot: str, source: str) -> MissionPlan:
+def plan_of_waypoints(waypoints: Sequence[PlanItem], *, autopilot: str, source: str) -> MissionPlan:
     """The plan of the mission items that a log called `source` holds.
 
     Raises PlanError when items are missing or cannot be flown as they stand.
@@ -160,7 +160,7 @@ def plan_of_waypoints(waypoints: Sequence[Waypoint], *, autopilot: str, source: 
         missing = next(k for k, number in enumerate([*numbers, -1]) if number != k)
         raise PlanError(f"{source} holds a mission without its item {missing}; name a .plan file")
     return plan_from_items(
-        [w.plan_item for w in waypoints],
+        waypoints,
         home_first=autopilot == "ArduPilot",
         firmware=_FIRMWARE.get(autopilot, FIRMWARE_GENERIC),
         source=source,

@@ -128,9 +128,7 @@ def _low(
     limit, at = 1.0 - s.max_utilisation, range(len(use))
     rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)
     least = 1.0 - use[at, rotor]
-    # Of an interval that is not known there is the value alone.
-    low, high = (np.where(np.isnan(end), use, end)[at, rotor] for end in ends[::-1])
-    low, high = 1.0 - low, 1.0 - high
+    low, high = (1.0 - end[at, rotor] for end in ends[::-1])
     on = least < limit
     off = off | (clears & (least > limit + s.margin_hysteresis))
 

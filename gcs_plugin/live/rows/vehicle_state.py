@@ -15,8 +15,9 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import of_vehicles
-from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
+from thrustmargin.gcs_plugin.telemetry.recording import mission_item
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
+from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 ARDUPILOT = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -50,8 +51,8 @@ class VehicleState:
     parameter_count: int = 0  # that it says it has
     #: Items by number of the mission that it holds; empty where none is known. While they are sent,
     #: those of the next are gathered in `arriving`, `expected` in number, 0 unknown.
-    mission: Mapping[int, Waypoint] = field(default_factory=dict)
-    arriving: Mapping[int, Waypoint] = field(default_factory=dict)
+    mission: Mapping[int, PlanItem] = field(default_factory=dict)
+    arriving: Mapping[int, PlanItem] = field(default_factory=dict)
     expected: int = 0
     mission_came_us: int = 0  # ground's clock when the last item of `mission` came
     mission_changes: int = 0  # times that another mission, or none, was put in its place
@@ -132,7 +133,7 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
         if its_own and (count or not state.mission):
             return state
         return _replaced(replace(state, mission_came_us=0), frame.stamp_us)
-    waypoint = Waypoint.of_message(message, columns[0])
+    waypoint = mission_item(message, columns[0])
     arriving = {**state.arriving, waypoint.number: waypoint}
     if not state.expected:  # its begin was not heard
         return replace(state, mission={**state.mission, waypoint.number: waypoint})
@@ -149,12 +150,12 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
     )
 
 
-def _same(one: Mapping[int, Waypoint], other: Mapping[int, Waypoint]) -> bool:
+def _same(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) -> bool:
     """Whether two missions are alike; a NaN, where an item has no number, is like another."""
 
-    def numbers(mission: Mapping[int, Waypoint]) -> list[tuple[float, ...]]:
+    def numbers(mission: Mapping[int, PlanItem]) -> list[tuple[float, ...]]:
         items = [mission[n] for n in sorted(mission)]
-        return [(w.number, w.command, w.frame, *w.plan_item.parameters) for w in items]
+        return [(w.number, w.command, w.frame, *w.parameters) for w in items]
 
     return len(one) == len(other) and np.array_equal(numbers(one), numbers(other), equal_nan=True)
 

@@ -13,9 +13,9 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.rows.tank_balance import DeliveryMeter
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT, VehicleState
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
-from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 from thrustmargin.mission.parameter_names import parameter
 from thrustmargin.mission.plan import MissionPlan, plan_from_items
+from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.mission.rest_of_route import (
     Conditions,
     Forecast,
@@ -55,11 +55,6 @@ class Outlook:
     def margin_ahead(self) -> float:
         """Least predicted margin that lasts on the rest of the route; NaN without a mission."""
         return math.nan if self.route is None else self.route.lasting_margin
-
-    @property
-    def margin_in_turns(self) -> float:
-        """Least predicted margin on the rest of the route, for however short."""
-        return math.nan if self.route is None else self.route.least_margin
 
 
 class LookAhead:
@@ -230,12 +225,12 @@ def _seconds_to_empty(tank: float, flow: float) -> float:
     return math.inf if seconds > LONGEST_FLIGHT else seconds
 
 
-def _plan(waypoints: Iterable[Waypoint], *, home_first: bool) -> MissionPlan | None:
+def _plan(waypoints: Iterable[PlanItem], *, home_first: bool) -> MissionPlan | None:
     """The mission overheard, if it is whole."""
     ordered = sorted(waypoints, key=lambda w: w.number)
     if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
         return None
     try:
-        return plan_from_items([w.plan_item for w in ordered], home_first=home_first)
+        return plan_from_items(ordered, home_first=home_first)
     except PlanError:
         return None

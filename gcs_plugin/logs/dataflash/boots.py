@@ -26,9 +26,9 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
     Recording,
     Stream,
-    Waypoint,
     damage_of,
     pauses,
+    placed,
     restarts,
     stretches,
 )
@@ -37,6 +37,7 @@ from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent, error_events
 from thrustmargin.mission.parameter_names import parameter
+from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 
@@ -187,27 +188,27 @@ def _unix_offset(stream: Stream | None) -> float | None:
     return float(np.median((unix - stream.time_s)[known]))
 
 
-def _waypoints(stream: Stream | None) -> tuple[Waypoint, ...]:
+def _waypoints(stream: Stream | None) -> tuple[PlanItem, ...]:
     """The mission as last logged, by item number."""
     if stream is None:
         return ()
     columns = columns_of(stream)
-    items: dict[int, Waypoint] = {}
+    items: dict[int, PlanItem] = {}
     names = [*REQUIRED["CMD"], *(["Frame"] if "Frame" in columns else [])]
     table = {name: columns.number(name) for name in names}
     whole = np.isfinite(table["CNum"]) & np.isfinite(table["CId"])
     for row in np.flatnonzero(whole).tolist():
         item = {name: float(values[row]) for name, values in table.items()}
-        placed = (item["Lat"], item["Lng"]) != (0.0, 0.0)
         number = int(item["CNum"])
-        items[number] = Waypoint(
+        items[number] = PlanItem(
             number=number,
             command=int(item["CId"]),
             frame=int(np.nan_to_num(item.get("Frame", 3.0), nan=3.0)),
-            latitude_deg=round(item["Lat"], 7) if placed else float("nan"),
-            longitude_deg=round(item["Lng"], 7) if placed else float("nan"),
-            altitude=item["Alt"],
-            parameters=(item["Prm1"], item["Prm2"], item["Prm3"], item["Prm4"]),
+            parameters=(
+                *(item["Prm1"], item["Prm2"], item["Prm3"], item["Prm4"]),
+                *placed(round(item["Lat"], 7), round(item["Lng"], 7)),
+                item["Alt"],
+            ),
         )
     return tuple(items[number] for number in sorted(items))
 

@@ -14,8 +14,8 @@ from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.watch.update import Update
-    from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
     from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+    from thrustmargin.mission.plan_items import PlanItem
 
 Level = Literal["red", "amber", "grey", "green"]
 #: The gravest first.
@@ -46,7 +46,7 @@ class VehicleSummary:
     message: str = ""  # its last message
     seconds_to_empty: float = math.nan  # inf: the tank does not fall
     fill: str = ""  # what to fill, while it stands on the ground
-    mission: Mapping[int, Waypoint] | None = None
+    mission: Mapping[int, PlanItem] | None = None
     headline: str = ""  # what to do, or what is the matter; empty: nothing
     because: str = ""
     level: Level = "grey"

@@ -20,7 +20,7 @@ from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.logs import Waypoint
+    from thrustmargin.mission.plan_items import PlanItem
 
 MARGIN_LIMIT = 0.5  # where the colours of a margin change
 PIXELS = 2000  # of a picture's longer side, by which legs of a plan are distinguished
@@ -166,40 +166,32 @@ def wxyz_from_attitude(attitude: Floats) -> Floats:
     return turned.as_quat(canonical=True, scalar_first=True)
 
 
-#: MAV_CMD_NAV items that are places to fly to: waypoint, loiter, land, take-off, spline.
-PLACES = frozenset({16, 17, 18, 19, 21, 22, 82})
 #: MAV_FRAME in which altitude is above mean sea level; in the others it is above home or ground.
-SEA_LEVEL_FRAMES = frozenset({0, 5})
+SEA_LEVEL_FRAMES = (0, 5)
 
 
-def plan_enu(waypoints: Sequence[Waypoint], origin: Origin | None, ground: float) -> Floats:
+def plan_enu(waypoints: Sequence[PlanItem], origin: Origin | None, ground: float) -> Floats:
     """(W, 3) east, north, up in m of the mission's places; `ground` is the scene's ground height.
 
     Item 0 (ArduPilot keeps home there) and items without a place are left out; without an origin
     nothing can be placed and the result is empty.
     """
-    places = [
-        w
-        for w in waypoints
-        if w.command in PLACES
-        and w.number > 0
-        and np.isfinite([w.latitude_deg, w.longitude_deg, w.altitude]).all()
-        and (w.latitude_deg, w.longitude_deg) != (0.0, 0.0)
-    ]
-    if origin is None or not places:
+    placed = [(w.frame, *w.place) for w in waypoints if w.number > 0 and w.place is not None]
+    frames, *places = np.array(placed or np.empty((0, 4))).T
+    known = np.isfinite(places).all(axis=0)
+    if origin is None or not known.any():
         return np.empty((0, 3))
+    latitude, longitude, altitude = (values[known] for values in places)
     east, north, _ = pymap3d.geodetic2enu(
-        np.array([w.latitude_deg for w in places]),
-        np.array([w.longitude_deg for w in places]),
+        latitude,
+        longitude,
         origin.altitude,
         origin.latitude_deg,
         origin.longitude_deg,
         origin.altitude,
     )
-    up = [
-        w.altitude - origin.altitude if w.frame in SEA_LEVEL_FRAMES else ground + w.altitude
-        for w in places
-    ]
+    above_sea = np.isin(frames[known], SEA_LEVEL_FRAMES)
+    up = altitude + np.where(above_sea, -origin.altitude, ground)
     return np.column_stack([east, north, up])
 
 

@@ -14,8 +14,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
     LogQuality,
     Stream,
-    Waypoint,
     damage_of,
+    mission_item,
     serial_digits,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import (
@@ -211,14 +211,16 @@ def item(kind: type, x, y) -> Any:
 
 
 def test_a_waypoint_in_degrees_and_none_at_zero():
-    found = Waypoint.of_message("MISSION_ITEM_INT", item(np.int32, 366500000, -1169000000))
-    assert (found.number, found.command, found.frame, found.altitude) == (7, 16, 3, 2.5)
-    assert (found.latitude_deg, found.longitude_deg) == pytest.approx((36.65, -116.9))
-    assert found.parameters == (1.0, 2.0, 3.0, 4.0)
-    found = Waypoint.of_message("MISSION_ITEM", item(np.float32, 36.5, 0.0))
-    assert (found.latitude_deg, found.longitude_deg) == (36.5, 0.0)
-    nowhere = Waypoint.of_message("MISSION_ITEM_INT", item(np.int32, 0, 0))
-    assert np.isnan([nowhere.latitude_deg, nowhere.longitude_deg]).all()
+    found = mission_item("MISSION_ITEM_INT", item(np.int32, 366500000, -1169000000))
+    assert (found.number, found.command, found.frame) == (7, 16, 3)
+    assert found.parameters == pytest.approx((1.0, 2.0, 3.0, 4.0, 36.65, -116.9, 2.5))
+    found = mission_item("MISSION_ITEM", item(np.float32, 36.5, 0.0))
+    assert found.place == (36.5, 0.0, 2.5)
+    for nowhere in (item(np.int32, 0, 0), item(np.float32, np.nan, 0.0)):
+        kind = "MISSION_ITEM_INT" if nowhere["x"] == 0 else "MISSION_ITEM"
+        found = mission_item(kind, nowhere)
+        assert found.place is None
+        assert found.parameters[4:6] == (0.0, 0.0)
 
 
 def test_the_twenty_longest_damaged_places_in_the_order_of_the_file():

@@ -57,7 +57,7 @@ class Talk:
     @property
     def latitudes(self) -> list[float]:
         mission = self.fleet.vehicles[1].state.mission
-        return [round(mission[n].latitude_deg, 4) for n in sorted(mission)]
+        return [round(mission[n].parameters[4], 4) for n in sorted(mission)]
 
     @property
     def changes(self) -> int:

@@ -132,7 +132,7 @@ def test_a_mission_is_overheard_whoever_uploads_it(sitl_logs):
     mission = fleet.vehicles[1].state.mission
     assert sorted(mission) == list(range(29))
     assert mission[1].command == 22
-    assert mission[3].latitude_deg == pytest.approx(36.6500898)
+    assert mission[3].parameters[4] == pytest.approx(36.6500898)
 
 
 def verdicts(sequence, watch: SenderWatch | None = None) -> tuple[SenderWatch, list[Verdict], int]:

@@ -169,8 +169,8 @@ def test_tlog_and_bin_agree_on_flying_spraying_start_and_mission(both):
     boot_a = a.start_unix_s - tlog.clock_start_s
     boot_b = b.start_unix_s - dataflash.clock_start_s
     assert boot_a == pytest.approx(boot_b, abs=0.2)
-    places_a = [(w.command, w.latitude_deg, w.longitude_deg) for w in tlog.waypoints[1:]]
-    places_b = [(w.command, w.latitude_deg, w.longitude_deg) for w in dataflash.waypoints[1:]]
+    places_a = [(w.command, *w.parameters[4:6]) for w in tlog.waypoints[1:]]
+    places_b = [(w.command, *w.parameters[4:6]) for w in dataflash.waypoints[1:]]
     np.testing.assert_allclose(places_a, places_b, atol=1e-7)
     assert a.origin is not None
     assert b.origin is not None

@@ -3,23 +3,22 @@
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.logs import Waypoint
 from thrustmargin.gcs_plugin.view.scene.shown_row import plan_enu, told_apart
+from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.flight import Origin
 
 ORIGIN = Origin(latitude_deg=36.65, longitude_deg=116.9, altitude=20.0)
 
 
-def item(number, *, north=0.0, east=0.0, altitude=3.0, command=16, frame=6, **place) -> Waypoint:
+def item(number, *, north=0.0, east=0.0, altitude=3.0, command=16, frame=6, **place) -> PlanItem:
     metres = 111_000.0
-    return Waypoint(
+    latitude = place.get("latitude_deg", 36.65 + north / metres)
+    longitude = place.get("longitude_deg", 116.9 + east / metres / np.cos(np.radians(36.65)))
+    return PlanItem(
         number=number,
         command=command,
         frame=frame,
-        latitude_deg=place.get("latitude_deg", 36.65 + north / metres),
-        longitude_deg=place.get("longitude_deg", 116.9 + east / metres / np.cos(np.radians(36.65))),
-        altitude=altitude,
-        parameters=(0.0, 0.0, 0.0, 0.0),
+        parameters=(0.0, 0.0, 0.0, 0.0, latitude, longitude, altitude),
     )
 
 
