@@ -68,7 +68,7 @@ class FaultTest:
         """A new flight."""
         self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
         self._held_s, self._before = math.nan, self.faults
-        self._group: tuple[int, ...] = ()  # of whom one is bad, and none can be told from the next
+        self._group: tuple[int, ...] = ()  # of whom one is bad: they move all alike
         self._suspected_s = math.nan
         self._first: list[tuple[float, Floats, Floats]] | None = []
         self._passed, self._again, self._suspect = -1, -1, None

@@ -41,7 +41,6 @@ from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import cells, stopped_fault
 from thrustmargin.models.model.analysis import Basis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.margin import ceiling
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
@@ -80,21 +79,21 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 def margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     analysis, rows = now.analysis, now.rows
-    use, error = analysis.utilisation[rows], np.nan_to_num(analysis.utilisation_error[rows])
+    use, ends = analysis.utilisation[rows], [end[rows] for end in analysis.use_ends]
     measured = np.isfinite(use)
     # Without a speed the prediction may say that there is thrust again, and nothing else can.
-    reach = analysis.utilisation_predicted[rows] + INTERVAL * error
     with np.errstate(invalid="ignore"):
-        enough = np.max(reach, axis=1) < s.max_utilisation - s.margin_hysteresis
-    blind: Bools = ~np.any(measured, axis=1)
-    return _low(s, words.MEASURED_MARGIN, use, _ends(now), np.all(measured, axis=1), blind & enough)
+        enough = np.max(ends[1], axis=1) < s.max_utilisation - s.margin_hysteresis
+    off = ~np.any(measured, axis=1) & enough
+    return _low(s, words.MEASURED_MARGIN, use, ends, np.all(measured, axis=1), off)
 
 
 def predicted_margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     analysis, rows = now.analysis, now.rows
     measured: Bools = np.any(np.isfinite(analysis.utilisation[rows]), axis=1)
     use = np.where(measured[:, None], np.nan, analysis.utilisation_predicted[rows])
-    low = _low(s, words.PREDICTED_MARGIN, use, _ends(now), ~measured, measured)
+    ends = [end[rows] for end in analysis.use_ends]
+    low = _low(s, words.PREDICTED_MARGIN, use, ends, ~measured, measured)
     return replace(low, over=measured)
 
 
@@ -105,17 +104,11 @@ def margin_ahead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     return _low(s, words.MARGIN_AHEAD, use, (use, use), ~no, no, rotors=False)
 
 
-def _ends(now: RowsNow) -> tuple[Floats, Floats]:
-    """(N, R) ends of the interval of each use."""
-    low, high = now.analysis.use_ends
-    return low[now.rows], high[now.rows]
-
-
 def _low(
     s: AlarmSettings,
     what: str,
     use: Floats,
-    ends: tuple[Floats, Floats],
+    ends: Sequence[Floats],
     clears: Bools,
     off: Bools,
     *,
