@@ -74,7 +74,6 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         format="ULog",
         streams={},
         parameters=parameters,
-        waypoints=(),
         messages=tuple((m.timestamp * 1e-6, clean(str(m.message))) for m in log.logged_messages),
         unix_minus_clock=_unix_offset(topics),
         quality=LogQuality(

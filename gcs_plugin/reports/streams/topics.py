@@ -210,29 +210,17 @@ def _margins(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
         basis = SpeedBasis.UNKNOWN
         if np.isfinite(worst[k]):
             rotor = int(worst[k])
-            figures = (margin, low, high)
-            margins = (_nulls(figure[k : k + 1, rotor])[0] for figure in figures)
-            content = {
-                "rotor": rotor + 1,
-                **dict(zip(("margin", "low", "high"), margins, strict=True)),
-            }
+            figures = {"margin": margin, "low": low, "high": high}
+            content = {key: _nulls(f[k : k + 1, rotor])[0] for key, f in figures.items()}
+            content["rotor"] = rotor + 1
             basis = SpeedBasis.PREDICTED
             if measured[k, rotor]:
                 basis = SpeedBasis.MEASURED
             elif outputs[k, rotor]:
                 basis = SpeedBasis.MOTOR_OUTPUTS
         least = 1.0 - report.verdict.limit
-        yield StreamMessage(
-            "/margin",
-            time_s,
-            {
-                "time_s": time_s,
-                "sortie": sortie,
-                **content,
-                "least": least,
-                "basis": str(basis) or "unknown",
-            },
-        )
+        content |= {"least": least, "basis": str(basis) or "unknown"}
+        yield StreamMessage("/margin", time_s, {"time_s": time_s, "sortie": sortie, **content})
 
 
 def _rotors(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
