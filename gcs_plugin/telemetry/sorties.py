@@ -56,7 +56,7 @@ def sorties_of(
         except LogError as error:
             failed.append(error)
             continue
-        if not has_flight(whole.track, signals) and not loss_of_control(whole.track):
+        if not is_sortie(whole.track, signals):
             idle.append(whole)
             continue
         spans = flight_spans(whole.track, whole.clock_start_s, signals)
@@ -87,6 +87,11 @@ def _numbered(log: FlightLog) -> FlightLog:
     return replace(
         log, track=replace(track, name=name, notes=(*notes, *log.unflown.words, *track.notes))
     )
+
+
+def is_sortie(track: FlightTrack, signals: Signals) -> bool:
+    """Whether it flew, or turned over before it could."""
+    return has_flight(track, signals) or bool(loss_of_control(track))
 
 
 def has_flight(track: FlightTrack, signals: Signals) -> bool:

@@ -7,7 +7,7 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans, has_flight
+from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans, has_flight, is_sortie
 from thrustmargin.models.flight import FlightTrack
 
 BOOT = 1000.0  # s of the vehicle's clock at the first row
@@ -100,3 +100,22 @@ def test_a_flight_needs_motors_that_were_armed_and_above_idle():
     assert not has_flight(track((100, 100), throttle=output), ARMED)
     output[300] = 0.5
     assert has_flight(track((100, 100), throttle=output), ARMED)
+
+
+def test_one_that_turned_over_before_it_rose_is_a_sortie_and_no_stretch_without_a_flight():
+    """Two boots: in the first it lies on its side at half output, in the second nothing happens."""
+    still = np.zeros((TIME.size, 3))
+    on_its_side = still + np.radians([100.0, 0.0, 0.0])
+    grounded = np.zeros(TIME.size, dtype=bool)
+    made = [
+        FlightTrack.of(
+            name="x",
+            time_s=TIME,
+            rotor_count=4,
+            flying=grounded,
+            attitude=attitude,
+            throttle=np.full((TIME.size, 4), 0.5),
+        )
+        for attitude in (on_its_side, still)
+    ]
+    assert [is_sortie(track, {}) for track in made] == [True, False]
