@@ -29,7 +29,12 @@ from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary,
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
-from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of, speed_overlay
+from thrustmargin.gcs_plugin.view.scene.overlays import (
+    Overlay,
+    overlays_of,
+    planned_overlays,
+    speed_overlay,
+)
 from thrustmargin.gcs_plugin.view.scene.scene import Scene, row_hit
 from thrustmargin.gcs_plugin.view.scene.shown_row import (
     ShownRow,
@@ -42,6 +47,8 @@ from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.plans.forecast_words import fill_words, verdict
+from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
@@ -341,3 +348,16 @@ def run_replay(
         pass
     finally:
         view.stop()
+
+
+def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
+    """The view of a plan before it is flown: its forecast stands in for the flight."""
+    advised = made.advised
+    return ReplayView(
+        advised.analysis,
+        waypoints=made.plan.items,
+        overlays=planned_overlays(advised.analysis, advised.advice.limit),
+        whole=FlightAnswer(verdict(made), made.level, fill_words(made)),
+        planned=True,
+        **options,
+    )

@@ -202,8 +202,7 @@ def forecast(
     for path in [] if sorties is None else _write_sorties(made, plan, sorties, pump):
         console.print(f"wrote {path}")
     if view:
-        from thrustmargin.gcs_plugin.view.planned_view import planned_view
-        from thrustmargin.gcs_plugin.view.replay_view import run_replay
+        from thrustmargin.gcs_plugin.view.replay_view import planned_view, run_replay
 
         run_replay(planned_view(made, port=port), browser=browser)
 

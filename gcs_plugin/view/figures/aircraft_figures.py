@@ -79,7 +79,8 @@ def coloured(row: ShownRow, i: int) -> float:
     NaN, no colour, where that is enough and rests on no measurement: that colour is a promise.
     """
     # Where the interval is not known either, the value itself can still be too little.
-    low = float(row.ends[0][i] if row.flying else row.margin[i])
+    ends = float(row.ends[0][i]) if row.flying else math.nan
+    low = ends if math.isfinite(ends) else float(row.margin[i])
     sure = row.flying and bool(row.measured[i])
     return low if sure or low < colours.ENOUGH else math.nan
 

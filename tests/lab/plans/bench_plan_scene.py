@@ -11,7 +11,7 @@ import pytest
 
 from tests.lab.bench.bench_view import DRAWN, FRAMES
 from tests.mission.plans_made import plan_of, spot
-from thrustmargin.gcs_plugin.view.planned_view import planned_view
+from thrustmargin.gcs_plugin.view.replay_view import planned_view
 from thrustmargin.gcs_plugin.view.scene.shown_row import row_at
 from thrustmargin.mission.ahead.battery import FlightBattery
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast, TakeOff, forecast
