@@ -122,6 +122,7 @@ class ReplayView(ViewPage):
         shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis)
         self._overlays = tuple(overlays) if planned else (*shown, *overlays)
         self._overlay = self._overlays[0]
+        self._pinned: dict[str, Any] | None = None  # the worst place, as the legend has it
         self._waypoints = waypoints
         self._messages = sorted(messages)
         self._message_times = np.array([t for t, _ in self._messages])
@@ -237,7 +238,10 @@ class ReplayView(ViewPage):
                 "speeds": SPEEDS,
                 "worst": None if worst is None else self._time_of(worst),
             },
-            "field": field_state([o.name for o in self._overlays], self._overlay, self._scene),
+            "field": {
+                **field_state([o.name for o in self._overlays], self._overlay, self._scene),
+                "worst": self._pinned,
+            },
         }
 
     def _drawn_charts(self, _number: int, _back_s: float) -> dict[str, Any]:
@@ -296,12 +300,11 @@ class ReplayView(ViewPage):
         self._scene.set_route(VEHICLE, points, worst, overlay.scale)
         row = self._worst_row()
         if row is None:
-            self._scene.set_pin(np.full(3, np.nan), "")
+            self._pinned = None
+            self._scene.set_pin(np.full(3, np.nan))
         else:
-            text = overlay.text_at(row, self._time_of(row), self._airframe.rotor_names)
-            self._scene.set_pin(
-                ShownRow(self._analysis, row).position_enu, f"{overlay.extreme}: {text}"
-            )
+            self._pinned = overlay.at(row, self._time_of(row), self._airframe.rotor_names)
+            self._scene.set_pin(ShownRow(self._analysis, row).position_enu)
 
     def _worst_row(self) -> int | None:
         placed = np.isfinite(self._analysis.track.position_ned).all(axis=1)

@@ -146,7 +146,7 @@ def action(advice: Advice) -> str:
     load = fill_advice(advice.fill, advice.limit, was_within=within)
     load = load[:1].lower() + load[1:]
     if advice.fill.beyond_gauge_kg > 0.0:
-        more = number(advice.fill.beyond_gauge_kg, "kg", 0)
+        more = number(advice.fill.beyond_gauge_kg, "kg")
         words = "{action}: thrust shows {more} more than was reported"
         first.append(say(words, action=actions.CHECK_LOAD.text, more=more))
     hard = FlightLevel.NO_THRUST in advice.levels or FlightLevel.OVER in advice.levels

@@ -141,7 +141,7 @@ def test_what_to_do_follows_the_same_order():
     spent = action(replace(ADVICE, levels=(FlightLevel.NO_THRUST, FlightLevel.OVER)))
     assert spent.endswith("fly turns and climbs more gently")
     gauge = action(replace(ADVICE, fill=replace(FILL, beyond_gauge_kg=3.4)))
-    assert "thrust shows 3 kg more than was reported" in gauge
+    assert "thrust shows 3.4 kg more than was reported" in gauge
     assert "until then fill at most 8.6 kg" in gauge
     assert action(replace(ADVICE, levels=(FlightLevel.UNKNOWN,))) == ""
 
