@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pymap3d
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
@@ -248,14 +247,8 @@ class LiveView(ViewPage, Subscriber):
                 self._origin = origin
             if origin is None or self._origin is None:
                 return np.zeros(3)
-            home = self._origin
             one.boot = update.boot
-            one.offset_ned = np.array(
-                pymap3d.geodetic2ned(
-                    *(origin.latitude_deg, origin.longitude_deg, origin.altitude),
-                    *(home.latitude_deg, home.longitude_deg, home.altitude),
-                )
-            )
+            one.offset_ned = self._origin.ned(origin.geodetic(np.zeros(3)))
         return one.offset_ned
 
     def _draw_trail(self, one: Aircraft, summary: VehicleSummary) -> None:

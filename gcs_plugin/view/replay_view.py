@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from thrustmargin.gcs_plugin.view.figures.charts import (
 )
 from thrustmargin.gcs_plugin.view.figures.replay_clock import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
-from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary, first_line
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
@@ -270,8 +269,9 @@ class ReplayView(ViewPage):
         stopped = [e.fault for e in self._stopped if e.holds(at_s)]
         faults = (*stopped, *(self._faults[last][1] if last >= 0 else ()))
         names = {"propeller": "rotor", "motor": "motor", "stopped": "stopped"}
-        one = VehicleSummary(
+        return VehicleSummary(
             number=1,
+            whole=self.whole,
             row=row,
             seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),
             problem="; ".join(self._analysis.claim.withheld),
@@ -289,8 +289,6 @@ class ReplayView(ViewPage):
                 for f in faults
             ),
         )
-        headline, because, level = first_line(one, self.whole)
-        return replace(one, headline=headline, because=because, level=level)
 
     def _recolour(self, overlay: Overlay) -> None:
         self._overlay = overlay

@@ -14,6 +14,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.record.applied import Applied, Liquid, differences
 from thrustmargin.gcs_plugin.reports.record.job_rules import JobRule, due_utc, open_items
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.reports.shared.written import utc_text
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.mission.coverage.outline import FieldOutline
 from thrustmargin.models.errors import DataError
@@ -80,7 +81,7 @@ class JobRecord:
                     "rule": rule.name,
                     "title": rule.title,
                     "keep": rule.keep,
-                    "due_utc": None if due is None else _utc(due),
+                    "due_utc": None if due is None else utc_text(due),
                     "late": due is not None and datetime.fromisoformat(self.made_utc) > due,
                     "missing": open_items(rule, self.fields.keys()),
                 }
@@ -105,7 +106,7 @@ def from_logs(
             local = when.astimezone(zone)
             at = EntrySource.COMPUTER if zone is None else EntrySource.OPTION
             whose = "zone of this computer" if zone is None else f"option --zone {zone}"
-            found[name] = Entry(value=_utc(when), source=EntrySource.LOG, detail=words)
+            found[name] = Entry(value=utc_text(when), source=EntrySource.LOG, detail=words)
             stamp = local.isoformat(timespec="seconds")
             found[f"{name}_local"] = Entry(value=stamp, source=at, detail=whose)
         day = first.astimezone(zone).date().isoformat()
@@ -139,10 +140,6 @@ def from_logs(
             value=", ".join(serials), source=EntrySource.LOG, detail=detail
         )
     return found
-
-
-def _utc(when: datetime) -> str:
-    return when.astimezone(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:

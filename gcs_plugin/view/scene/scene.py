@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.view.scene.camera import (
     nose_north,
     overview,
 )
-from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu, told_apart
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, distinct_legs, enu
 from thrustmargin.gcs_plugin.view.scene.surroundings import Surroundings
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, line_colours, sent_for
@@ -164,7 +164,7 @@ class Scene:
         plan that no picture of it can distinguish are drawn once.
         """
         name = f"/world/plan_{key}"
-        legs = told_apart(points_enu[:, :2])
+        legs = distinct_legs(points_enu[:, :2])
         if legs.size:
             on_ground = np.dstack([legs, np.full(legs.shape[:2], ground)])
             self._lines(name, list(on_ground), PLAN_GREY, 2.0)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pymap3d
 from scipy.spatial.transform import Rotation
 
 from thrustmargin.gcs_plugin.wording import view_words as words
@@ -22,7 +21,6 @@ from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import Waypoint
 
-MARGIN_LIMIT = 0.5  # where the colours of a margin change
 PIXELS = 2000  # of a picture's longer side, by which legs of a plan are distinguished
 #: The rotation from NED to ENU, and the one from forward-left-up to forward-right-down.
 ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -107,15 +105,9 @@ class ShownRow:
         return int(np.sum(~self.measured)) if self.measured.any() else 0
 
     @property
-    def coloured_margin(self) -> float:
-        """The margin by which the worst one is coloured: the lower end of its interval.
-
-        NaN, no colour, where that is above the limit and rests on no measurement of all rotors:
-        the colour of enough thrust is a promise.
-        """
-        low = self.worst[0] - self.reach
-        sure = bool(self.measured.all())
-        return low if sure or low < MARGIN_LIMIT else float("nan")
+    def surely_left(self) -> float:
+        """The lower end of the worst margin's interval; NaN where not all rotors are measured."""
+        return self.worst[0] - self.reach if self.measured.all() else float("nan")
 
     @property
     def redundancy(self) -> tuple[float, float, float]:
@@ -192,14 +184,8 @@ def plan_enu(waypoints: Sequence[Waypoint], origin: Origin | None, ground: float
     ]
     if origin is None or not places:
         return np.empty((0, 3))
-    east, north, _ = pymap3d.geodetic2enu(
-        np.array([w.latitude_deg for w in places]),
-        np.array([w.longitude_deg for w in places]),
-        origin.altitude,
-        origin.latitude_deg,
-        origin.longitude_deg,
-        origin.altitude,
-    )
+    level = [(w.latitude_deg, w.longitude_deg, origin.altitude) for w in places]
+    north, east, _ = origin.ned(np.array(level)).T
     up = [
         w.altitude - origin.altitude if w.frame in SEA_LEVEL_FRAMES else ground + w.altitude
         for w in places
@@ -207,7 +193,7 @@ def plan_enu(waypoints: Sequence[Waypoint], origin: Origin | None, ground: float
     return np.column_stack([east, north, up])
 
 
-def told_apart(points: Floats) -> Floats:
+def distinct_legs(points: Floats) -> Floats:
     """(S, 2, 2) legs of the way through (W, 2) places that a picture of the whole shows: of those
     whose ends fall on the same two pixels the first, and none within one."""
     if len(points) < 2:
