@@ -65,7 +65,7 @@ def stretch_words(stretch: StretchBeside) -> str:
 
 
 def beside_words(
-    off: Sequence[str], stretches: Sequence[StretchBeside], *, left_at: int | None
+    off: Sequence[Off], stretches: Sequence[StretchBeside], *, left_at: int | None
 ) -> str:
     """One sentence on what of a forecast did not come: `as forecast`, or what was off."""
     left = ""
@@ -76,4 +76,4 @@ def beside_words(
     so = say("until then flown as forecast" if left else "flown as forecast")
     if not any(math.isfinite(s.utilisation.off) for s in stretches):
         so = say("its thrust in use is not known")
-    return "; ".join(part for part in (left, *(off or (so,))) if part)
+    return "; ".join(part for part in (left, *(map(off_sentence, off) if off else (so,))) if part)
