@@ -128,8 +128,7 @@ class LiveView(ViewPage, Subscriber):
         self._scene = Scene(server)
         self._scene.set_ground(np.array([[-30.0, -30.0, 0.0], [30.0, 30.0, 5.0]]), 0.0)
 
-    def _draw(self, *, hurry: bool) -> None:
-        del hurry
+    def _draw(self) -> None:
         now = time.monotonic()
         fleet = self._heard.summaries
         spacing = AIRCRAFT_EVERY * max(1.0, len(fleet) / 2)

@@ -173,7 +173,7 @@ class ReplayView(ViewPage):
             begin = enu(self._trail.route.start_ned[0])
             self._scene.surroundings.home(VEHICLE, np.array([*begin[:2], ground]))
         self._recolour(self._overlay)
-        self._draw(hurry=True)
+        self._draw()
         if self._alarms_pending:
             server.on_client_connect(lambda _: self._opened.set())
             threading.Thread(target=self._search_later, name="replay-search", daemon=True).start()
@@ -197,8 +197,7 @@ class ReplayView(ViewPage):
         self._stopped = stopped_episodes(self._analysis.track)
         self._alarms_pending = ""
 
-    def _draw(self, *, hurry: bool) -> None:
-        del hurry
+    def _draw(self) -> None:
         time_s = self.clock.now()
         row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
         self._summary = self._summary_at(time_s, row)
