@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.palette import ENOUGH
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -103,6 +104,17 @@ class ShownRow:
     def unmeasured(self) -> int:
         """Rotors of which nothing is known where others are measured: one of them may be worse."""
         return int(np.sum(~self.measured)) if self.measured.any() else 0
+
+    @property
+    def coloured(self) -> Floats:
+        """(R,) thrust left by which rotors are coloured: the lower end of its interval.
+
+        NaN, no colour, where that is enough and rests on no measurement: that colour is a promise.
+        """
+        # Where the interval is not known either, the value itself can still be too little.
+        low = self.margin - np.nan_to_num(self.error) * self.flying
+        sure = self.measured & self.flying
+        return np.where(sure | (low < ENOUGH), low, np.nan)
 
     @property
     def surely_left(self) -> float:
