@@ -18,6 +18,7 @@ from types import MappingProxyType
 from typing import Literal, Self
 
 import numpy as np
+import pymap3d
 from numpy.typing import NDArray
 
 from thrustmargin.models.errors import TrackError
@@ -109,6 +110,18 @@ class Origin:
     latitude_deg: float
     longitude_deg: float
     altitude: float
+
+    def geodetic(self, ned: Floats) -> Floats:
+        """(..., 3) latitude, longitude and altitude of places (..., 3) in m from here."""
+        here = self.latitude_deg, self.longitude_deg, self.altitude
+        north, east, down = np.moveaxis(ned, -1, 0)
+        return np.stack(pymap3d.ned2geodetic(north, east, down, *here), axis=-1)
+
+    def ned(self, geodetic: Floats) -> Floats:
+        """(..., 3) m from here of places (..., 3): latitude, longitude, altitude."""
+        here = self.latitude_deg, self.longitude_deg, self.altitude
+        latitude, longitude, altitude = np.moveaxis(geodetic, -1, 0)
+        return np.stack(pymap3d.geodetic2ned(latitude, longitude, altitude, *here), axis=-1)
 
 
 class FlyingBy(StrEnum):

@@ -19,7 +19,6 @@ from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.plans.beside_words import (
     NOT_BESIDE,
     beside_words,
-    off_sentence,
     stretch_words,
 )
 from thrustmargin.mission.ahead.plan_flight import PlanConditions
@@ -163,7 +162,7 @@ class PlanWatch(Subscriber):
             self._say(number, stretch_words(stretch))
         off = which_was_off(lambda changed: to_fly.beside(changed, way, over_s=over_s), given, day)
         left = made.left_at if ended else None
-        text = beside_words([off_sentence(o) for o in off], made.stretches, left_at=left)
+        text = beside_words(off, made.stretches, left_at=left)
         # That a wind is 5.8 m/s now, and was 5.6, is no news; how it all was is said at the end.
         causes = [left, *((o.what, o.mattered) for o in off)]
         if causes != flight.causes or (ended and text != flight.so_far):

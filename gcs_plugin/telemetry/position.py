@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pymap3d
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before, plausible
@@ -253,18 +252,12 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
         latitude, longitude, altitude = fixes.values.T
         at_zero = (latitude == 0) & (longitude == 0)
         inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360) & ~at_zero
-        ned = pymap3d.geodetic2ned(
-            np.where(inside, latitude, np.nan),
-            longitude,
-            plausible("altitude", altitude),
-            zero.origin.latitude_deg,
-            zero.origin.longitude_deg,
-            zero.origin.altitude,
-        )
+        latitude = np.where(inside, latitude, np.nan)
+        places = np.column_stack([latitude, longitude, plausible("altitude", altitude)])
         source = fixes.source.remarked(f"from {zero.whose}")
         if zero.source is not fixes.source:
             source = source.remarked(f"by {zero.source.name}")
-        sources.append(Signal("position_ned", source, fixes.time_s, np.stack(ned, axis=-1)))
+        sources.append(Signal("position_ned", source, fixes.time_s, zero.origin.ned(places)))
     local = best(signals, "position_ned")
     if local is not None:
         sources.append(local)

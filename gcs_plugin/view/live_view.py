@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pymap3d
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
@@ -129,8 +128,7 @@ class LiveView(ViewPage, Subscriber):
         self._scene = Scene(server)
         self._scene.set_ground(np.array([[-30.0, -30.0, 0.0], [30.0, 30.0, 5.0]]), 0.0)
 
-    def _draw(self, *, hurry: bool) -> None:
-        del hurry
+    def _draw(self) -> None:
         now = time.monotonic()
         fleet = self._heard.summaries
         spacing = AIRCRAFT_EVERY * max(1.0, len(fleet) / 2)
@@ -248,14 +246,8 @@ class LiveView(ViewPage, Subscriber):
                 self._origin = origin
             if origin is None or self._origin is None:
                 return np.zeros(3)
-            home = self._origin
             one.boot = update.boot
-            one.offset_ned = np.array(
-                pymap3d.geodetic2ned(
-                    *(origin.latitude_deg, origin.longitude_deg, origin.altitude),
-                    *(home.latitude_deg, home.longitude_deg, home.altitude),
-                )
-            )
+            one.offset_ned = self._origin.ned(origin.geodetic(np.zeros(3)))
         return one.offset_ned
 
     def _draw_trail(self, one: Aircraft, summary: VehicleSummary) -> None:

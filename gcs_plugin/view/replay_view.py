@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from thrustmargin.gcs_plugin.view.figures.charts import (
 )
 from thrustmargin.gcs_plugin.view.figures.replay_clock import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
-from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary, first_line
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
@@ -129,6 +128,7 @@ class ReplayView(ViewPage):
         shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis)
         self._overlays = tuple(overlays) if planned else (*shown, *overlays)
         self._overlay = self._overlays[0]
+        self._pinned: dict[str, Any] | None = None  # the worst place, as the legend has it
         self._waypoints = waypoints
         self._messages = sorted(messages)
         self._message_times = np.array([t for t, _ in self._messages])
@@ -180,7 +180,7 @@ class ReplayView(ViewPage):
             begin = enu(self._trail.route.start_ned[0])
             self._scene.surroundings.home(VEHICLE, np.array([*begin[:2], ground]))
         self._recolour(self._overlay)
-        self._draw(hurry=True)
+        self._draw()
         if self._alarms_pending:
             server.on_client_connect(lambda _: self._opened.set())
             threading.Thread(target=self._search_later, name="replay-search", daemon=True).start()
@@ -204,8 +204,7 @@ class ReplayView(ViewPage):
         self._stopped = stopped_episodes(self._analysis.track)
         self._alarms_pending = ""
 
-    def _draw(self, *, hurry: bool) -> None:
-        del hurry
+    def _draw(self) -> None:
         time_s = self.clock.now()
         row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
         self._summary = self._summary_at(time_s, row)
@@ -244,7 +243,10 @@ class ReplayView(ViewPage):
                 "speeds": SPEEDS,
                 "worst": None if worst is None else self._time_of(worst),
             },
-            "field": field_state([o.name for o in self._overlays], self._overlay, self._scene),
+            "field": {
+                **field_state([o.name for o in self._overlays], self._overlay, self._scene),
+                "worst": self._pinned,
+            },
         }
 
     def _drawn_charts(self, _number: int, _back_s: float) -> dict[str, Any]:
@@ -273,8 +275,9 @@ class ReplayView(ViewPage):
         stopped = [e.fault for e in self._stopped if e.holds(at_s)]
         faults = (*stopped, *(self._faults[last][1] if last >= 0 else ()))
         names = {"propeller": "rotor", "motor": "motor", "stopped": "stopped"}
-        one = VehicleSummary(
+        return VehicleSummary(
             number=1,
+            whole=self.whole,
             row=row,
             seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),
             problem="; ".join(self._analysis.claim.withheld),
@@ -292,8 +295,6 @@ class ReplayView(ViewPage):
                 for f in faults
             ),
         )
-        headline, because, level = first_line(one, self.whole)
-        return replace(one, headline=headline, because=because, level=level)
 
     def _recolour(self, overlay: Overlay) -> None:
         self._overlay = overlay
@@ -303,12 +304,11 @@ class ReplayView(ViewPage):
         self._scene.set_route(VEHICLE, points, worst, overlay.scale)
         row = self._worst_row()
         if row is None:
-            self._scene.set_pin(np.full(3, np.nan), "")
+            self._pinned = None
+            self._scene.set_pin(np.full(3, np.nan))
         else:
-            text = overlay.text_at(row, self._time_of(row), self._airframe.rotor_names)
-            self._scene.set_pin(
-                ShownRow(self._analysis, row).position_enu, f"{overlay.extreme}: {text}"
-            )
+            self._pinned = overlay.at(row, self._time_of(row), self._airframe.rotor_names)
+            self._scene.set_pin(ShownRow(self._analysis, row).position_enu)
 
     def _worst_row(self) -> int | None:
         placed = np.isfinite(self._analysis.track.position_ned).all(axis=1)

@@ -1,4 +1,4 @@
-"""What people are asked to do: every action once, with when it is safe and what it is never.
+"""What people are asked to do: every action once, with when it is safe.
 
 Sentences take an action's `text`, so that none asks for hands on an aircraft that could turn a
 rotor. A propeller fits one direction of rotation: put on a motor of the other it pushes nothing, or
@@ -39,7 +39,6 @@ class Action:
     part: str
     words: str
     when: When
-    never: str = ""  # what it must never be mistaken for
 
     @property
     def text(self) -> str:
@@ -47,19 +46,15 @@ class Action:
         return say(LEADS.get(self.when, "")) + say(self.words)
 
 
-LAND = Action("vehicle", "land", When.IN_FLIGHT, "a manoeuvre to find out more")
-LOOK_FIRST = Action("rotor", "look there first", When.BATTERY_OFF, "a look at rotors that turn")
+LAND = Action("vehicle", "land", When.IN_FLIGHT)
+LOOK_FIRST = Action("rotor", "look there first", When.BATTERY_OFF)
 INSPECT = Action(
-    "propeller",
-    "inspect its propeller or fit a new one of the same kind",
-    When.BATTERY_OFF,
-    "an exchange with a propeller of another motor",
+    "propeller", "inspect its propeller or fit a new one of the same kind", When.BATTERY_OFF
 )
 SAME_KIND = Action(
     "propeller",
     "compare the size and pitch of its propeller with the others', and fit one of the same kind",
     When.BATTERY_OFF,
-    INSPECT.never,
 )
 THEN_MOTOR = Action(
     "motor",
@@ -72,30 +67,21 @@ FEEL_HEAT = Action(
     "motor",
     "right after landing, compare the heat of its motor and ESC with the others'",
     When.BATTERY_OFF,
-    "a motor that is touched while it may turn",
 )
 LEVEL_MOTORS = Action(
     "motor",
     "level the motors and look for a twisted arm; if the moment stays, fit new propellers, each "
     "of the kind of its own motor",
     When.BATTERY_OFF,
-    "propellers that change places between the two directions of rotation",
 )
 CLEAN_BLADES = Action(
     "propeller", "clean the blades, once gauge and ESC readings are checked", When.BATTERY_OFF
 )
-LOOK_FOR_MOUNTED = Action(
-    "airframe", "look for what was mounted or left open", When.BATTERY_OFF, "a look in flight"
-)
-LOOK_BELOW = Action("load", "look at what hangs below", When.BATTERY_OFF, "a look from below")
-LOOK_FOR_ICE = Action(
-    "airframe", "look at ice, dirt and a load that moves", When.BATTERY_OFF, "a look in flight"
-)
+LOOK_FOR_MOUNTED = Action("airframe", "look for what was mounted or left open", When.BATTERY_OFF)
+LOOK_BELOW = Action("load", "look at what hangs below", When.BATTERY_OFF)
+LOOK_FOR_ICE = Action("airframe", "look at ice, dirt and a load that moves", When.BATTERY_OFF)
 AFTER_A_JOLT = Action(
-    "airframe",
-    "look at frame, arms and propellers before it flies again",
-    When.BATTERY_OFF,
-    "a flight to try it out",
+    "airframe", "look at frame, arms and propellers before it flies again", When.BATTERY_OFF
 )
 ARMS_CARRY = Action(
     "airframe",
@@ -106,17 +92,14 @@ BALANCE = Action(
     "load",
     "move battery or load back to the middle, or look for what was mounted",
     When.BATTERY_OFF,
-    "liquid moved to balance a bad rotor",
 )
 WEIGH = Action("airframe", "weigh it ready to fly, without liquid", When.DISARMED)
-CHECK_LOAD = Action("load", THEN_CHECK, When.DISARMED, "a reason to fill by the gauge")
+CHECK_LOAD = Action("load", THEN_CHECK, When.DISARMED)
 SET_GAUGE = Action("tank gauge", "weigh what is filled in and set the gauge by it", When.DISARMED)
 ZERO_GAUGE = Action("tank gauge", "set it to zero with an empty tank", When.DISARMED)
 CHECK_GAUGE = Action("tank gauge", "check it against what was filled in", When.DISARMED)
 ZERO_AIRSPEED = Action("airspeed sensor", "set its zero before take-off", When.DISARMED)
-CHECK_AIRSPEED = Action(
-    "airspeed sensor", "check its tube and its calibration", When.DISARMED, "a test by a fast run"
-)
+CHECK_AIRSPEED = Action("airspeed sensor", "check its tube and its calibration", When.DISARMED)
 CHECK_WIND = Action("airspeed sensor", "check the airspeed sensor", When.DISARMED)
 TEST_BATTERY = Action("battery", "take the battery out and test it, or retire it", When.BATTERY_OFF)
 CONNECT_GAUGE = Action(
@@ -130,9 +113,7 @@ KEEP_AS_SEEN = Action("model", "keep it in the model with --out-model", When.DES
 AIRSPEED_RATE = Action("settings", "check its filter and message rate", When.DESK)
 ESC_RATE = Action("settings", "raise the rate of ESC telemetry", When.DESK)
 ESC_SPEEDS = Action(
-    "settings",
-    "no measured speed does, so check whether the ESCs estimate it",
-    When.DESK,
+    "settings", "no measured speed does, so check whether the ESCs estimate it", When.DESK
 )
 ESC_TELEMETRY = Action(
     "settings", "switch on ESC telemetry, or have the motor outputs logged", When.DESK
@@ -144,10 +125,7 @@ COMPARE_WIND = Action("logs", "compare with a flight in such wind", When.DESK)
 IDENTIFY = Action("logs", "run thrustmargin identify on the flights since then", When.DESK)
 INSPECT_LOG = Action("logs", "run thrustmargin inspect on one of its logs", When.DESK)
 GROUND_WRECK = Action(
-    "vehicle",
-    "do not fly it before it is known why, and all of it was looked at",
-    When.NEXT_FLIGHT,
-    "a flight to try it out",
+    "vehicle", "do not fly it before it is known why, and all of it was looked at", When.NEXT_FLIGHT
 )
 #: The same in the letters of a STATUSTEXT.
 GROUND_BRIEFLY = "Do not fly before it is known why: look at all"
@@ -155,14 +133,12 @@ GROUND_IT = Action(
     "vehicle",
     "do not fly it before its battery and propellers were looked at; then fill less",
     When.NEXT_FLIGHT,
-    "a smaller fill alone",
 )
 GROUND_BATTERY = Action(
     "battery",
     "do not fly it before its battery was tested or retired, for its resistance grew; then fill "
     "less",
     When.NEXT_FLIGHT,
-    "a smaller fill alone",
 )
 FILL_LESS = Action("load", "fill less: thrustmargin fill says how much", When.NEXT_FLIGHT)
 FLY_GENTLY = Action("vehicle", "fly turns and climbs more gently", When.NEXT_FLIGHT)
@@ -191,17 +167,13 @@ def change_propeller(rotor: int) -> Action:
             rotor=rotor,
         ),
         When.BATTERY_OFF,
-        INSPECT.never,
     )
 
 
 def inspect_rotors(rotors: Sequence[int]) -> Action:
     """Of rotors, from 1, that may be bad: before anybody flies to find out."""
     return Action(
-        "rotor",
-        f"inspect propeller and motor of {rotors_words(rotors)}",
-        When.BATTERY_OFF,
-        "a flight that shows whether the rotor holds",
+        "rotor", f"inspect propeller and motor of {rotors_words(rotors)}", When.BATTERY_OFF
     )
 
 
@@ -214,7 +186,6 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
             rotors=rotors_words(rotors),
         ),
         When.NEXT_FLIGHT,
-        "a flight with less load",
     )
 
 

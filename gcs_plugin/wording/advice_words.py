@@ -146,11 +146,12 @@ def action(advice: Advice) -> str:
     load = fill_advice(advice.fill, advice.limit, was_within=within)
     load = load[:1].lower() + load[1:]
     if advice.fill.beyond_gauge_kg > 0.0:
-        more = number(advice.fill.beyond_gauge_kg, "kg", 0)
+        more = number(advice.fill.beyond_gauge_kg, "kg")
         words = "{action}: thrust shows {more} more than was reported"
         first.append(say(words, action=actions.CHECK_LOAD.text, more=more))
-    hard = FlightLevel.NO_THRUST in advice.levels or FlightLevel.OVER in advice.levels
-    if hard and (advice.fill.nothing_fits is not None or FlightLevel.NO_THRUST in advice.levels):
+    # Where no fill can be less, how it is flown is all that is left.
+    hard = {FlightLevel.OVER, FlightLevel.NEAR} if advice.fill.nothing_fits is not None else set()
+    if not (hard | {FlightLevel.NO_THRUST}).isdisjoint(advice.levels):
         load = f"{load}; {actions.FLY_GENTLY.text}"
     if advice.fill.nothing_fits == "tank" and advice.fill.start_kg > 0.0 and not within:
         carried = number(advice.fill.start_kg, "kg")

@@ -125,7 +125,7 @@ def moved(scale: ColourScale, limit: float) -> ColourScale:
 
 def residual_scale(limit_rpm: float) -> ColourScale:
     """The diverging scale of measured minus predicted rotor speed, to +-`limit_rpm`."""
-    colours = ((92, 190, 222), (36, 112, 190), (40, 40, 40), (214, 84, 16), (238, 165, 45))
+    colours = ((92, 190, 222), (36, 112, 190), (98, 90, 126), (214, 84, 16), (238, 165, 45))
     at = np.linspace(-limit_rpm, limit_rpm, len(colours)).tolist()
     return ColourScale(
         title="Residual: measured minus predicted rotor speed, worst rotor",

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
+from thrustmargin.gcs_plugin.wording.advice_words import headline
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
 from thrustmargin.gcs_plugin.wording.numbers import clock, known, number, percent
+from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.margin_check import MarginCheck
 
 #: What a flight without a channel cannot say; channels that nothing depends on are left out.
@@ -231,6 +233,13 @@ def contact_headline(contact: FirstContact) -> str:
     if contact.basis == "motor outputs":
         return say("Motors at {median}, worst {worst}", median=median, worst=worst)
     return say("Rotors at {median} of the highest speed seen", median=median)
+
+
+def first_line(advice: Advice, contact: FirstContact | None) -> str:
+    """The headline; of an aircraft that is not known what its log shows, unless the flight says
+    more: that control was lost is to be seen without an airframe."""
+    unknown = contact is not None and advice.level is FlightLevel.UNKNOWN
+    return contact_headline(contact) if contact and unknown else headline(advice)
 
 
 def contact_facts(contact: FirstContact) -> tuple[Fact, ...]:

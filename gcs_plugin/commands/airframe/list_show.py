@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.reports.shared.written import grid
 
 if TYPE_CHECKING:
     from thrustmargin.models.physics.airframe import Airframe
@@ -28,27 +27,20 @@ class AirframeList:
         from thrustmargin.models.physics.airframe import airframe_names, load_airframe
         from thrustmargin.models.physics.airframe_draft import power_sets
 
-        console, table = Terminal(), _table()
-        for heading in ("name", "layout"):
-            table.add_column(heading, no_wrap=True)
-        for heading in ("rotors", "empty kg", "tank kg"):
-            table.add_column(heading, justify="right")
-        table.add_column("aircraft")
+        console, rows = Terminal(), []
         for name in airframe_names():
             craft = load_airframe(name)
             masses = (f"{craft.empty_mass:g}", f"{craft.tank_capacity_kg:g}")
-            table.add_row(name, craft.layout, str(craft.rotor_count), *masses, craft.title)
-        console.print(table)
+            rows.append((name, craft.layout, str(craft.rotor_count), *masses, craft.title))
+        heads = ("name", "layout", "rotors", "empty kg", "tank kg", "aircraft")
+        console.print(grid(heads, rows, left=(0, 1, 5)))
         console.print("power sets, for: thrustmargin airframe new --power-set NAME")
-        sets = _table()
-        sets.add_column("name", no_wrap=True)
-        sets.add_column("motor and propeller")
-        sets.add_column("kgf a rotor", justify="right")
+        sets = []
         for one in power_sets().values():
             top = one.quantities["nameplate_max_thrust"]
             words = f"{top.value / 9.80665:.3g}" + (" guessed" if top.guessed else "")
-            sets.add_row(one.name, one.title, words)
-        console.print(sets)
+            sets.append((one.name, one.title, words))
+        console.print(grid(("name", "motor and propeller", "kgf a rotor"), sets, left=(0, 1)))
         return 0
 
 
@@ -72,33 +64,22 @@ class AirframeShow:
 def print_airframe(console: Console, craft: Airframe) -> None:
     """The aircraft in a sentence, its quantities and its rotors as tables."""
     console.print(repr(craft), soft_wrap=True)
-    table = _table()
-    table.add_column("quantity", no_wrap=True)
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("from", overflow="fold")
+    table = grid(("quantity", "value", "unit", "from"), left=(0, 2, 3))
     for name, q in craft.quantities.items():
         guessed = q.guessed and not q.source.startswith("guessed")
         source = f"guessed: {q.source}" if guessed else q.source
         unit = "" if q.unit == "1" else q.unit
         table.add_row(name, f"{q.value:.5g}", unit, source, style="yellow" if q.guessed else "")
     console.print(table)
-    rotors = _table()
-    for heading in ("motor", "forward m", "right m", "down m", "effectiveness"):
-        rotors.add_column(heading, justify="right")
-    rotors.add_column("turns", no_wrap=True)
-    rotors.add_column("place")
+    rotors = []
     for n, name in enumerate(craft.rotor_names):
         cells = [f"{p:.3f}" for p in craft.rotor_position_frd[n]]
         turns = "ccw" if craft.rotor_spin[n] > 0 else "cw"
-        rotors.add_row(str(n + 1), *cells, f"{craft.rotor_effectiveness[n]:g}", turns, name)
-    console.print(rotors)
+        rotors.append((str(n + 1), *cells, f"{craft.rotor_effectiveness[n]:g}", turns, name))
+    heads = ("motor", "forward m", "right m", "down m", "effectiveness", "turns", "place")
+    console.print(grid(heads, rotors, left=(5, 6)))
     if craft.guessed:
         console.print(
             f"guessed, not measured and not printed by a maker: {', '.join(craft.guessed)}",
             soft_wrap=True,
         )
-
-
-def _table():
-    return Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))

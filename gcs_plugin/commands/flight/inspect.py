@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -25,6 +24,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.reports.shared.written import grid
 from thrustmargin.gcs_plugin.wording.flight_words import several_words, sortie_words
 from thrustmargin.gcs_plugin.wording.numbers import known
 from thrustmargin.models.errors import LogError, ThrustMarginError
@@ -178,14 +178,10 @@ def _print(console: Console, inspection: Inspection) -> None:
 
 def _channels(log: FlightLog, *, wide: bool) -> Table:
     """The channels in numbers; with their sources where the terminal is wide enough."""
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("channel", no_wrap=True)
-    if wide:
-        table.add_column("from", overflow="fold")
     headings = ("Hz", "gaps", "pause s", "min", "median", "max")
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
+    words = ("channel", "from") if wide else ("channel",)
+    heads = (*words, *headings, "unit")
+    table = grid(heads, left=(*range(len(words)), len(heads) - 1))
     for c in log.channels:
         cells = [""] * len(headings)
         if c.samples:

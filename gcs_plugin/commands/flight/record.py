@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime, tzinfo
+from datetime import datetime, tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
 from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.reports.shared.written import utc_text
 from thrustmargin.models.errors import DataError, LogError
 
 if TYPE_CHECKING:
@@ -180,7 +181,7 @@ def record(
             if name not in fields and (answer := _answer(name)):
                 fields[name] = Entry(value=answer, source=EntrySource.TERMINAL)
     made = JobRecord(
-        made_utc=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
+        made_utc=utc_text(),
         fields=fields,
         liquid=tuple(amounts),
         rules=tuple(rules),

@@ -132,7 +132,7 @@ def replay_view(
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
     from thrustmargin.gcs_plugin.wording.advice_words import headline
     from thrustmargin.gcs_plugin.wording.answer import answer_of
-    from thrustmargin.gcs_plugin.wording.report_words import contact_facts, contact_headline
+    from thrustmargin.gcs_plugin.wording.report_words import contact_facts, first_line
     from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
@@ -155,8 +155,7 @@ def replay_view(
         older = None if before is None else analyse(analysis.track, before, claim=claim)
         found = repeated(findings[shown])
         contact = first_contact(flight, claim)
-        first = headline(answer) if contact is None else contact_headline(contact)
-        words = ": ".join([first, *names_wrong(found)])
+        words = ": ".join([first_line(answer, contact), *names_wrong(found)])
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))

@@ -112,19 +112,7 @@ def cover(
     for path in out:
         write_plan(found.plan, path)
     console = Terminal(soft_wrap=True)
-    for sentence in coverage_words(
-        field=found.field_area,
-        spray=found.spray_area,
-        sprayed=found.sprayed_area,
-        lines=len(found.lines.lines),
-        heading_deg=found.lines.heading_deg,
-        spacing=found.lines.spacing,
-        length=found.sprayed_length,
-        transit=found.transit_length,
-        home_given=found.home_given,
-        ways_outside=found.ways_outside,
-        elsewhere=found.elsewhere,
-    ):
+    for sentence in coverage_words(found):
         console.print(sentence)
     for path in out:
         console.print(f"wrote {path}: {len(found.plan.items)} items")

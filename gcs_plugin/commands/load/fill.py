@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich import box
 from rich.table import Table
 
 from thrustmargin.gcs_plugin.commands.shared.options import (
@@ -20,6 +19,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.reports.shared.written import grid
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number
 from thrustmargin.models.whole_file import whole_file
@@ -120,13 +120,6 @@ def fill(
 
 
 def _grid(table: FillTable, state: str, volts: float, heads: list[str]) -> Table:
-    grid = Table(
-        title=f"{say(f'battery {state}')}, {number(volts, 'V')}",
-        box=box.SIMPLE_HEAD,
-        title_justify="left",
-    )
-    for head in ("above the sea", *heads):
-        grid.add_column(say(head), justify="right")
-    for name, cells in table.rows(state):
-        grid.add_row(name, *cells)
-    return grid
+    title = f"{say(f'battery {state}')}, {number(volts, 'V')}"
+    rows = [(name, *cells) for name, cells in table.rows(state)]
+    return grid((say("above the sea"), *heads), rows, title=title, left=())

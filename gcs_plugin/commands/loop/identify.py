@@ -188,7 +188,7 @@ def write_result(
 ) -> list[Path]:
     """Write what was asked for; all files are made before any is put in its place."""
     from thrustmargin.gcs_plugin.reports.identify.identify_result import json_text
-    from thrustmargin.mission.manoeuvre_plan import manoeuvre_plan
+    from thrustmargin.gcs_plugin.reports.identify.manoeuvre_plan import manoeuvre_plan
     from thrustmargin.mission.plan import plan_text
     from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits
     from thrustmargin.models.model.model_file import save_model

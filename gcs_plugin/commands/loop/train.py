@@ -121,7 +121,7 @@ def train(
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
     trained, written = None, [out_model]
     learnable = any(training_rows(track).any() for track in tracks)
-    with steps(progress, total=len(names) + 1) as step:
+    with steps(progress, total=len(names) + 1, lines=True) as step:
 
         def on_epoch(name: str, epoch: int, loss: float) -> None:
             step(f"{name}: epoch {epoch}, validation loss {loss:.4f}", names.index(name))

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
-from rich import box
 from rich.table import Table
 from tyro.conf import Positional
 
@@ -19,6 +18,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.reports.shared.written import csv_text, grid
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.whole_file import regular, whole_file
@@ -155,28 +155,17 @@ def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]
 
 
 def _print_rows(heads: Sequence[str], rows: Sequence[Sequence[Any]], file: Path | None) -> None:
-    from thrustmargin.gcs_plugin.reports.fleet.fleet_page import csv_text
-
     if file is not None:
         _write(file, csv_text(heads, rows))
         return
-    grid = Table(box=box.SIMPLE_HEAD)
-    for head in heads:
-        grid.add_column(head, overflow="fold")
-    for row in rows:
-        grid.add_row(*("" if c is None else f"{c:g}" if isinstance(c, float) else str(c)
-                       for c in row))  # fmt: skip
-    Terminal().print(grid)
+    shown = [
+        ["" if c is None else f"{c:g}" if isinstance(c, float) else str(c) for c in row]
+        for row in rows
+    ]
+    Terminal().print(grid(heads, shown, left=range(len(heads))))
 
 
 def _table(season: FleetSeason) -> Table:
     from thrustmargin.gcs_plugin.reports.fleet.fleet_page import HEADS, cells
 
-    grid = Table(box=box.SIMPLE_HEAD)
-    for head in HEADS[:6]:
-        grid.add_column(
-            say(head), justify="left" if head in HEADS[:2] else "right", overflow="fold"
-        )
-    for one in season.aircraft:
-        grid.add_row(*cells(one)[:6])
-    return grid
+    return grid([*map(say, HEADS[:6])], [cells(one)[:6] for one in season.aircraft], left=(0, 1))

@@ -214,9 +214,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "speed_source": _words_of(track, "rotor_speed_rpm"),
         "airspeed_source": _words_of(track, "airspeed"),
         "verdict": verdict.level,
-        "verdict_reason": "; ".join(report.withheld)
-        or (PREDICTED_ALONE if no_ground else _without(verdict.level, track))
-        or verdict.headline,
+        "verdict_reason": _why_none(report, track, no_ground) or verdict.headline,
         "action": verdict.action or None,
         "limit": verdict.limit,
         "worst_margin": worst.margin if worst else nan,
@@ -240,14 +238,14 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "prediction_rmse_rpm": overall.rmse_rpm.value if overall else nan,
         "battery_ohm": ohm,
         "battery_ohm_error": ohm_error,
-        **{name: flight[name] for name in _OF_REPORT},
+        **{name: flight[name] for name in REPORT_COLUMNS},
         "latitude_deg": track.origin.latitude_deg if track.origin else nan,
         "longitude_deg": track.origin.longitude_deg if track.origin else nan,
         "alarms": [str(alarm["words"]) for alarm in report.alarms],
         "notes": [*track.notes, *(f"{f.check}: {f.words}" for f in repeated(report.findings))],
         "missing_channels": [c.name for c in log.channels if not c.samples],
         "unmeasured": list(log.unmeasured),
-        **{name: quality[name] for name in _OF_QUALITY},
+        **{name: quality[name] for name in QUALITY_COLUMNS},
     }
 
 
@@ -255,20 +253,24 @@ def _words_of(track: FlightTrack, channel: str) -> str | None:
     return track.source(channel).words if channel in track.sources else None
 
 
-def _without(level: str, track: FlightTrack) -> str:
-    """Why a flight has no verdict by what its log lacks; empty where it has one."""
+def _why_none(report: FlightReport, track: FlightTrack, no_ground: bool) -> str:
+    """Why a flight has no verdict; empty where it has one."""
+    if report.verdict.level is not FlightLevel.UNKNOWN:
+        return ""
+    if report.withheld or no_ground:
+        return "; ".join(report.withheld) or PREDICTED_ALONE
     lacks = (("rotor_speed_rpm", "rotor speed"), ("tank_kg", "tank level"))
     missing = [words for name, words in lacks if not np.isfinite(getattr(track, name)).any()]
-    return f"no {' and no '.join(missing)}" if level == "unknown" and missing else ""
+    return f"no {' and no '.join(missing)}" if missing else ""
 
 
 #: Keys of the report that are columns of the store under the same name.
-_OF_REPORT = (
+REPORT_COLUMNS = (
     *("voltage_start", "voltage_end", "voltage_min", "current_median"),
     *("airspeed_median", "ground_speed_median", "wind_speed_median"),
     *("height_agl_max", "density_median"),
 )
-_OF_QUALITY = (
+QUALITY_COLUMNS = (
     *("bytes_skipped", "damaged_places", "frames_missing"),
     *("silences", "longest_silence_s", "clock_jumps"),
 )

@@ -42,8 +42,15 @@ class Terminal(Console):
 
 
 @contextmanager
-def steps(console: Console, *, total: float) -> Iterator[Callable[[str, float], None]]:
-    """A bar up to `total`, moved by calls with what is being done and how much has been done."""
+def steps(
+    console: Console, *, total: float, lines: bool = False
+) -> Iterator[Callable[[str, float], None]]:
+    """A bar up to `total`, moved by calls with what is being done and how much has been done.
+
+    With `lines`, where there is no terminal, a line for each kind of work as it begins: minutes
+    without a word look like an end.
+    """
+    begun: set[str] = set()
     columns = (BarColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
@@ -52,6 +59,10 @@ def steps(console: Console, *, total: float) -> Iterator[Callable[[str, float], 
 
         def step(what: str, done: float) -> None:
             bars.update(task, description=what, completed=done)
+            kind = what.partition(":")[0]
+            if lines and bars.disable and not os.environ.get(QUIET) and kind not in begun:
+                begun.add(kind)
+                console.print(f"{kind} ...")
 
         yield step
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.reports.shared import written
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, how_sure
@@ -150,15 +149,15 @@ def json_text(table: FillTable) -> str:
     """The table as JSON; kg, and null where a fill is not known."""
     fill = table.fill
     shape = (len(table.voltages), len(table.altitudes), len(table.temperatures_c))
-    made: dict[str, Any] = {
+    made = {
         "schema": "thrustmargin.fill/1",
         "airframe": table.model.airframe.name,
         "model": table.model.description,
         "advice": table.advice,
         "recommended": {
-            "fill_kg": _plain(fill.kg),
-            "limit_kg": _plain(fill.limit_kg),
-            "interval90_kg": [_plain(fill.low_kg), _plain(fill.high_kg)],
+            "fill_kg": fill.kg,
+            "limit_kg": fill.limit_kg,
+            "interval90_kg": [fill.low_kg, fill.high_kg],
             "reason": fill.reason,
             "temperature_c": table.day.temperature_c,
             "altitude_m": table.day.altitude,
@@ -171,19 +170,12 @@ def json_text(table: FillTable) -> str:
             "voltage": table.voltages,
             "altitude_m": table.altitudes,
             "temperature_c": table.temperatures_c,
-            "fill_kg": [
-                [[_plain(max(v, 0.0)) for v in row] for row in plane]
-                for plane in table.around.sure.reshape(shape).tolist()
-            ],
+            "fill_kg": np.maximum(table.around.sure, 0.0).reshape(shape).tolist(),
         },
         "conditions": conditions(table),
         "software": software_version(),
     }
-    return json.dumps(made, indent=1, allow_nan=False) + "\n"
-
-
-def _plain(value: float) -> float | None:
-    return round(value, 3) if np.isfinite(value) else None
+    return written.json_text(made, digits=6)
 
 
 def html_text(table: FillTable) -> str:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +23,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     sum_of,
 )
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
+from thrustmargin.gcs_plugin.reports.shared.written import csv_text, json_text
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
@@ -218,7 +216,7 @@ def as_json(fleet: FleetSeason) -> str:
         "without_verdict": [{"reason": r, "flights": n} for r, n in fleet.reasons],
         "software": software_version(),
     }
-    return json.dumps(made, indent=1, allow_nan=False) + "\n"
+    return json_text(made, digits=6)
 
 
 def _json(one: AircraftSeason) -> dict[str, Any]:
@@ -227,24 +225,24 @@ def _json(one: AircraftSeason) -> dict[str, Any]:
         "aircraft": one.name,
         "level": one.level,
         "flights": len(one.flights),
-        "hours": _plain(one.hours),
-        "hectares": _plain(sum_of(one.flights, "hectares")),
-        "litres": _plain(sum_of(one.flights, "litres")),
-        "worst_margin": _plain(one.worst["worst_margin"]) if one.worst else None,
+        "hours": one.hours,
+        "hectares": sum_of(one.flights, "hectares"),
+        "litres": sum_of(one.flights, "litres"),
+        "worst_margin": one.worst["worst_margin"] if one.worst else None,
         "above_limit": len(one.above_limit),
         "without_verdict": len(one.without_verdict),
-        "smallest_loss_seen": _plain(one.least_seen),
+        "smallest_loss_seen": one.least_seen,
         "no_changes": one.no_changes or None,
-        "findings": [{**asdict(f), "weight": _plain(f.weight)} for f in one.findings],
+        "findings": one.findings,
         "trends": [
             {
                 "name": t.name,
-                "now": _plain(t.now),
-                "least_seen": _plain(t.least_seen),
-                "changes": [{k: _plain(v) for k, v in asdict(e).items()} for e in t.changes],
+                "now": t.now,
+                "least_seen": t.least_seen,
+                "changes": t.changes,
                 "instead": list(t.instead),
-                "value": [_plain(v) for v in t.value.tolist()],
-                "error": [_plain(v) for v in t.error.tolist()],
+                "value": t.value.tolist(),
+                "error": t.error.tolist(),
             }
             for t in (*trends, *(p.battery for p in one.parts if p.battery))
         ],
@@ -254,10 +252,10 @@ def _json(one: AircraftSeason) -> dict[str, Any]:
                 "position": p.position,
                 "aircraft": list(p.stays),
                 "flights": p.flights,
-                "hours": _plain(p.hours),
-                "loss": _plain(p.loss),
-                "loss_error": _plain(p.loss_error),
-                "battery_ohm": _plain(p.battery.now) if p.battery else None,
+                "hours": p.hours,
+                "loss": p.loss,
+                "loss_error": p.loss_error,
+                "battery_ohm": p.battery.now if p.battery else None,
             }
             for p in one.parts
             if p.name
@@ -265,25 +263,8 @@ def _json(one: AircraftSeason) -> dict[str, Any]:
     }
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, bool | int) or value is None:
-        return value
-    return float(f"{value:.6g}") if np.isfinite(value) else None
-
-
 def as_csv(fleet: FleetSeason) -> str:
     """One row an aircraft; heads, levels and numbers are those of the file in every language."""
     own = ((one, cells(one)) for one in fleet.aircraft)
     rows = [(*c[:1], one.level, c[2], f"{one.hours:.1f}", *c[4:]) for one, c in own]
     return csv_text(HEADS, rows)
-
-
-def csv_text(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Rows under their heads; no text begins as a formula of a spreadsheet."""
-    out = io.StringIO()
-    writer = csv.writer(out)
-    writer.writerow(heads)
-    for row in rows:
-        formulas = (isinstance(c, str) and c.startswith(("=", "+", "-", "@")) for c in row)
-        writer.writerow("'" + c if f else c for c, f in zip(row, formulas, strict=True))
-    return out.getvalue()

@@ -8,6 +8,7 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
+from thrustmargin.models.model.advice import FlightLevel
 
 CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ
 AT_ONE_TIME = 8  # logs of one time under one name, at most
@@ -42,17 +43,25 @@ def boards_in_turns(flights: Flights) -> int:
 
 
 def each_once(flights: Flights) -> list[Mapping[str, Any]]:
-    """Flights without a second log of the same one, as autopilot and ground record it; of two, the
-    one that has sums stays, else the first."""
+    """Flights without a second log of the same one, as autopilot and ground record it.
+
+    Of two the one with the graver verdict stays, of equal ones that with sums, else the first.
+    """
     kept: list[Mapping[str, Any]] = []
     for flight in flights:
         near = range(max(0, len(kept) - AT_ONE_TIME), len(kept))
         same = next((k for k in near if _same_flight(kept[k], flight)), None)
         if same is None:
             kept.append(flight)
-        elif kept[same]["sums_reason"] is not None and flight["sums_reason"] is None:
+        elif _worth(flight) < _worth(kept[same]):
             kept[same] = flight
     return kept
+
+
+def _worth(flight: Mapping[str, Any]) -> tuple[int, bool]:
+    """Less of the flight that must not be left out."""
+    level = FlightLevel(flight["verdict"] or FlightLevel.UNKNOWN)
+    return level.gravity, flight["sums_reason"] is not None
 
 
 def at_once(flights: Flights) -> int:

@@ -52,8 +52,8 @@ def _page(made: PlanForecast, name: str, figures: Mapping[str, Markup]) -> str:
         "call": call,
         "reason": reason,
         "first": (
-            words.weakest_words(made.weakest),
             words.fill_words(made),
+            words.weakest_words(made.weakest),
             words.survivable_words(made),
         ),
         "needs": [s.strip() for s in (*words.sortie_words(made), words.way_back_words(made))],

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog, written
 from thrustmargin.gcs_plugin.wording.loop.asked import asked_of
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
@@ -103,27 +102,25 @@ def json_text(result: Result) -> str:
         "effects": [_numbered(m) for m in result.margins],
     }
     whole["answer"] = list(result.answer)
-    whole["actions"] = [asdict(one) for one in asked_of(result.found)]
+    whole["actions"] = asked_of(result.found)
     whole["notes"] = list(result.update.notes)
     whole["not_used"] = [{"log": n.name, "reason": n.reason} for n in result.not_used]
     whole["date"] = result.date
-    return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    return written.json_text(whole)
 
 
 def _next_flight(result: Result) -> dict[str, Any]:
     """Sets of effects by their names, the manoeuvre, and the mission's file if there is one."""
     following = result.following
     assert following is not None
-    return to_json_values(
-        {
-            "separates": [[term.words for term in terms] for terms in following.separates],
-            "manoeuvre": following.manoeuvre.words,
-            "repeats": following.repeats,
-            "minutes": following.minutes,
-            "certainty": following.certainty,
-            "mission": result.mission or None,
-        }
-    )
+    return {
+        "separates": [[term.words for term in terms] for terms in following.separates],
+        "manoeuvre": following.manoeuvre.words,
+        "repeats": following.repeats,
+        "minutes": following.minutes,
+        "certainty": following.certainty,
+        "mission": result.mission or None,
+    }
 
 
 def _numbered(change: MarginChange) -> dict[str, Any]:
@@ -197,33 +194,13 @@ def printed_tables(result: Result) -> list[Table]:
     made = []
     if found.found:
         rows = [("  " * (not sure) + name, *row, sure) for name, *row, sure in effect_rows(found)]
-        made.append(_table("", ("found", "value", "95 %", f"sure {by}"), rows))
+        made.append(written.grid(("found", "value", "95 %", f"sure {by}"), rows))
     if len(found.alternatives) > 1:
         sets = [(words, chance(p)) for words, p in set_rows(found)]
-        made.append(_table("", ("explanations", f"probability {by}"), sets))
+        made.append(written.grid(("explanations", f"probability {by}"), sets))
     if found.excluded:
-        made.append(_table("", ("not seen", "excluded at 95 %"), excluded_rows(found)))
+        made.append(written.grid(("not seen", "excluded at 95 %"), excluded_rows(found)))
     title = f"Measured minus predicted rotor speed, rpm, on {where_from(found)}"
     heads = ("rotor", "RMSE before", "RMSE after", "mean after")
-    made.append(_table(title, heads, error_rows(result)))
-    return made
-
-
-def _table(title: str, heads: tuple[str, ...], rows: list) -> Table:
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    made = Table(
-        title=title or None,
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        show_edge=False,
-        padding=(0, 2, 0, 0),
-    )
-    made.add_column(heads[0], overflow="fold")
-    for head in heads[1:]:
-        made.add_column(head, justify="right", no_wrap=True)
-    for row in rows:
-        made.add_row(Text(row[0]), *row[1:])
+    made.append(written.grid(heads, error_rows(result), title=title))
     return made

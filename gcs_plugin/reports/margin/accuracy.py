@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import PurePath
 
 import numpy as np
@@ -110,8 +111,16 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
         rows=track.flying & np.isfinite(track.measured("tank_kg")),
     )
     used = np.any(terms[..., N] > 0, axis=1)
+    trained = trained_on(analysis)
+    made = partial(
+        Accuracy,
+        promised_coverage=float(prediction.coverage),
+        block_s=BLOCK_S,
+        confidence=CONFIDENCE,
+        trained_on=trained,
+    )
     if not np.any(used):
-        return _nothing(prediction.coverage, analysis)
+        return made(rotors=(), overall=None, blocks=0, words=_why_none(analysis))
     first, last = np.flatnonzero(used)[[0, -1]]
     span = slice(int(first), int(last) + 1)
     whole = terms[span].sum(axis=0)
@@ -123,21 +132,12 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
     )
     overall = _rotor_accuracy(0, "all rotors", whole.sum(axis=0), drawn.sum(axis=1), blocks)
     overall = replace(overall, r2=estimate(mean_r2, whole, drawn, blocks))
-    trained = trained_on(analysis)
     if blocks >= FEWEST_BLOCKS:
         text = words.in_brackets(CONFIDENCE, blocks, BLOCK_S)
     else:
         text = words.no_intervals(blocks, FEWEST_BLOCKS, BLOCK_S)
-    return Accuracy(
-        rotors=rotors,
-        overall=overall,
-        promised_coverage=float(prediction.coverage),
-        block_s=BLOCK_S,
-        blocks=blocks,
-        confidence=CONFIDENCE,
-        trained_on=trained,
-        words=f"{say(words.TRAINED_ON)} {text}" if trained else text,
-    )
+    text = f"{say(words.TRAINED_ON)} {text}" if trained else text
+    return made(rotors=rotors, overall=overall, blocks=blocks, words=text)
 
 
 def trained_on(analysis: FlightAnalysis) -> bool:
@@ -164,27 +164,17 @@ def _rotor_accuracy(
     )
 
 
-def _nothing(coverage: float, analysis: FlightAnalysis) -> Accuracy:
+def _why_none(analysis: FlightAnalysis) -> str:
+    """Why the prediction is not checked."""
     known = np.isfinite(analysis.track.rotor_speed_rpm)
     measured = known & ~analysis.from_outputs
     predicted = np.isfinite(analysis.prediction.rotor_speed_rpm)
     if known.any() and not measured.any():
-        text = words.not_measured(SpeedBasis.MOTOR_OUTPUTS)
-    elif not known.any():
-        text = words.NO_SPEEDS
-    elif not predicted.any():
-        text = words.NO_PREDICTION
-    elif not np.isfinite(analysis.track.measured("tank_kg")).any():
-        text = words.no_error(LOAD_FROM_SPEEDS)
-    else:
-        text = words.NO_ROW_OF_BOTH
-    return Accuracy(
-        rotors=(),
-        overall=None,
-        promised_coverage=float(coverage),
-        block_s=BLOCK_S,
-        blocks=0,
-        confidence=CONFIDENCE,
-        trained_on=trained_on(analysis),
-        words=text,
-    )
+        return words.not_measured(SpeedBasis.MOTOR_OUTPUTS)
+    if not known.any():
+        return words.NO_SPEEDS
+    if not predicted.any():
+        return words.NO_PREDICTION
+    if not np.isfinite(analysis.track.measured("tank_kg")).any():
+        return words.no_error(LOAD_FROM_SPEEDS)
+    return words.NO_ROW_OF_BOTH

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 
 import numpy as np
-import pymap3d
 
 from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, mean
+from thrustmargin.gcs_plugin.reports.shared.written import utc_text
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.gcs_plugin.wording.flight_words import NAMES_WRONG
 from thrustmargin.gcs_plugin.wording.language import say
@@ -66,17 +66,8 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
     north, east, down = (float(x) for x in track.position_ned[row])
     latitude = longitude = float("nan")
     if track.origin is not None and np.isfinite(north) and np.isfinite(east):
-        latitude, longitude, _ = (
-            float(x)
-            for x in pymap3d.ned2geodetic(
-                north,
-                east,
-                down if np.isfinite(down) else 0.0,
-                track.origin.latitude_deg,
-                track.origin.longitude_deg,
-                track.origin.altitude,
-            )
-        )
+        place = np.array([north, east, np.nan_to_num(down)])
+        latitude, longitude, _ = track.origin.geodetic(place).tolist()
     return Moment(
         time_s=float(track.time_s[row]),
         clock_utc=utc_words(track.start_unix_s, float(track.time_s[row])),
@@ -165,7 +156,7 @@ def utc_words(start_unix_s: float | None, time_s: float) -> str | None:
         moment = datetime.fromtimestamp(start_unix_s + time_s, tz=UTC)
     except (OverflowError, ValueError, OSError):
         return None
-    return moment.isoformat(timespec="seconds").replace("+00:00", "Z")
+    return utc_text(moment)
 
 
 def _slope(time_s: Floats, values: Floats) -> float:

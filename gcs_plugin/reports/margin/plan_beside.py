@@ -10,7 +10,7 @@ import math
 
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
-from thrustmargin.gcs_plugin.wording.plans.beside_words import beside_words, off_sentence
+from thrustmargin.gcs_plugin.wording.plans.beside_words import beside_words
 from thrustmargin.mission.ahead.plan_flight import PlanConditions
 from thrustmargin.mission.beside.blame import Off, shown_day, which_was_off
 from thrustmargin.mission.beside.plan_to_fly import PlanToFly, known_before
@@ -46,11 +46,7 @@ def plan_beside(
     if made.stretches:
         off = which_was_off(lambda changed: to_fly.beside(changed, way), given, found)
     return {
-        "words": beside_words(
-            [off_sentence(one) for one in off],
-            made.stretches,
-            left_at=made.left_at,
-        ),
+        "words": beside_words(off, made.stretches, left_at=made.left_at),
         "left_at": made.left_at,
         "off": [
             {"what": o.what, **_pair(o.amount), "item": o.item, "mattered": o.mattered} for o in off

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
@@ -14,6 +13,7 @@ from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
+from thrustmargin.gcs_plugin.reports.shared import written
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
 from thrustmargin.gcs_plugin.wording import numbers as words
@@ -28,7 +28,6 @@ from thrustmargin.gcs_plugin.wording.fault_words import (
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
 from thrustmargin.gcs_plugin.wording.report_words import TO_COPY
-from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.whole_file import whole_file
 
 #: What the template may call.
@@ -68,16 +67,16 @@ def write_report(report: Report, out: Path) -> Written:
     All three are made before any is replaced: a failure or Ctrl-C on the way leaves what was there.
     Raises OSError when the folder is missing or cannot be written.
     """
-    written = Written(html=out, json=out.with_suffix(".json"), csv=out.with_suffix(".csv"))
+    files_of = Written(html=out, json=out.with_suffix(".json"), csv=out.with_suffix(".csv"))
     with ExitStack() as files:
-        drafts = {p: files.enter_context(whole_file(p)) for p in (written.csv, written.json, out)}
-        drafts[written.csv].write_bytes(csv_bytes(report))
+        drafts = {p: files.enter_context(whole_file(p)) for p in (files_of.csv, files_of.json, out)}
+        drafts[files_of.csv].write_bytes(csv_bytes(report))
         # Names of files may hold what is no character.
-        drafts[written.json].write_bytes(
-            json_text(report, written.csv.name).encode("utf-8", "replace")
+        drafts[files_of.json].write_bytes(
+            json_text(report, files_of.csv.name).encode("utf-8", "replace")
         )
-        drafts[out].write_bytes(html_text(report, written).encode("utf-8", "replace"))
-    return written
+        drafts[out].write_bytes(html_text(report, files_of).encode("utf-8", "replace"))
+    return files_of
 
 
 def json_text(report: Report, csv_name: str) -> str:
@@ -87,22 +86,18 @@ def json_text(report: Report, csv_name: str) -> str:
         "made_utc": report.made_utc,
         "version": report.version,
         "limit": report.max_utilisation,
-        "overview": to_json_values(report.overview),
+        "overview": report.overview,
         "csv": {
             "file": csv_name,
             "columns": ["flight_number", *(f"{name} [{unit}]" for name, unit, _ in COLUMNS)],
         },
         "flights": [
-            {
-                f.name: to_json_values(getattr(flight, f.name))
-                for f in fields(flight)
-                if f.name != "rows"
-            }
+            {f.name: getattr(flight, f.name) for f in fields(flight) if f.name != "rows"}
             for flight in report.flights
         ],
-        "unread": to_json_values(report.unread),
+        "unread": report.unread,
     }
-    return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    return written.json_text(whole)
 
 
 def csv_bytes(report: Report) -> bytes:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -40,7 +38,8 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
 from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.wording.advice_words import action, headline, several_headline
+from thrustmargin.gcs_plugin.reports.shared.written import utc_text
+from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
 from thrustmargin.gcs_plugin.wording.flight_words import (
     loss_words,
     not_flown,
@@ -58,7 +57,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
 from thrustmargin.gcs_plugin.wording.report_words import (
     WITHOUT,
     contact_facts,
-    contact_headline,
+    first_line,
     prediction_checked,
 )
 from thrustmargin.mission.ahead.plan_flight import PlanConditions
@@ -111,17 +110,15 @@ def report_flight(
     lines = (
         *((Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
         *look_facts(found),
-        *(answer if contact is None else contact_facts(contact)),
+        *(answer if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
+        *(() if contact is None else contact_facts(contact)),
         *(*load_facts(track), *ending_facts(whole.track)),
         *((Fact("prediction", checked),) if checked else ()),
         *((Fact("plan", against["words"]),) if against else ()),
     )
-    verdict = _verdict(made, worst, lines, basis, measured_share)
-    if contact is not None and advice.level is FlightLevel.UNKNOWN:
-        verdict = replace(verdict, headline=contact_headline(contact))
     return FlightReport(
         name=track.name,
-        verdict=verdict,
+        verdict=_verdict(made, first_line(advice, contact), worst, lines, basis, measured_share),
         flight=_flight(whole, rows["ground_speed"], seconds),
         model=model_use(analysis),
         load=load_rows(analysis, limits),
@@ -160,6 +157,7 @@ def _basis(made: Advised) -> tuple[str, float]:
 
 def _verdict(
     made: Advised,
+    first: str,
     worst: Moment | None,
     lines: tuple[Fact, ...],
     basis: str,
@@ -168,7 +166,7 @@ def _verdict(
     advice, fill, use = made.advice, made.advice.fill, made.advice.use
     return MarginVerdict(
         level=advice.level,
-        headline=headline(advice),
+        headline=first,
         action=action(advice),
         facts=lines,
         limit=advice.limit,
@@ -319,7 +317,7 @@ def build_report(
     if not reports:
         raise DataError("no flight to report on; give at least one log that can be read")
     return Report(
-        made_utc=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
+        made_utc=utc_text(),
         version=software_version(),
         max_utilisation=max_utilisation,
         overview=overview_of(reports, max_utilisation),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter, titled
+from thrustmargin.gcs_plugin.reports.shared.written import csv_text
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.training import LossCurve
 from thrustmargin.models.physics.atmosphere import G0
@@ -143,11 +143,7 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
 
     paths = figure_paths(out)
     for path in paths:
-        try:
-            with whole_file(path) as draft:
-                draft.write_bytes(file_bytes(figure, path.suffix))
-        except OSError as error:
-            raise DataError(f"cannot write {path}: {error.strerror}; check the folder") from error
+        _write(path, file_bytes(figure, path.suffix))
     return paths
 
 
@@ -162,31 +158,28 @@ def write_loss_curves(curves: Sequence[LossCurve], model_path: Path) -> list[Pat
     Raises DataError when they cannot be written.
     """
     table, drawn = loss_paths(model_path)
-    try:
-        with whole_file(table) as draft:
-            write_table(curves, draft)
-    except OSError as error:
-        raise DataError(f"cannot write {table}: {error.strerror}; check the folder") from error
+    _write(table, loss_table(curves).encode())
     return [table, *write_figure(loss_figure(curves), drawn)]
 
 
-def write_table(curves: Sequence[LossCurve], path: Path) -> None:
+def _write(path: Path, content: bytes) -> None:
+    try:
+        with whole_file(path) as draft:
+            draft.write_bytes(content)
+    except OSError as error:
+        raise DataError(f"cannot write {path}: {error.strerror}; check the folder") from error
+
+
+def loss_table(curves: Sequence[LossCurve]) -> str:
     """One line a network and epoch: losses are mean squares of standardised rotor speed."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        rows.writerow(["network", "epoch", "training_loss", "validation_loss", "kept"])
-        for curve in curves:
-            losses = zip(curve.training_loss, curve.validation_loss, strict=True)
-            for epoch, (training, validation) in enumerate(losses, 1):
-                rows.writerow(
-                    [
-                        curve.name,
-                        epoch,
-                        f"{training:.6g}",
-                        f"{validation:.6g}",
-                        int(epoch == curve.best_epoch),
-                    ]
-                )
+    rows = [
+        (curve.name, epoch, f"{training:.6g}", f"{validation:.6g}", int(epoch == curve.best_epoch))
+        for curve in curves
+        for epoch, (training, validation) in enumerate(
+            zip(curve.training_loss, curve.validation_loss, strict=True), 1
+        )
+    ]
+    return csv_text(("network", "epoch", "training_loss", "validation_loss", "kept"), rows)
 
 
 def loss_figure(curves: Sequence[LossCurve]) -> Figure:

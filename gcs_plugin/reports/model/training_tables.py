@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import t as student
 
+from thrustmargin.gcs_plugin.reports.shared.written import grid
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -15,7 +16,6 @@ from thrustmargin.models.model.training import PAPER_BEST_EPOCH, PAPER_LOWEST_LO
 from thrustmargin.models.network.records import (
     ConditionScore,
     GoodFlights,
-    SplitScore,
     TrainingRecord,
 )
 from thrustmargin.models.network.validity import FEWEST_FLIGHTS, Interval, flights_needed
@@ -82,20 +82,14 @@ def thermometer_lines(model: RotorModel) -> list[str]:
 
 
 def _split_table(record: TrainingRecord) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(
+    table = grid(
+        ("", "training", "validation", "test", "loss", "epoch"),
         title="R² of rotor speed, one network a split (0.70 : 0.15 : 0.15)",
         caption="The paper's are of its own flights, which are not public. It prints its split as "
         "0.75 : 0.15 : 0.15, which adds up to 1.05. Split by samples: rows at random, so the test "
         "has the neighbours of learnt rows; by flights: the test is on flights not seen. Loss: the "
         "lowest on validation",
-        box=box.SIMPLE_HEAD,
     )
-    table.add_column("", no_wrap=True)
-    for name in ("training", "validation", "test", "loss", "epoch"):
-        table.add_column(name, justify="right", no_wrap=True)
     paper = (f"{value:.3f}" for value in PAPER_R2)
     table.add_row("the paper", *paper, f"{PAPER_LOWEST_LOSS}", str(PAPER_BEST_EPOCH))
     for split in record.splits:
@@ -107,46 +101,31 @@ def _split_table(record: TrainingRecord) -> Table:
             f"{split.lowest_loss:.3f}",
             f"{split.best_epoch} of {split.epochs}",
         )
-        for name, values in _by_rotor(split):
-            table.add_row(f"  {name}", *(f"{value:.3f}" for value in values))
+        for i, values in enumerate(zip(*(part.r2_per_rotor for part in sets), strict=True), 1):
+            table.add_row(f"  rotor {i}", *(f"{value:.3f}" for value in values))
         table.add_row("  flights", *(str(part.flights) for part in sets))
     return table
 
 
-def _by_rotor(split: SplitScore) -> list[tuple[str, tuple[float, float, float]]]:
-    columns = zip(
-        split.training.r2_per_rotor,
-        split.validation.r2_per_rotor,
-        split.test.r2_per_rotor,
-        strict=True,
-    )
-    return [(f"rotor {i}", values) for i, values in enumerate(columns, 1)]
-
-
 def _left_out_table(conditions: tuple[ConditionScore, ...], title: str) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(
+    rows = [
+        (
+            one.condition,
+            str(one.score.rows),
+            f"{one.score.r2:.3f}",
+            _both(*one.score.r2_ci95),
+            _both(min(one.score.r2_per_rotor), max(one.score.r2_per_rotor)),
+            f"{one.score.rmse_rpm:.0f}",
+        )
+        for one in conditions
+    ]
+    return grid(
+        ("", "rows", "R²", "95 %", "rotors", "RMSE rpm"),
+        rows,
         title=title,
         caption="R² is the mean over rotors, its 95 % interval over flights drawn anew. In yaw "
         "turns: more than 5 deg/s within a second",
-        box=box.SIMPLE_HEAD,
     )
-    for name in ("", "rows", "R²", "95 %", "rotors", "RMSE rpm"):
-        table.add_column(name, justify="right" if name else "left", no_wrap=True)
-    for condition in conditions:
-        part = condition.score
-        low, high = part.r2_ci95
-        table.add_row(
-            condition.condition,
-            str(part.rows),
-            f"{part.r2:.3f}",
-            _both(low, high),
-            _both(min(part.r2_per_rotor), max(part.r2_per_rotor)),
-            f"{part.rmse_rpm:.0f}",
-        )
-    return table
 
 
 def _both(low: float, high: float) -> str:

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
 from importlib import resources
-from typing import Protocol
 
 import numpy as np
 from fpdf import FPDF
@@ -23,46 +22,6 @@ _FONTS = "thrustmargin.gcs_plugin.reports.paper"
 ACROSS = {"left": 0.0, "center": 0.5, "right": 1.0}
 DOWN = {"top": 0.76, "middle": 0.36, "bottom": -0.22}  # of the size, from there to the baseline
 PIXEL = 25.4 / 140.0  # mm on paper: type of 16 pixels is 8 pt
-
-
-class Canvas(Protocol):
-    """Where to draw."""
-
-    def line(self, points: Floats, colour: Colour, width: float, dash: Sequence[float]) -> None:
-        """A line through points (N, 2); `dash` is the length of a stroke and of a gap, or none."""
-        ...
-
-    def area(self, points: Floats, colour: Colour) -> None:
-        """What points (N, 2) enclose."""
-        ...
-
-    def discs(self, centres: Floats, colours: Sequence[Colour], size: float) -> None:
-        """Filled circles of a diameter about centres (N, 2)."""
-        ...
-
-    def text(
-        self,
-        at: tuple[float, float],
-        words: str,
-        size: float,
-        *,
-        colour: Colour = (0, 0, 0),
-        across: str = "left",
-        down: str = "middle",
-        bold: bool = False,
-        turned: bool = False,
-    ) -> None:
-        """One line of words beside a place; turned words read upwards."""
-        ...
-
-    def width(self, words: str, size: float, *, bold: bool = False) -> float:
-        """How wide the words are."""
-        ...
-
-    @contextmanager
-    def clipped(self, box: Box) -> Iterator[None]:
-        """Nothing outside the box is drawn on."""
-        ...
 
 
 def with_fonts(pdf: FPDF) -> FPDF:
@@ -83,6 +42,7 @@ class PdfCanvas:
         return [(x, y) for x, y in (np.asarray(points) * self._pixel + self._corner).tolist()]
 
     def line(self, points: Floats, colour: Colour, width: float, dash: Sequence[float]) -> None:
+        """A line through points (N, 2); `dash` is the length of a stroke and of a gap, or none."""
         pixel, pdf = self._pixel, self._pdf
         strokes = {"dash": dash[0] * pixel, "gap": dash[1] * pixel, "phase": 0.0} if dash else None
         with pdf.local_context(
@@ -94,10 +54,12 @@ class PdfCanvas:
             pdf.polyline(self._mm(points))
 
     def area(self, points: Floats, colour: Colour) -> None:
+        """What points (N, 2) enclose."""
         with self._pdf.local_context(fill_color=_bytes(colour), fill_opacity=(*colour, 1.0)[3]):
             self._pdf.polygon(self._mm(points), style="F")
 
     def discs(self, centres: Floats, colours: Sequence[Colour], size: float) -> None:
+        """Filled circles of a diameter about centres (N, 2)."""
         pdf, radius = self._pdf, 0.5 * size * self._pixel
         with pdf.local_context():
             for (x, y), colour in zip(self._mm(centres), colours, strict=True):
@@ -116,6 +78,7 @@ class PdfCanvas:
         bold: bool = False,
         turned: bool = False,
     ) -> None:
+        """One line of words beside a place; turned words read upwards."""
         pdf = self._pdf
         ((x, y),) = self._mm(np.array([at]))
         with pdf.local_context(text_color=_bytes(colour)):
@@ -129,6 +92,7 @@ class PdfCanvas:
                 pdf.text(left, low, words)
 
     def width(self, words: str, size: float, *, bold: bool = False) -> float:
+        """How wide the words are."""
         with self._pdf.local_context():
             self._set_type(size, bold)
             return self._pdf.get_string_width(words) / self._pixel
@@ -139,13 +103,14 @@ class PdfCanvas:
 
     @contextmanager
     def clipped(self, box: Box) -> Iterator[None]:
+        """Nothing outside the box is drawn on."""
         (x, y), (w, h) = np.array(box[:2]) * self._pixel + self._corner, box[2:]
         with self._pdf.rect_clip(x, y, w * self._pixel, h * self._pixel):
             yield
 
 
 class SvgCanvas:
-    """An SVG file of this size."""
+    """An SVG file of this size, drawn on as a page is."""
 
     def __init__(self, width: float, height: float) -> None:
         self._size, self._parts, self._clips = (width, height), list[str](), 0
@@ -214,6 +179,9 @@ class SvgCanvas:
 
     def _add(self, element: str) -> None:
         self._parts.append(f"{element}\n")
+
+
+Canvas = PdfCanvas | SvgCanvas
 
 
 def _places(points: Floats) -> str:

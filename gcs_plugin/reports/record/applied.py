@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import pymap3d
 import shapely
 from numpy.typing import NDArray
 
@@ -116,19 +115,7 @@ def _on_plane(track: FlightTrack, origin: Origin | None) -> Floats:
     zero = track.origin
     if origin is None or zero is None or zero == origin:
         return track.position_ned
-    north, east, down = track.position_ned.T
-    latitude, longitude, altitude = pymap3d.ned2geodetic(
-        north, east, down, zero.latitude_deg, zero.longitude_deg, zero.altitude
-    )
-    moved = pymap3d.geodetic2ned(
-        latitude,
-        longitude,
-        altitude,
-        origin.latitude_deg,
-        origin.longitude_deg,
-        origin.altitude,
-    )
-    return np.stack(moved, axis=-1)
+    return origin.ned(zero.geodetic(track.position_ned))
 
 
 def _runs(track: FlightTrack, plan: Floats, pump: Floats) -> list[NDArray[np.intp]]:
@@ -174,15 +161,7 @@ def _degrees(geometry: Any, origin: Origin) -> Any:
     """A geometry of (north, east) in m as one of (longitude, latitude) in degrees."""
 
     def degrees(points: Floats) -> Floats:
-        latitude, longitude, _ = pymap3d.ned2geodetic(
-            points[:, 0],
-            points[:, 1],
-            np.zeros(len(points)),
-            origin.latitude_deg,
-            origin.longitude_deg,
-            origin.altitude,
-        )
-        return np.column_stack([longitude, latitude])
+        return origin.geodetic(np.column_stack([points, np.zeros(len(points))]))[:, [1, 0]]
 
     return shapely.transform(geometry, degrees)
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, tzinfo
 from enum import StrEnum
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.record.applied import Applied, Liquid, differences
 from thrustmargin.gcs_plugin.reports.record.job_rules import JobRule, due_utc, open_items
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.reports.shared.written import utc_text
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.mission.coverage.outline import FieldOutline
 from thrustmargin.models.errors import DataError
@@ -45,6 +47,10 @@ class Entry:
     unit: str = ""
     source: EntrySource
     detail: str = ""  # the option, message or method
+
+
+_of_log = partial(Entry, source=EntrySource.LOG)
+_computed = partial(Entry, source=EntrySource.COMPUTED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +86,7 @@ class JobRecord:
                     "rule": rule.name,
                     "title": rule.title,
                     "keep": rule.keep,
-                    "due_utc": None if due is None else _utc(due),
+                    "due_utc": None if due is None else utc_text(due),
                     "late": due is not None and datetime.fromisoformat(self.made_utc) > due,
                     "missing": open_items(rule, self.fields.keys()),
                 }
@@ -105,27 +111,22 @@ def from_logs(
             local = when.astimezone(zone)
             at = EntrySource.COMPUTER if zone is None else EntrySource.OPTION
             whose = "zone of this computer" if zone is None else f"option --zone {zone}"
-            found[name] = Entry(value=_utc(when), source=EntrySource.LOG, detail=words)
+            found[name] = _of_log(value=utc_text(when), detail=words)
             stamp = local.isoformat(timespec="seconds")
             found[f"{name}_local"] = Entry(value=stamp, source=at, detail=whose)
         day = first.astimezone(zone).date().isoformat()
-        found["date"] = Entry(value=day, source=EntrySource.LOG, detail=f"of start_local; {words}")
+        found["date"] = _of_log(value=day, detail=f"of start_local; {words}")
     if done is not None and np.isfinite(done.area):
         how = "spacing of the lines" if done.swath_from_lines else "option --swath"
         kind = EntrySource.LOG if done.swath_from_lines else EntrySource.OPTION
         found["swath"] = Entry(value=done.swath, unit="m", source=kind, detail=how)
-        found["area"] = Entry(
-            value=done.area / HECTARE,
-            unit="ha",
-            source=EntrySource.COMPUTED,
-            detail="track with the pump on by the swath; overlaps count once",
-        )
+        how = "track with the pump on by the swath; overlaps count once"
+        found["area"] = _computed(value=done.area / HECTARE, unit="ha", detail=how)
     if done is not None and done.ground is not None and not done.ground.is_empty:
         middle = done.ground.representative_point()
-        found["location"] = Entry(
+        found["location"] = _of_log(
             value=f"{middle.y:.6f}, {middle.x:.6f}",
             unit="° latitude, longitude, WGS 84",
-            source=EntrySource.LOG,
             detail="a point of the area treated; its outline: applied.geojson",
         )
     if (wind := _wind(logs, done)) is not None:
@@ -135,14 +136,8 @@ def from_logs(
     serials = sorted({log.hardware_id for log in logs if log.hardware_id})
     if serials:
         detail = "of the autopilot, not of the aircraft"
-        found["autopilot_serial"] = Entry(
-            value=", ".join(serials), source=EntrySource.LOG, detail=detail
-        )
+        found["autopilot_serial"] = _of_log(value=", ".join(serials), detail=detail)
     return found
-
-
-def _utc(when: datetime) -> str:
-    return when.astimezone(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
@@ -157,10 +152,9 @@ def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
     north, east = wind.mean(axis=0)
     most = float(np.hypot(*wind.T).max())
     comes = float(np.degrees(np.arctan2(-east, -north)) % 360.0)
-    return Entry(
+    return _of_log(
         value=f"{np.hypot(north, east):.1f} from {comes:.0f}°, at most {most:.1f}",
         unit="m/s",
-        source=EntrySource.LOG,
         detail=f"estimated in flight: {logs[0].track.source('wind_ned').words}",
     )
 
@@ -174,9 +168,7 @@ def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
         kelvin = kelvin[np.isfinite(kelvin)]
         if outside and kelvin.size:
             celsius = float(np.median(kelvin)) - 273.15
-            return Entry(
-                value=round(celsius, 1), unit="°C", source=EntrySource.LOG, detail=source.words
-            )
+            return _of_log(value=round(celsius, 1), unit="°C", detail=source.words)
     return None
 
 
@@ -191,12 +183,8 @@ def of_field(outline: FieldOutline, done: Applied | None) -> dict[str, Entry]:
     if done is not None and done.ground is not None:
         ground = outline.plane.to_plane(done.ground)
         outside = ground.difference(outline.area).area / HECTARE
-        found["area_outside_field"] = Entry(
-            value=outside,
-            unit="ha",
-            source=EntrySource.COMPUTED,
-            detail="outline of the area treated, less the field",
-        )
+        how = "outline of the area treated, less the field"
+        found["area_outside_field"] = _computed(value=outside, unit="ha", detail=how)
     return found
 
 
@@ -216,11 +204,7 @@ def of_product(rate: str, area_ha: float | None) -> dict[str, Entry]:
         return {}
     amount = float(found[1].replace(",", ".")) * area_ha
     detail = "dose as stated by the area treated"
-    return {
-        "product_quantity": Entry(
-            value=amount, unit=found[2], source=EntrySource.COMPUTED, detail=detail
-        )
-    }
+    return {"product_quantity": _computed(value=amount, unit=found[2], detail=detail)}
 
 
 def of_liquid(
@@ -234,18 +218,12 @@ def of_liquid(
         return {}
     first = found[0]
     detail = f"by {first.by}: {first.source}"
-    made = {"quantity_kg": Entry(value=first.kg, unit="kg", source=EntrySource.LOG, detail=detail)}
+    made = {"quantity_kg": _of_log(value=first.kg, unit="kg", detail=detail)}
     if density is None:
         return {**made, "quantity": made["quantity_kg"]}
     litres = first.kg / density
-    made["quantity"] = Entry(
-        value=litres, unit="L", source=EntrySource.COMPUTED, detail=f"{detail}; {density:g} kg/L"
-    )
+    made["quantity"] = _computed(value=litres, unit="L", detail=f"{detail}; {density:g} kg/L")
     if area_ha:
-        made["spray_volume"] = Entry(
-            value=litres / area_ha,
-            unit="L/ha",
-            source=EntrySource.COMPUTED,
-            detail="quantity over area",
-        )
+        by = "quantity over area"
+        made["spray_volume"] = _computed(value=litres / area_ha, unit="L/ha", detail=by)
     return made

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import io
-import json
 from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +15,7 @@ from markupsafe import escape
 from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
 from thrustmargin.gcs_plugin.reports.record.applied import Applied, Pass
 from thrustmargin.gcs_plugin.reports.record.job_record import JobRecord
+from thrustmargin.gcs_plugin.reports.shared import written
 from thrustmargin.gcs_plugin.wording.record_words import TITLES, liquid_words, missing_words
 from thrustmargin.models.whole_file import whole_file
 
@@ -32,12 +31,12 @@ def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[
     is a swath and a place; the last four where pyshp is installed. Returns the files. Raises
     OSError."""
     contents = {
-        "record.json": _json(record.as_json()),
+        "record.json": written.json_text(record.as_json()).encode("utf-8", "replace"),
         "record.csv": csv_text(record).encode("utf-8", "replace"),
         "record.pdf": pdf_bytes(html_text(record), {}),
     }
     if done is not None and done.ground is not None:
-        contents["applied.geojson"] = _json(geojson(done))
+        contents["applied.geojson"] = written.json_text(geojson(done)).encode()
         contents |= shapefile(done) if makes_shapefiles() else {}
     for name, data in contents.items():
         with whole_file(folder / name) as draft:
@@ -45,30 +44,19 @@ def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[
     return [folder / name for name in contents]
 
 
-def _json(values: Any) -> bytes:
-    text = json.dumps(values, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
-    return text.encode("utf-8", "replace")
-
-
 def csv_text(record: JobRecord) -> str:
     """A line a field: name, value, unit, source, detail; no cell is a formula."""
-    text = io.StringIO()
-    table = csv.writer(text)
-    table.writerow(["field", "value", "unit", "source", "detail"])
-    for name, entry in record.fields.items():
-        row = [name, entry.value, entry.unit, str(entry.source), entry.detail]
-        table.writerow([_plain(cell) for cell in row])
-    for rule in record.as_json()["rules"]:
-        for item in rule["missing"]:
-            for name in item["fields"]:
-                row = [name, "", "", "missing", f"{rule['rule']}: {item['asks']}"]
-                table.writerow([_plain(cell) for cell in row])
-    return text.getvalue()
-
-
-def _plain(cell: Any) -> Any:
-    """Text that a spreadsheet does not take for a formula."""
-    return f"'{cell}" if isinstance(cell, str) and cell[:1] in ("=", "+", "-", "@") else cell
+    known = [
+        (name, entry.value, entry.unit, str(entry.source), entry.detail)
+        for name, entry in record.fields.items()
+    ]
+    missing = [
+        (name, "", "", "missing", f"{rule['rule']}: {item['asks']}")
+        for rule in record.as_json()["rules"]
+        for item in rule["missing"]
+        for name in item["fields"]
+    ]
+    return written.csv_text(("field", "value", "unit", "source", "detail"), known + missing)
 
 
 def html_text(record: JobRecord) -> str:
@@ -107,9 +95,7 @@ def _of_pass(number: int, one: Pass) -> dict[str, Any]:
 
 
 def _utc(unix_s: float | None) -> str | None:
-    if unix_s is None:
-        return None
-    return datetime.fromtimestamp(unix_s, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+    return None if unix_s is None else written.utc_text(datetime.fromtimestamp(unix_s, UTC))
 
 
 def geojson(done: Applied) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
-import pymap3d
 
 from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS
@@ -245,12 +244,8 @@ def _positions(log: FlightLog, clock: SortieClock) -> Iterator[StreamMessage]:
     track = log.track
     if track.origin is None:
         return
-    zero, known = track.origin, np.all(np.isfinite(track.position_ned), axis=1)
-    north, east, down = track.position_ned[known].T
-    found = pymap3d.ned2geodetic(
-        north, east, down, zero.latitude_deg, zero.longitude_deg, zero.altitude
-    )
-    places = np.stack(found, axis=-1)
+    known = np.all(np.isfinite(track.position_ned), axis=1)
+    places = track.origin.geodetic(track.position_ned[known])
     for time_s, place in zip(track.time_s[known].tolist(), places.tolist(), strict=True):
         content = {
             "timestamp": _timestamp(clock.stamp_ns(time_s)),

@@ -34,7 +34,8 @@ def aircraft_figures(
     if not row.flying and np.isfinite(row.margin_predicted).any():
         worst = int(np.nanargmin(row.margin_predicted))
     places, radius = rotor_places(airframe)
-    margin, (low, high) = row.margin, row.ends if row.flying else (row.margin, row.margin)
+    margin, coloured = row.margin, row.coloured
+    low, high = row.ends if row.flying else (row.margin, row.margin)
     rotors = [
         {
             "number": i + 1,
@@ -47,7 +48,7 @@ def aircraft_figures(
             "basis": str(row.basis(i)),
             "worst": i == worst,
             "faulty": i + 1 in faulty,
-            **paper(colours.MARGIN, coloured(row, i)),
+            **paper(colours.MARGIN, coloured[i]),
         }
         for i in range(airframe.rotor_count)
     ]
@@ -71,18 +72,6 @@ def aircraft_figures(
         "height": known(track.height_agl[row.row]),
         "spraying": known(track.spraying[row.row], 0),
     }
-
-
-def coloured(row: ShownRow, i: int) -> float:
-    """The thrust left by which a rotor is coloured: the lower end of its interval.
-
-    NaN, no colour, where that is enough and rests on no measurement: that colour is a promise.
-    """
-    # Where the interval is not known either, the value itself can still be too little.
-    ends = float(row.ends[0][i]) if row.flying else math.nan
-    low = ends if math.isfinite(ends) else float(row.margin[i])
-    sure = row.flying and bool(row.measured[i])
-    return low if sure or low < colours.ENOUGH else math.nan
 
 
 def rotor_places(airframe: Airframe) -> tuple[Floats, float]:

@@ -150,19 +150,16 @@ class PageState:
         first = min(
             fleet,
             key=lambda one: (
-                LEVELS.index(one.level),
+                LEVELS.index(one.first_line[2]),
                 order.index(one.number) if one.number in order else len(order),
             ),
             default=None,
         )
         return {
-            "first": None
-            if first is None
-            else {
+            "first": first
+            and {
                 "vehicle": first.number,
-                "headline": first.headline,
-                "because": first.because,
-                "level": first.level,
+                **dict(zip(("headline", "because", "level"), first.first_line, strict=True)),
             },
             "vehicles": [self._vehicle(one) for one in fleet],
             "alarms": alarms,
@@ -183,7 +180,7 @@ class PageState:
             "stale": one.stale,
             "message": one.message,
             "fill": one.fill,
-            "level": one.level,
+            "level": one.first_line[2],
             "flight": None if answer is None else {**answer.json, "line": answer.line},
         }
         if one.row is None:

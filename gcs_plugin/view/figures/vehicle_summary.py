@@ -47,9 +47,7 @@ class VehicleSummary:
     seconds_to_empty: float = math.nan  # inf: the tank does not fall
     fill: str = ""  # what to fill, while it stands on the ground
     mission: Mapping[int, PlanItem] | None = None
-    headline: str = ""  # what to do, or what is the matter; empty: nothing
-    because: str = ""
-    level: Level = "grey"
+    whole: FlightAnswer | None = None  # of a recorded flight
 
     @property
     def faulty(self) -> frozenset[int]:
@@ -65,44 +63,45 @@ class VehicleSummary:
         return self.row is not None and self.row.flying
 
     @property
+    def first_line(self) -> tuple[str, str, Level]:
+        """Headline, its reason and its level: of the gravest alarm, else of the flight.
+
+        That is a whole one, or what flies now up to its last rows. Without either the headline is
+        empty: the page then says that there is no alarm, in green only on the ground or where the
+        thrust left of all rotors is known to be enough, and where nothing says that the loss of one
+        would bring it down.
+        """
+        so_far = None if self.update is None else self.update.answer
+        if self.alarms:
+            first, *rest = self.alarms
+            # Every grave one is named: one that is known must not hide another behind a number.
+            grave = [alarm for alarm in rest if alarm.severity <= CRITICAL]
+            reasons = ([first.line] if first.line != first.text else []) + [a.line for a in grave]
+            level = level_of(first.severity)
+            if so_far is not None and of_verdict(so_far) == "red":
+                # Short while it flies: what to do at a desk stands whole further down.
+                reasons += [so_far.brief] if so_far.brief else []
+                level = "red"
+            return first.text, " · ".join(reasons), level
+        if self.whole is not None:
+            level = of_verdict(self.whole)
+            # Not green before it is known whether there were alarms.
+            unsure = self.pending and level == "green"
+            do = _sentence(self.whole.action)
+            return self.whole.headline, do or self.pending, "grey" if unsure else level
+        # Also while nothing is heard: what was found does not end with a gap in the telemetry.
+        if so_far is not None and of_verdict(so_far) in ("red", "amber"):
+            return so_far.headline, so_far.brief or _sentence(so_far.action), of_verdict(so_far)
+        row = self.row
+        if row is None or self.problem or self.pending or self.old:
+            return "", self.pending, "grey"
+        calm = row.survives and (not row.flying or row.surely_left >= colours.ENOUGH)
+        return "", self.pending, "green" if calm else "grey"
+
+    @property
     def shown(self) -> tuple[tuple[Alarm, ...], str, bool]:
         """What the page must show at once when it changes."""
         return self.alarms, self.problem, self.gone
-
-
-def first_line(one: VehicleSummary, whole: FlightAnswer | None = None) -> tuple[str, str, Level]:
-    """Headline, its reason and its level: of the gravest alarm, else of the flight.
-
-    That is a `whole` one, or what flies now up to its last rows. Without either the headline is
-    empty: the page then says that there is no alarm, in green only on the ground or where the
-    thrust left of all rotors is known to be enough, and where nothing says that the loss of one
-    would bring it down.
-    """
-    so_far = None if one.update is None else one.update.answer
-    if one.alarms:
-        first, *rest = one.alarms
-        # Every grave one is named: one that is known must not hide another behind a number.
-        grave = [alarm for alarm in rest if alarm.severity <= CRITICAL]
-        reasons = ([first.line] if first.line != first.text else []) + [a.line for a in grave]
-        level = level_of(first.severity)
-        if so_far is not None and of_verdict(so_far) == "red":
-            # Short while it flies: what to do at a desk stands whole further down.
-            reasons += [so_far.brief] if so_far.brief else []
-            level = "red"
-        return first.text, " · ".join(reasons), level
-    if whole is not None:
-        level = of_verdict(whole)
-        # Not green before it is known whether there were alarms.
-        unsure = one.pending and level == "green"
-        do = _sentence(whole.action)
-        return whole.headline, one.pending or do, "grey" if unsure else level
-    row = one.row
-    if row is None or one.problem or one.pending or one.old:
-        return "", one.pending, "grey"
-    if so_far is not None and of_verdict(so_far) in ("red", "amber"):
-        return so_far.headline, so_far.brief or _sentence(so_far.action), of_verdict(so_far)
-    calm = row.survives and (not row.flying or row.coloured_margin >= colours.ENOUGH)
-    return "", one.pending, "green" if calm else "grey"
 
 
 def of_verdict(answer: FlightAnswer) -> Level:

@@ -17,7 +17,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary, first_line
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.live.live_history import LiveHistory
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
@@ -58,9 +58,7 @@ class Heard:
         if watch is None or one.update is None:
             return one
         age = max(now_us - int(one.update.stamp_us[-1]), 0) * 1e-6
-        aged = replace(one, age=age, silent=watch.silent(now_us))
-        headline, because, level = first_line(aged)
-        return replace(aged, headline=headline, because=because, level=level)
+        return replace(one, age=age, silent=watch.silent(now_us))
 
     def update(self, update: Update) -> None:
         """New rows of one aircraft."""
@@ -108,6 +106,4 @@ class Heard:
                 self.wake.set()
 
     def _put(self, one: VehicleSummary) -> None:
-        headline, because, level = first_line(one)
-        one = replace(one, headline=headline, because=because, level=level)
         self._summaries = {**self._summaries, one.number: one}

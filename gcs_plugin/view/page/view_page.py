@@ -63,8 +63,8 @@ class ViewPage(ABC):
         """Put everything on the page, before the first drawing."""
 
     @abstractmethod
-    def _draw(self, *, hurry: bool) -> None:
-        """Assign to what is on the page; `hurry`: somebody asked for something, show it all."""
+    def _draw(self) -> None:
+        """Assign to what is on the page."""
 
     @property
     def url(self) -> str:
@@ -119,14 +119,14 @@ class ViewPage(ABC):
     def _run(self, server: viser.ViserServer) -> None:
         """The thread. What goes wrong in one drawing is logged and does not end it."""
         while not self._stopping.is_set():
-            hurry = self.wake.wait(max(self._every - FASTEST, 0.0))
+            self.wake.wait(max(self._every - FASTEST, 0.0))
             self.wake.clear()
             begun = time.perf_counter()
             try:
                 with server.atomic():  # a new colour and its legend reach the page together
                     while not self._requests.empty():
                         self._requests.get()()
-                    self._draw(hurry=hurry)
+                    self._draw()
             except Exception:  # of any kind, a page's own too: a pilot must not lose the view
                 _log.exception("the %s could not be drawn", self._what)
             took = time.perf_counter() - begun

@@ -165,8 +165,10 @@ class VehicleNode:
             self._faulty = faulty
             for i, ring in enumerate(self._rings, start=1):
                 ring.visible = i in faulty
-        position, wxyz, margin = row.position_enu, row.wxyz, row.margin
-        margin = np.full_like(margin, np.nan) if old else margin
+        position, wxyz = row.position_enu, row.wxyz
+        margin, coloured = (
+            np.full_like(values, np.nan) if old else values for values in (row.margin, row.coloured)
+        )
         placed = bool(np.all(np.isfinite(position)))
         if placed != self._visible:
             self.frame.visible = self._visible = placed
@@ -176,7 +178,7 @@ class VehicleNode:
         if np.all(np.isfinite(wxyz)):
             self.frame.wxyz = wxyz
         if self._discs is not None:
-            self._discs.batched_colors = disc_colours(margin)
+            self._discs.batched_colors = disc_colours(coloured)
         for i, label in enumerate(self._labels):
             # Over the whole field the numbers would lie on each other: those of bad rotors alone.
             shown = self._detailed or i + 1 in faulty

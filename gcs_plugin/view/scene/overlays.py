@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -37,13 +38,16 @@ class Overlay:
     note: str = ""  # what the values rest on, shown with the legend
     extreme: str = "worst"  # what its worst value is called
 
-    def text_at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> str:
-        """The value of a row in words, say "53 %, rotor 1 front right, at 2:31"."""
-        parts = [self.scale.number(float(self.values[row]))]
-        if np.isfinite(self.rotor[row]):
-            rotor = int(self.rotor[row])
-            parts.append(f"rotor {rotor + 1} {rotor_names[rotor]}")
-        return ", ".join([*parts, f"at {clock(time_s)}"])
+    def at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> dict[str, Any]:
+        """The value of a row for the page: 53 %, of rotor 1, which is front right, at 2:31."""
+        rotor = int(self.rotor[row]) if np.isfinite(self.rotor[row]) else None
+        return {
+            "extreme": self.extreme,
+            "value": self.scale.number(float(self.values[row])),
+            "number": None if rotor is None else rotor + 1,
+            "place": "" if rotor is None else rotor_names[rotor],
+            "time": clock(time_s),
+        }
 
     def worst_row(self, among: Bools) -> int | None:
         """Of the rows (T,) chosen, that of the worst value; None where none has one."""

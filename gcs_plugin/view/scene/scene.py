@@ -9,7 +9,7 @@ gives it one row of one aircraft. Every call only assigns to nodes that exist.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -24,15 +24,13 @@ from thrustmargin.gcs_plugin.view.scene.camera import (
     nose_north,
     overview,
 )
-from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu, told_apart
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, distinct_legs, enu
 from thrustmargin.gcs_plugin.view.scene.surroundings import Surroundings
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, line_colours, sent_for
 from thrustmargin.mission.field import Field
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
-
-PinAnchor = Literal["bottom-left", "bottom-center", "bottom-right"]
 
 if TYPE_CHECKING:
     from viser import CameraHandle, ClientHandle, LineSegmentsHandle, ViserServer
@@ -43,7 +41,7 @@ OVERVIEW_SHARE = 0.13
 GROUND_GREEN = (150, 200, 120)
 FIELD_GREEN = (60, 120, 50)
 PLAN_GREY = (110, 110, 110)
-PIN = (200, 20, 110)
+PIN = (200, 20, 110)  # as the page's legend has it
 HIT = np.radians(2.0)  # from the route, within which a click is of it
 
 
@@ -62,11 +60,8 @@ class Scene:
         self._vehicles: dict[str, VehicleNode] = {}
         self._routes: dict[str, LineSegmentsHandle] = {}
         self._planned: set[str] = set()  # names of the planned paths that are drawn
-        self._pin = self._api.add_label(
-            "/world/pin", "", anchor="bottom-center", font_screen_scale=1.25, visible=False
-        )
-        self._pin_point = self._api.add_point_cloud(
-            "/world/pin_point",
+        self._pin = self._api.add_point_cloud(
+            "/world/pin",
             np.zeros((1, 3)),
             PIN,
             point_shape="circle",
@@ -169,7 +164,7 @@ class Scene:
         plan that no picture of it can distinguish are drawn once.
         """
         name = f"/world/plan_{key}"
-        legs = told_apart(points_enu[:, :2])
+        legs = distinct_legs(points_enu[:, :2])
         if legs.size:
             on_ground = np.dstack([legs, np.full(legs.shape[:2], ground)])
             self._lines(name, list(on_ground), PLAN_GREY, 2.0)
@@ -195,22 +190,17 @@ class Scene:
             thickness_units="screen",
         )
 
-    def set_pin(self, position_enu: Floats, text: str) -> None:
-        """Put `text` at a place, m; without a place (NaN) there is no pin."""
-        placed = bool(np.all(np.isfinite(position_enu)))
-        self._pinned = placed
+    def set_pin(self, position_enu: Floats) -> None:
+        """Mark a place, m; without one (NaN) there is no mark."""
+        self._pinned = bool(np.all(np.isfinite(position_enu)))
         self._show_pin()
-        if placed:
-            self._pin.text = text
-            self._pin.anchor = pin_anchor(position_enu[0], self._low[0], self._high[0])
-            self._pin.position = position_enu + np.array([0.0, 0.0, 0.04 * self._extent])
-            self._pin_point.position = position_enu
-            self._pin_point.point_size = 0.03 * self._extent
+        if self._pinned:
+            self._pin.position = position_enu
+            self._pin.point_size = 0.03 * self._extent
 
     def _show_pin(self) -> None:
         """Only over the whole field and away from the aircraft, of which it would hide a rotor."""
-        visible = self._pinned and self.camera is Camera.FIELD and not self._covered
-        self._pin.visible = self._pin_point.visible = visible
+        self._pin.visible = self._pinned and self.camera is Camera.FIELD and not self._covered
 
     def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
         """(3,) origin, m, and direction of a ray of the page as the world has them, which moves."""
@@ -239,7 +229,7 @@ class Scene:
         """
         self._vehicles[key].show(row, faulty, old=old)
         if focus:
-            away = np.linalg.norm(row.position_enu - self._pin_point.position)
+            away = np.linalg.norm(row.position_enu - self._pin.position)
             covered = bool(away < 2.0 * self._vehicles[key].drawn_arm)
             if covered != self._covered:
                 self._covered = covered
@@ -353,14 +343,6 @@ def grid_cell(extent: float) -> float:
     raw = extent / 10
     power = 10.0 ** np.floor(np.log10(raw))
     return float(power * min((1, 2, 5, 10), key=lambda m: abs(m * power - raw)))
-
-
-def pin_anchor(east: float, low: float, high: float) -> PinAnchor:
-    """Where a text hangs on its place so that it grows towards the middle of the picture."""
-    share = (east - low) / (high - low) if high > low else 0.5
-    if share < 0.3:
-        return "bottom-left"
-    return "bottom-right" if share > 0.7 else "bottom-center"
 
 
 def fill(ground: shapely.MultiPolygon) -> tuple[Floats, np.ndarray]:

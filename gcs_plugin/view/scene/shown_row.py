@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pymap3d
 from scipy.spatial.transform import Rotation
 
 from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.palette import ENOUGH
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -22,7 +22,6 @@ from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 if TYPE_CHECKING:
     from thrustmargin.mission.plan_items import PlanItem
 
-MARGIN_LIMIT = 0.5  # where the colours of a margin change
 PIXELS = 2000  # of a picture's longer side, by which legs of a plan are distinguished
 #: The rotation from NED to ENU, and the one from forward-left-up to forward-right-down.
 ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -102,16 +101,23 @@ class ShownRow:
         return int(np.sum(~self.measured)) if self.measured.any() else 0
 
     @property
-    def coloured_margin(self) -> float:
-        """The margin by which the worst one is coloured: the lower end of its interval.
+    def coloured(self) -> Floats:
+        """(R,) thrust left by which rotors are coloured: the lower end of its interval.
 
-        NaN, no colour, where that is above the limit and rests on no measurement of all rotors:
-        the colour of enough thrust is a promise.
+        NaN, no colour, where that is enough and rests on no measurement: that colour is a promise.
         """
+        # Where the interval is not known either, the value itself can still be too little.
+        low = self.ends[0] if self.flying else self.margin
+        low = np.where(np.isfinite(low), low, self.margin)
+        sure = self.measured & self.flying
+        return np.where(sure | (low < ENOUGH), low, np.nan)
+
+    @property
+    def surely_left(self) -> float:
+        """The lower end of the worst margin's interval; NaN where not all rotors are measured."""
         least, rotor = self.worst
         low = least if rotor is None else float(self.ends[0][rotor])
-        sure = bool(self.measured.all())
-        return low if sure or low < MARGIN_LIMIT else float("nan")
+        return low if self.measured.all() else float("nan")
 
     @property
     def redundancy(self) -> tuple[float, float, float]:
@@ -182,20 +188,14 @@ def plan_enu(waypoints: Sequence[PlanItem], origin: Origin | None, ground: float
     if origin is None or not known.any():
         return np.empty((0, 3))
     latitude, longitude, altitude = (values[known] for values in places)
-    east, north, _ = pymap3d.geodetic2enu(
-        latitude,
-        longitude,
-        origin.altitude,
-        origin.latitude_deg,
-        origin.longitude_deg,
-        origin.altitude,
-    )
+    level = np.column_stack([latitude, longitude, np.full(altitude.size, origin.altitude)])
+    north, east, _ = origin.ned(level).T
     above_sea = np.isin(frames[known], SEA_LEVEL_FRAMES)
     up = altitude + np.where(above_sea, -origin.altitude, ground)
     return np.column_stack([east, north, up])
 
 
-def told_apart(points: Floats) -> Floats:
+def distinct_legs(points: Floats) -> Floats:
     """(S, 2, 2) legs of the way through (W, 2) places that a picture of the whole shows: of those
     whose ends fall on the same two pixels the first, and none within one."""
     if len(points) < 2:

@@ -294,7 +294,7 @@ def open_questions(found: Identification) -> list[str]:
             lines.append(
                 f"So few flights do not show by how much sound flights of this aircraft differ, so "
                 f"no rotor is named: give {FEWEST_FLIGHTS} flights or more, or --model with a file "
-                "learnt from good flights (thrustmargin identify GOOD... --out)"
+                "learnt from good flights (thrustmargin train GOOD... --out-model FILE)"
             )
     elif any("airspeed" in lacking for lacking in found.untried.values()):
         lines.append("No airspeed is measured, so drag, lift and an unknown wind were not tried")

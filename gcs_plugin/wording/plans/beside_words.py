@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
+from thrustmargin.mission.beside.blame import Off
+from thrustmargin.mission.beside.stretches import StretchBeside
 
 NOT_BESIDE = "the plan could not be put beside the flight"
 #: Assumption -> what is so of it, and the unit and digits of what was flown and forecast.
@@ -30,52 +31,7 @@ _OFF: Mapping[str, tuple[str, str, int]] = {
 }
 
 
-class FlownFigure(Protocol):
-    """A figure as forecast and as flown."""
-
-    @property
-    def forecast(self) -> float: ...
-    @property
-    def flown(self) -> float: ...
-    @property
-    def off(self) -> float: ...
-
-
-class AssumptionOff(Protocol):
-    """An assumption that was off."""
-
-    @property
-    def what(self) -> str: ...
-    @property
-    def amount(self) -> FlownFigure: ...
-    @property
-    def item(self) -> int: ...
-    @property
-    def mattered(self) -> bool: ...
-
-
-class SpokenStretch(Protocol):
-    """A stretch of the plan as forecast and as flown."""
-
-    @property
-    def item(self) -> int: ...
-    @property
-    def kind(self) -> str: ...
-    @property
-    def seconds(self) -> FlownFigure: ...
-    @property
-    def speed(self) -> FlownFigure: ...
-    @property
-    def utilisation(self) -> FlownFigure: ...
-    @property
-    def peak(self) -> FlownFigure: ...
-    @property
-    def tank_kg(self) -> FlownFigure: ...
-    @property
-    def voltage(self) -> FlownFigure: ...
-
-
-def off_sentence(off: AssumptionOff) -> str:
+def off_sentence(off: Off) -> str:
     """`took off with 16.0 kg, 13.0 kg assumed`."""
     sentence, unit, digits = _OFF[off.what]
     flown, forecast = off.amount.flown, off.amount.forecast
@@ -91,7 +47,7 @@ def off_sentence(off: AssumptionOff) -> str:
     return words if off.mattered else f"{words}{say(', which took no more thrust')}"
 
 
-def stretch_words(stretch: SpokenStretch) -> str:
+def stretch_words(stretch: StretchBeside) -> str:
     """`leg to item 5: 23 s (22 s), 3.9 m/s (4.0 m/s), ...` as flown, the forecast in brackets."""
     used = stretch.utilisation, stretch.peak
     mean, most = (f"{percent(p.flown)} ({percent(p.forecast)})" for p in used)
@@ -109,7 +65,7 @@ def stretch_words(stretch: SpokenStretch) -> str:
 
 
 def beside_words(
-    off: Sequence[str], stretches: Sequence[SpokenStretch], *, left_at: int | None
+    off: Sequence[Off], stretches: Sequence[StretchBeside], *, left_at: int | None
 ) -> str:
     """One sentence on what of a forecast did not come: `as forecast`, or what was off."""
     left = ""
@@ -120,4 +76,4 @@ def beside_words(
     so = say("until then flown as forecast" if left else "flown as forecast")
     if not any(math.isfinite(s.utilisation.off) for s in stretches):
         so = say("its thrust in use is not known")
-    return "; ".join(part for part in (left, *(off or (so,))) if part)
+    return "; ".join(part for part in (left, *(map(off_sentence, off) if off else (so,))) if part)

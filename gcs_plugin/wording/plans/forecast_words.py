@@ -9,12 +9,10 @@ from collections.abc import Mapping, Sequence
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import area, duration, number, percent, percent_within
-from thrustmargin.gcs_plugin.wording.plans.forecast_parts import (
-    ForecastParts,
-    OneFilling,
-    WeakestPlace,
-)
 from thrustmargin.gcs_plugin.wording.plans.plan_words import fault_words, not_understood_words
+from thrustmargin.mission.ahead.plan_forecast import PlanForecast
+from thrustmargin.mission.ahead.sortie_needs import Sortie
+from thrustmargin.mission.ahead.utilisation_along import Weakest
 from thrustmargin.models.model.advice import FlightLevel
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
@@ -63,7 +61,7 @@ _SHORT: Mapping[str, str] = {
 LEAST_SHARE = 0.005  # of utilisation, worth a word
 
 
-def verdict(made: ForecastParts) -> str:
+def verdict(made: PlanForecast) -> str:
     """The first line: may it take off with this, and why."""
     advice = made.advised.advice
     use, limit = advice.use, percent(advice.limit)
@@ -95,7 +93,7 @@ def verdict(made: ForecastParts) -> str:
     return no + say("control would be lost")
 
 
-def weakest_words(weakest: WeakestPlace | None) -> str:
+def weakest_words(weakest: Weakest | None) -> str:
     """The place with the largest utilisation, and what makes it so."""
     if weakest is None:
         return say("Weakest place unknown.")
@@ -121,7 +119,7 @@ def weakest_words(weakest: WeakestPlace | None) -> str:
     return f"{words}{beyond}{why}."
 
 
-def fill_words(made: ForecastParts) -> str:
+def fill_words(made: PlanForecast) -> str:
     """The largest fill that keeps the limit all along."""
     liquid, limit = _liquid(made), percent(made.advised.advice.limit)
     if not math.isfinite(made.largest_fill_kg):
@@ -135,7 +133,7 @@ def fill_words(made: ForecastParts) -> str:
     return say(words, fill=amount(made.largest_fill_kg, liquid), limit=limit)
 
 
-def survivable_words(made: ForecastParts) -> str:
+def survivable_words(made: PlanForecast) -> str:
     """From which litre on a lost rotor is survived."""
     below = made.survivable_below_kg
     if not math.isfinite(below):
@@ -155,7 +153,7 @@ def survivable_words(made: ForecastParts) -> str:
     return f"{words}: {say('after {long}', long=duration(float(after[-1])))}."
 
 
-def sortie_words(made: ForecastParts) -> tuple[str, ...]:
+def sortie_words(made: PlanForecast) -> tuple[str, ...]:
     """Time, liquid and energy; and where to refill."""
     sorties, liquid = made.needs.sorties, _liquid(made)
     sprayed = sum(s.kg for s in sorties)
@@ -189,7 +187,7 @@ def sortie_words(made: ForecastParts) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _sortie(which: int, one: OneFilling, liquid: float, swath: float) -> str:
+def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
     """`  sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`."""
     field = f"{area(one.lines * swath)}, " if math.isfinite(swath) else ""
     items = say(
@@ -202,7 +200,7 @@ def _sortie(which: int, one: OneFilling, liquid: float, swath: float) -> str:
     return f"{items}, {number(one.kg / liquid, 'L')}, {field}{long}, {energy}"
 
 
-def way_back_words(made: ForecastParts) -> str:
+def way_back_words(made: PlanForecast) -> str:
     """From where on home is out of the battery's reach, the reserve kept."""
     back = made.way_back
     if not math.isfinite(back.spare_wh):
@@ -227,17 +225,14 @@ def way_back_words(made: ForecastParts) -> str:
     )
 
 
-def plan_faults(made: ForecastParts) -> tuple[str, ...]:
+def plan_faults(made: PlanForecast) -> tuple[str, ...]:
     """What is wrong with the plan or not understood of it, first."""
     wrong = [f"{say('Plan')}: {fault_words(f.fault, f.items)}." for f in made.findings]
-    unknown = [
-        f"{say('Not reckoned')}: {not_understood_words(n.item, n.command, n.why, n.touches)}."
-        for n in made.not_understood
-    ]
+    unknown = [f"{say('Not reckoned')}: {not_understood_words(n)}." for n in made.not_understood]
     return (*_cut(wrong), *_cut(unknown))
 
 
-def assumed_words(made: ForecastParts) -> tuple[str, ...]:
+def assumed_words(made: PlanForecast) -> tuple[str, ...]:
     """What was taken for what is not known."""
     return (
         *made.plan.notes,
@@ -246,7 +241,7 @@ def assumed_words(made: ForecastParts) -> tuple[str, ...]:
     )
 
 
-def _as_far(made: ForecastParts) -> str:
+def _as_far(made: PlanForecast) -> str:
     """What the answer does not reach: stated in it, for it is read alone."""
     parts = [say(", AS FAR AS THE PLAN IS UNDERSTOOD")] if made.not_understood else []
     if "first part" in made.assumed:
@@ -267,15 +262,15 @@ def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
     ]
 
 
-def _has_tank(made: ForecastParts) -> bool:
+def _has_tank(made: PlanForecast) -> bool:
     return made.advised.analysis.model.airframe.tank_volume_l > 0.0
 
 
-def _fill(made: ForecastParts) -> float:
+def _fill(made: PlanForecast) -> float:
     return float(made.flight.track.tank_kg[0])
 
 
-def _liquid(made: ForecastParts) -> float:
+def _liquid(made: PlanForecast) -> float:
     return made.advised.analysis.model.airframe.liquid_density
 
 

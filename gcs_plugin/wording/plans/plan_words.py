@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
+from thrustmargin.mission.coverage.coverage_plan import Coverage
+from thrustmargin.mission.plan_items import NotUnderstood
 
 #: Why an item is not understood -> what is so, and what to do.
 NOT_UNDERSTOOD: Mapping[str, tuple[str, str]] = {
@@ -75,12 +77,12 @@ FAULTS: Mapping[str, tuple[str, str]] = {
 _SHOWN = 5  # items that are listed
 
 
-def not_understood_words(item: int, command: int, why: str, touches: Sequence[str]) -> str:
+def not_understood_words(one: NotUnderstood) -> str:
     """`item 12 (MAV_CMD 42): what this command does is not known; take it out, or allow for it
     (distance, time not reckoned)`."""
-    what, to_do = NOT_UNDERSTOOD[why]
-    of = say("touches {what}", what=", ".join(map(say, touches)))
-    return f"{say('item')} {item} (MAV_CMD {command}): {say(what)}; {say(to_do)} ({of})"
+    what, to_do = NOT_UNDERSTOOD[one.why]
+    of = say("touches {what}", what=", ".join(map(say, one.touches)))
+    return f"{say('item')} {one.item} (MAV_CMD {one.command}): {say(what)}; {say(to_do)} ({of})"
 
 
 def fault_words(fault: str, items: Sequence[int]) -> str:
@@ -93,41 +95,28 @@ def fault_words(fault: str, items: Sequence[int]) -> str:
     return f"{which} {', '.join(map(str, items[:_SHOWN]))}{more}: {words}"
 
 
-def coverage_words(
-    *,
-    field: float,
-    spray: float,
-    sprayed: float,
-    lines: int,
-    heading_deg: Sequence[float],
-    spacing: Sequence[float],
-    length: float,
-    transit: float,
-    home_given: bool = True,
-    ways_outside: int = 0,
-    elsewhere: Sequence[str] = (),
-) -> tuple[str, ...]:
-    """The route over a field in sentences; areas in m², lengths in m."""
-    headings = sorted({round(h) % 180 for h in heading_deg})
+def coverage_words(found: Coverage) -> tuple[str, ...]:
+    """The route over a field in sentences."""
+    lines, spacing = found.lines, found.lines.spacing
+    headings = sorted({round(h) % 180 for h in lines.heading_deg})
     listed = ", ".join(f"{h}°" for h in headings[:3]) + (" ..." if len(headings) > 3 else "")
     wide = (
         f"{min(spacing):.2f} m"
         if max(spacing) - min(spacing) < 0.005
         else f"{min(spacing):.2f} to {max(spacing):.2f} m"
     )
-    found = [
-        f"Field {hectares(field)}, to spray {hectares(spray)}, under the swaths "
-        f"{percent(sprayed / spray, 1)} of that.",
-        f"{lines} lines, {wide} apart, heading {listed}.",
-        f"Sprayed way {number(length / 1e3, 'km', 2)}, between lines "
-        f"{number(transit / 1e3, 'km', 2)} with the pump off.",
+    said = [
+        f"Field {hectares(found.field_area)}, to spray {hectares(found.spray_area)}, under the "
+        f"swaths {percent(found.sprayed_area / found.spray_area, 1)} of that.",
+        f"{len(lines.lines)} lines, {wide} apart, heading {listed}.",
+        f"Sprayed way {number(found.sprayed_length / 1e3, 'km', 2)}, between lines "
+        f"{number(found.transit_length / 1e3, 'km', 2)} with the pump off.",
     ]
-    if not home_given:
-        found.append("Home is taken where the first line starts; give --home for another.")
-    if ways_outside:
-        found.append(f"Ways between lines that leave the field: {ways_outside}.")
-    found += [f"{name} has nothing in the field." for name in elsewhere]
-    return tuple(found)
+    if not found.home_given:
+        said.append("Home is taken where the first line starts; give --home for another.")
+    if found.ways_outside:
+        said.append(f"Ways between lines that leave the field: {found.ways_outside}.")
+    return (*said, *(f"{name} has nothing in the field." for name in found.elsewhere))
 
 
 def hectares(area: float) -> str:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import log
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -72,6 +73,23 @@ def cable_pull(
     a steady hover. NaN without accelerometer or attitude. With it comes the state at the last row,
     and `start` is that at the first.
     """
+    if start is not None:
+        return _pulled(track, airframe, start)
+    made = _PULLED.setdefault(track, {})
+    if airframe.arm not in made:
+        made[airframe.arm] = _pulled(track, airframe, None)
+    return made[airframe.arm]
+
+
+#: What was found of the tracks in use, by arm: a training asks for each of its flights ten times.
+_PULLED: WeakKeyDictionary[FlightTrack, dict[float, tuple[Floats, SwingState | None]]] = (
+    WeakKeyDictionary()
+)
+
+
+def _pulled(
+    track: FlightTrack, airframe: Airframe, start: SwingState | None
+) -> tuple[Floats, SwingState | None]:
     felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
     swung = swing(track, cable_lengths(airframe), start)
     return swung.pull - felt[:, None], swung.last

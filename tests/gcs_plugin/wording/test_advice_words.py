@@ -140,8 +140,14 @@ def test_what_to_do_follows_the_same_order():
     assert "for the load: fill at most 8.6 kg" in empty
     spent = action(replace(ADVICE, levels=(FlightLevel.NO_THRUST, FlightLevel.OVER)))
     assert spent.endswith("fly turns and climbs more gently")
+    tankless = replace(FILL, kg=0.0, limit_kg=3.0, low_kg=2.0, reason="tank", nothing_fits="tank")
+    near = action(replace(ADVICE, levels=(FlightLevel.NEAR,), fill=tankless))
+    assert near.endswith(
+        "it has no tank; fly turns and climbs more gently; carry less than the "
+        "16.0 kg of this flight"
+    )
     gauge = action(replace(ADVICE, fill=replace(FILL, beyond_gauge_kg=3.4)))
-    assert "thrust shows 3 kg more than was reported" in gauge
+    assert "thrust shows 3.4 kg more than was reported" in gauge
     assert "until then fill at most 8.6 kg" in gauge
     assert action(replace(ADVICE, levels=(FlightLevel.UNKNOWN,))) == ""
 

@@ -77,7 +77,7 @@ def test_the_replay_shows_it_from_when_it_was_found(sitl_logs, said_live):
     ((log, claim),) = read_flights(sitl_logs / "onset" / "worn_prop_onset.tlog", model, given=False)
     view = ReplayView(analyse(log.track, model, claim=claim), port=0, paused=True)
     row = ShownRow(analyse(log.track, model, claim=claim), 0)
-    shown = {at: view._summary_at(at, row).headline for at in (100.0, 147.0, 200.0)}
+    shown = {at: view._summary_at(at, row).first_line[0] for at in (100.0, 147.0, 200.0)}
     assert shown[100.0] == ""
     assert "Rotor 3 front left >" in shown[147.0]  # as it was said then, while it grew
     assert said_live in shown[200.0]

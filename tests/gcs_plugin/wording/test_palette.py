@@ -133,7 +133,7 @@ def test_the_last_mark_of_a_legend_is_where_its_bar_ends():
         assert [place for place, _ in legend(residual_scale(limit))["marks"]] == [0.0, 50.0, 100.0]
 
 
-@pytest.mark.parametrize("scale", [LOAD, MARGIN, REDUNDANCY])
+@pytest.mark.parametrize("scale", SCALES)
 def test_every_colour_of_a_route_stands_out_by_night(scale):
     values = np.linspace(scale.low, scale.high, 401)
     luminance = linear(scale.screen(values)) @ np.array([0.2126, 0.7152, 0.0722])

@@ -27,9 +27,8 @@ def view():
     view.stop()
 
 
-@pytest.mark.parametrize("hurry", [False, True], ids=["a tick", "all of it"])
-def test_one_tick_on_the_server(benchmark, view, hurry):
-    benchmark(view._draw, hurry=hurry)
+def test_one_tick_on_the_server(benchmark, view):
+    benchmark(view._draw)
 
 
 @pytest.mark.parametrize("rows", [3_000, 36_000])

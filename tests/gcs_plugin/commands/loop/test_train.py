@@ -93,12 +93,12 @@ def test_the_table_shows_the_models_own_figures_beside_the_papers():
     assert "…" not in text  # everything fits 80 columns
     assert model.training is not None
     by_samples, by_flight = model.training.splits
-    paper = next(line for line in text.splitlines() if line.startswith("  the paper"))
+    paper = next(line for line in text.splitlines() if line.startswith(" the paper"))
     assert paper.split()[2:] == ["0.728", "0.719", "0.726", "0.27", "147"]
     for label, split in (("samples, as the paper", by_samples), ("flights", by_flight)):
-        row = next(line for line in text.splitlines() if line.startswith(f"  {label} "))
+        row = next(line for line in text.splitlines() if line.startswith(f" {label} "))
         sets = (split.training, split.validation, split.test)
-        assert row.removeprefix(f"  {label}").split()[:4] == [
+        assert row.removeprefix(f" {label}").split()[:4] == [
             *(f"{part.r2:.3f}" for part in sets),
             f"{split.lowest_loss:.3f}",
         ]

@@ -12,7 +12,7 @@ from rich.live import Live
 from rich.table import Table
 
 from thrustmargin.gcs_plugin.cli import main, run
-from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
 from thrustmargin.gcs_plugin.logs import read_log
 
 COMMANDS = Path(__file__).parents[4] / "gcs_plugin" / "commands"
@@ -33,6 +33,20 @@ def test_no_byte_of_a_text_steers_the_terminal_however_it_is_printed():
     assert "[bold]:car:?" in text
     for steering in ("\x1b]", "\x1b[2J\x1b", "\x07", "\x9b", "\udcff", "\u202e"):
         assert steering not in text
+
+
+def test_long_work_without_a_terminal_says_each_kind_of_it_once(monkeypatch):
+    def said(**options) -> str:
+        shown = io.StringIO()
+        with steps(Terminal(file=shown), total=2.0, **options) as step:
+            for what in ("network: epoch 1", "network: epoch 2", "how flights differ"):
+                step(what, 1.0)
+        return shown.getvalue()
+
+    assert said(lines=True).split("\n")[:2] == ["network ...", "how flights differ ..."]
+    assert said().strip() == ""
+    monkeypatch.setenv("THRUSTMARGIN_QUIET", "1")
+    assert said(lines=True).strip() == ""
 
 
 def test_commands_print_by_the_terminal_alone():

@@ -281,6 +281,18 @@ def test_one_flight_in_two_logs_counts_once_and_the_one_with_sums_stays():
     assert aircraft_season("a", [{**row, "log_format": "tlog"} for row in blind], []).twice == 0
 
 
+def test_of_two_logs_of_one_flight_the_graver_verdict_stays():
+    first, second = rows_of(2, duration_s=700.0, worst_time_s=100.0)
+    second |= {"started_unix_s": first["started_unix_s"], "sums_reason": "no model"}
+    for rows in ([first, second], [second, first]):
+        second["verdict"] = "damaged"
+        (one,) = aircraft_season("a", rows, []).flights
+        assert one["verdict"] == "damaged"
+        second["verdict"] = first["verdict"]
+        (one,) = aircraft_season("a", rows, []).flights
+        assert one["sums_reason"] is None
+
+
 def test_two_aircraft_under_one_name_are_never_taken_for_one_flight_and_it_is_said():
     first, second, later = rows_of(3, duration_s=700.0, worst_time_s=100.0)
     second |= {"started_unix_s": first["started_unix_s"] + 60.0}

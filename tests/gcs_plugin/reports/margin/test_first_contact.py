@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
+from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
@@ -19,6 +21,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
     contact_headline,
 )
 from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.model_file import shipped_model
 
 ROOT = Path(__file__).resolve().parents[4]
 PATH = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
@@ -106,3 +109,27 @@ def test_the_report_of_an_unknown_aircraft_names_no_other_and_its_page_has_the_l
         assert f"thrustmargin airframe new --from {log}" in text
         assert "topxgun" not in text
         assert "NO VERDICT" not in text
+
+
+def test_an_unknown_aircraft_that_lost_control_is_said_to_have_and_is_grounded(tmp_path, capsys):
+    """By report, page, replay and store; and the line to copy is there too."""
+    log, out = tmp_path / "mine.csv", tmp_path / "r.html"
+    track = LOG.track
+    over = track.time_s > track.time_s[0] + 100.0
+    attitude, velocity = track.attitude.copy(), track.velocity_ned.copy()
+    attitude[over, 0], velocity[over, 2] = 2.8, 15.0
+    fallen = replace(track, voltage=0.3 * track.voltage, attitude=attitude, velocity_ned=velocity)
+    write_csv(fallen, log)
+    assert run(["report", str(log), "--out", str(out)]) == 0
+    said, page = " ".join(capsys.readouterr().out.split()), out.read_text("utf-8")
+    grounded = "o not fly it before it is known why"
+    assert ": LOST CONTROL AT 1:40" in said
+    for text in (said, page):
+        assert grounded in text
+        assert "thrustmargin airframe new --from" in text
+    view = replay_view(log, shipped_model(), given=False, port=0, paused=True)
+    assert view.whole.headline.startswith("LOST CONTROL AT 1:40")
+    assert grounded in view.whole.action
+    (stored,) = season_flights(log, "0" * 16, IngestSettings(store=""), name=log.name)
+    assert stored.summary["verdict"] == "lost"
+    assert stored.summary["verdict_reason"] == "LOST CONTROL AT 1:40"

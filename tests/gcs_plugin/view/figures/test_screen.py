@@ -4,6 +4,8 @@ import http.client
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from tests.gcs_plugin.live.alarms.test_alarms import hover
 from tests.gcs_plugin.live.monitored import MODEL
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent, AlarmState, Missing
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, finite
-from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary, first_line
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server, stop_server
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
@@ -34,13 +36,8 @@ NOTE = Alarm("esc", 2, NOTICE, "ESC 2 silent", 42.0)
 ONE = VehicleSummary(number=1, age=0.3, alarms=(TANK, NOTE))
 
 
-def with_line(one: VehicleSummary) -> VehicleSummary:
-    headline, because, level = first_line(one)
-    return replace(one, headline=headline, because=because, level=level)
-
-
 def screen_of(*standing: VehicleSummary, **options) -> PageState:
-    return PageState(lambda: [with_line(one) for one in standing], **options)
+    return PageState(lambda: list(standing), **options)
 
 
 def given(screen: PageState) -> dict:
@@ -59,7 +56,7 @@ def status_of(screen: PageState, target: str) -> int:
 def standing_of(track: FlightTrack, model: RotorModel = MODEL, **options) -> VehicleSummary:
     """The aircraft at the last row of a track, as a monitor that gets it has it."""
     row = ShownRow(analyse(track, model, **options), -1)
-    return with_line(replace(ONE, row=row, alarms=()))
+    return replace(ONE, row=row, alarms=())
 
 
 def test_the_gravest_alarm_comes_first_whose_ever_it_is():
@@ -77,11 +74,11 @@ def test_the_gravest_alarm_comes_first_whose_ever_it_is():
 
 def test_every_grave_alarm_is_named_in_the_first_line():
     lost = Alarm("telemetry", None, CRITICAL, "Telemetry lost in flight", 39.0)
-    headline, because, level = first_line(replace(ONE, alarms=(lost, LOW, TANK, NOTE)))
-    assert (headline, because, level) == (lost.text, LOW.text, "red")
-    assert first_line(ONE) == (TANK.text, "", "amber")
+    grave = replace(ONE, alarms=(lost, LOW, TANK, NOTE))
+    assert grave.first_line == (lost.text, LOW.text, "red")
+    assert ONE.first_line == (TANK.text, "", "amber")
     unconfirmed = replace(TANK, state=AlarmState.UNCONFIRMED, missing=Missing.GAUGE)
-    assert first_line(replace(ONE, alarms=(unconfirmed,)))[1] == unconfirmed.line
+    assert replace(ONE, alarms=(unconfirmed,)).first_line[1] == unconfirmed.line
 
 
 @pytest.mark.parametrize(
@@ -98,25 +95,33 @@ def test_every_grave_alarm_is_named_in_the_first_line():
     ],
 )
 def test_a_verdict_is_the_first_line_until_an_alarm_is(verdict: str, level: str):
-    quiet = replace(ONE, alarms=())
     whole = FlightAnswer("The verdict", FlightLevel(verdict), "do this")
-    assert first_line(quiet, whole) == ("The verdict", "Do this", level)
-    assert first_line(replace(ONE, alarms=(LOW,)), whole) == (LOW.text, "", "red")
-    sought = first_line(replace(quiet, pending="being sought"), whole)
-    assert sought == ("The verdict", "being sought", "grey" if level == "green" else level)
+    quiet = replace(ONE, alarms=(), whole=whole)
+    assert quiet.first_line == ("The verdict", "Do this", level)
+    assert replace(quiet, alarms=(LOW,)).first_line == (LOW.text, "", "red")
+    sought = replace(quiet, pending="being sought").first_line
+    assert sought == ("The verdict", "Do this", "grey" if level == "green" else level)
+
+
+@pytest.mark.parametrize("doubt", [{}, {"age": 4.0}, {"pending": "being sought"}])
+def test_what_was_found_in_the_flight_does_not_end_with_a_gap_in_the_telemetry(doubt: dict):
+    bad = FlightAnswer("ROTOR 4 IS BAD", FlightLevel.DAMAGED, "land", brief="Do not fly")
+    update: Any = SimpleNamespace(answer=bad)
+    late = replace(standing_of(hover(2.0, tank=0.0)), update=update, **doubt)
+    assert late.first_line == ("ROTOR 4 IS BAD", "Do not fly", "red")
 
 
 def test_no_alarm_is_green_only_over_thrust_that_is_measured_and_enough():
     light = hover(2.0, tank=0.0)
     sure = standing_of(light)
-    assert (sure.headline, sure.level) == ("", "green")
+    assert sure.first_line == ("", "", "green")
     silent = light.rotor_speed_rpm * [1.0, np.nan, 1.0, 1.0]
-    assert standing_of(replace(light, rotor_speed_rpm=silent)).level == "grey"
-    assert standing_of(replace(light, rotor_speed_rpm=silent * np.nan)).level == "grey"
-    assert standing_of(hover(2.0, tank=16.0)).level == "grey"
+    assert standing_of(replace(light, rotor_speed_rpm=silent)).first_line[2] == "grey"
+    assert standing_of(replace(light, rotor_speed_rpm=silent * np.nan)).first_line[2] == "grey"
+    assert standing_of(hover(2.0, tank=16.0)).first_line[2] == "grey"
     for doubt in ({"age": 2.0}, {"problem": "two send as one"}, {"pending": "being sought"}):
-        assert with_line(replace(sure, **doubt)).level == "grey"
-    assert with_line(ONE_WITHOUT_ROWS).level == "grey"
+        assert replace(sure, **doubt).first_line[2] == "grey"
+    assert ONE_WITHOUT_ROWS.first_line[2] == "grey"
 
 
 ONE_WITHOUT_ROWS = replace(ONE, alarms=())
@@ -129,7 +134,7 @@ def test_without_a_verdict_the_page_is_told_why():
     assert shown["figures"]["withheld"] == [claim.withheld[0]]
     assert shown["figures"]["why"] == claim.withheld[0]
     assert shown["figures"]["remedy"] == claim.remedy
-    assert standing.level == "grey"
+    assert standing.first_line[2] == "grey"
 
 
 def test_ages_are_of_what_flies_and_those_that_left_are_gone():

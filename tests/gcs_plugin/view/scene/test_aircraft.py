@@ -1,10 +1,17 @@
 """What stands on an aircraft in the scene of a server that nobody looks at."""
 
+from typing import Any
+
+import numpy as np
 import viser
 
-from tests.gcs_plugin.view.view_flight import flight
+from tests.gcs_plugin.view.view_flight import ROWS, flight
+from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.scene.aircraft import VehicleNode
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording.palette import seen_for
+
+GREY = (165, 165, 165)  # of no data, by hand
 
 
 def test_over_the_whole_field_only_bad_rotors_have_their_numbers():
@@ -28,3 +35,24 @@ def test_over_the_whole_field_only_bad_rotors_have_their_numbers():
         assert numbered(frozenset()) == []
     finally:
         server.stop()
+
+
+def test_discs_have_the_colours_of_the_page_and_promise_nothing_that_is_only_predicted():
+    rpm = np.full((ROWS, 4), 1200.0)
+    rpm[:, 2] = np.nan
+    analysis = flight(rotor_speed_rpm=rpm, tank_kg=np.zeros(ROWS))
+    row = ShownRow(analysis, 200)
+    assert row.margin[2] > 0.5  # enough, by the prediction alone
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        node = VehicleNode(server.scene, "/world", "1", analysis.model.airframe)
+        node.show(row)
+        discs: Any = server.scene.get_handle_by_name("/world/vehicle_1/discs")
+        drawn = seen_for(discs.batched_colors).astype(int)
+    finally:
+        server.stop()
+    papers = [one["paper"] for one in aircraft_figures(row, np.nan)["rotors"]]
+    page = np.array([[int(p[k : k + 2], 16) for k in (1, 3, 5)] for p in papers])
+    assert np.abs(drawn - page).max() <= 4
+    assert tuple(page[2]) == GREY
+    assert tuple(page[0]) != GREY

@@ -78,8 +78,9 @@ def test_the_worst_moment_reads_with_value_rotor_and_time():
     overlay = by_name(flight())["Thrust left"]
     names = ("a", "b", "c", "front left <b>")
     row = int(np.argmax(overlay.values))
-    text = overlay.text_at(row, 151.7, names)
-    assert text == f"{100 * overlay.values[row]:.0f} %, rotor 4 front left <b>, at 2:31"
+    told = overlay.at(row, 151.7, names)
+    assert told["value"] == f"{100 * overlay.values[row]:.0f} %"
+    assert (told["number"], told["place"], told["time"]) == (4, "front left <b>", "2:31")
 
 
 def test_with_one_esc_silent_view_and_report_count_the_same_rows_above_the_limit(sitl_logs: Path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.view.scene.shown_row import plan_enu, told_apart
+from thrustmargin.gcs_plugin.view.scene.shown_row import distinct_legs, plan_enu
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.flight import Origin
 
@@ -57,16 +57,16 @@ def rows_of(count: int, apart: float, length: float):
 
 def test_of_a_plan_as_it_is_flown_every_leg_is_drawn():
     """40 lines of 200 m, 5 m apart, and the 39 ways between them."""
-    assert told_apart(rows_of(40, 5.0, 200.0)).shape == (79, 2, 2)
+    assert distinct_legs(rows_of(40, 5.0, 200.0)).shape == (79, 2, 2)
 
 
 def test_of_lines_closer_than_a_picture_shows_one_is_drawn():
     """5000 lines on 10 km: 2000 pixels hold 2000 of them, and as many ways between them."""
-    legs = told_apart(rows_of(5000, 2.0, 500.0))
+    legs = distinct_legs(rows_of(5000, 2.0, 500.0))
     assert 3900 < len(legs) < 4100
     assert np.ptp(legs[..., 0]) == pytest.approx(9998.0, abs=5.0)
 
 
 def test_a_plan_at_one_place_has_no_leg():
-    assert told_apart(np.zeros((3, 2))).shape == (0, 2, 2)
-    assert told_apart(np.zeros((0, 2))).shape == (0, 2, 2)
+    assert distinct_legs(np.zeros((3, 2))).shape == (0, 2, 2)
+    assert distinct_legs(np.zeros((0, 2))).shape == (0, 2, 2)

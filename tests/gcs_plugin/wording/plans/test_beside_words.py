@@ -66,6 +66,6 @@ def test_a_plan_that_was_left_is_never_flown_as_forecast_to_its_end():
 
 def test_a_flight_of_which_no_thrust_is_known_was_not_flown_as_forecast():
     assert beside_words((), [BLIND] * 9, left_at=None) == "its thrust in use is not known"
-    assert beside_words(["took off with 3.0 kg, 9.0 kg assumed"], [BLIND], left_at=None) == (
+    assert beside_words([off("fill", 9.0, 3.0, item=0, mattered=True)], [BLIND], left_at=None) == (
         "took off with 3.0 kg, 9.0 kg assumed"
     )

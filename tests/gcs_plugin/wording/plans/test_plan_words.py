@@ -2,6 +2,9 @@
 
 from typing import get_args
 
+import numpy as np
+
+from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.wording.plans.plan_words import (
     FAULTS,
     NOT_UNDERSTOOD,
@@ -9,8 +12,10 @@ from thrustmargin.gcs_plugin.wording.plans.plan_words import (
     fault_words,
     not_understood_words,
 )
+from thrustmargin.mission.coverage.coverage_plan import Coverage
+from thrustmargin.mission.coverage.spray_lines import LinesInOrder
 from thrustmargin.mission.plan_check import PlanFault
-from thrustmargin.mission.plan_items import Why
+from thrustmargin.mission.plan_items import NotUnderstood, Touched, Why
 
 
 def test_every_reason_and_every_fault_has_words():
@@ -19,7 +24,9 @@ def test_every_reason_and_every_fault_has_words():
 
 
 def test_an_item_is_named_with_its_number_its_command_and_what_it_touches():
-    assert not_understood_words(12, 42, "unknown command", ("distance", "time")) == (
+    touches: tuple[Touched, ...] = ("distance", "time")
+    one = NotUnderstood(item=12, command=42, why="unknown command", touches=touches)
+    assert not_understood_words(one) == (
         "item 12 (MAV_CMD 42): what this command does is not known; take it out, or allow for it "
         "(touches distance, time)"
     )
@@ -35,17 +42,22 @@ def test_a_fault_lists_its_first_items():
 
 
 def test_a_route_is_said_in_hectares_lines_and_kilometres():
+    lines = LinesInOrder(
+        lines=np.zeros((30, 2, 2)), heading_deg=(179.8, 0.1, 45.0), spacing=(4.0, 4.05), cells=1
+    )
     said = coverage_words(
-        field=120_000.0,
-        spray=100_000.0,
-        sprayed=99_000.0,
-        lines=30,
-        heading_deg=(179.8, 0.1, 45.0),
-        spacing=(4.0, 4.05),
-        length=25_000.0,
-        transit=1234.0,
-        ways_outside=2,
-        elsewhere=["trees.kml"],
+        Coverage(
+            plan=plan_of(*TWO_LINES),
+            lines=lines,
+            field_area=120_000.0,
+            spray_area=100_000.0,
+            sprayed_area=99_000.0,
+            sprayed_length=25_000.0,
+            transit_length=1234.0,
+            ways_outside=2,
+            home_given=True,
+            elsewhere=("trees.kml",),
+        )
     )
     assert said == (
         "Field 12.00 ha, to spray 10.00 ha, under the swaths 99.0 % of that.",

@@ -56,6 +56,15 @@ def pushed(seconds: float, push: float = 0.3) -> np.ndarray:
     return acceleration
 
 
+def test_the_swing_of_a_whole_flight_is_worked_out_once():
+    """A second of hover takes 0.1 s, and a training asks for every flight ten times."""
+    track, craft = track_of(np.zeros((50, 3))), load_airframe("crazyflie-rpm")
+    whole, last = cable_pull(track, craft)
+    assert cable_pull(track, craft)[0] is whole
+    assert cable_pull(track, load_airframe("topxgun-f16"))[0] is not whole
+    assert cable_pull(track, craft, last)[0] is not whole
+
+
 def test_in_a_steady_hover_the_load_hangs_still_and_adds_nothing():
     track = track_of(np.zeros((200, 3)))
     still = swing(track, np.array([0.3, 1.0]))

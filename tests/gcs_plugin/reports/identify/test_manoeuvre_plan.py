@@ -8,7 +8,7 @@ import pymap3d
 import pytest
 
 from tests.models.made_flights import made_flights
-from thrustmargin.mission.manoeuvre_plan import manoeuvre_plan
+from thrustmargin.gcs_plugin.reports.identify.manoeuvre_plan import manoeuvre_plan
 from thrustmargin.mission.plan import read_plan, write_plan
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits, manoeuvres

@@ -10,7 +10,6 @@ import math
 from typing import Any
 
 import numpy as np
-import pymap3d
 
 from thrustmargin.mission.plan import (
     CHANGE_SPEED,
@@ -43,9 +42,7 @@ def manoeuvre_plan(manoeuvre: Manoeuvre, limits: FlownLimits, *, repeats: int = 
         raise PlanError("the flights report no position or height, so no mission can be placed")
     origin = limits.origin
     home = (origin.latitude_deg, origin.longitude_deg, origin.altitude)
-    latitude, longitude, _ = pymap3d.ned2geodetic(
-        corners[:, 0], corners[:, 1], corners[:, 2], home[0], home[1], home[2]
-    )
+    latitude, longitude, _ = origin.geodetic(corners).T
     height = np.maximum(-corners[:, 2], min(LOWEST, sum(limits.height) / 2))
     items: list[tuple[int, Any]] = []  # command, its seven parameters
     places = [tuple(map(float, place)) for place in zip(latitude, longitude, height, strict=True)]
