@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.students_t import t_quantile
 
 CONFIDENCE = 0.95
 DRAWS = 2000
@@ -217,7 +217,7 @@ def jackknife(figure: Callable[[Bools], Floats], block: NDArray) -> list[Estimat
     if names.size > 1:
         without = np.stack([figure(block != name) for name in names])
         spread = np.sum((without - without.mean(axis=0)) ** 2, axis=0) * (1.0 - 1.0 / names.size)
-        reach = float(stdtrit(names.size - 1, 0.5 + CONFIDENCE / 2)) * np.sqrt(spread)
+        reach = t_quantile(names.size - 1, 0.5 + CONFIDENCE / 2) * np.sqrt(spread)
     found = zip(values.tolist(), reach.tolist(), strict=True)
     return [Estimate(value=value, low=value - off, high=value + off) for value, off in found]
 
@@ -249,7 +249,7 @@ def estimate(figure: Callable[[Sums], Floats], whole: Sums, drawn: Sums, blocks:
         return Estimate(value=value, low=float("nan"), high=float("nan"))
     # The spread of means over blocks drawn from few is too small by the same factor as a variance.
     error = float(np.std(there(values))) * np.sqrt(blocks / (blocks - 1.0))
-    reach = float(stdtrit(blocks - 1, 0.5 + CONFIDENCE / 2)) * error
+    reach = t_quantile(blocks - 1, 0.5 + CONFIDENCE / 2) * error
     ends = sorted(float(back(there(value) + side * reach)) for side in (-1.0, 1.0))
     return Estimate(value=value, low=ends[0], high=ends[1])
 

@@ -12,12 +12,15 @@ import base64
 import gzip
 import hashlib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import jinja2
+from jinja2.bccache import Bucket
+from jinja2.runtime import Context
 from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.wording import numbers as words
@@ -43,7 +46,7 @@ def page_text(
     if draws:
         library, draw = _bytes(_SHELL, "plotly-basic.min.js.gz"), _text(_SHELL, "draw.js")
     style = _text(_SHELL, "page.css") + (_text(package, "page.css") if own_style else "")
-    return _template(package, spoken()).render(
+    return _template(package).render(
         {**functions, **context},
         policy=content_policy(gzip.decompress(library).decode() if draws else "", draw),
         style=Markup(style),
@@ -52,23 +55,57 @@ def page_text(
     )
 
 
-@cache  # jinja2 takes 0.3 s to compile a page
-def _template(package: str, _language: str) -> jinja2.Template:
-    """The compiled page of a language: words that stand in the page itself are put in it then."""
+@cache
+def _template(package: str) -> jinja2.Template:
+    """The compiled page, kept between runs: jinja2 takes as long to compile it as all else takes.
+
+    Kept is what the template says and nothing more: no filter is applied while it is compiled, so
+    that neither a language nor an older version's words are kept with it.
+    """
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(
-            lambda name: _text(package if name == "page.html" else _SHELL, name)
+            lambda name: _source(package if name == "page.html" else _SHELL, name)
         ),
+        bytecode_cache=_kept_pages(),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["unbroken"] = words.unbroken
-    environment.filters["sentence"] = sentence
-    environment.filters["spoken"] = environment.globals["say"] = say
+    for name, function in (
+        ("unbroken", words.unbroken),
+        ("sentence", sentence),
+        ("spoken", say),
+    ):
+        environment.filters[name] = _at_rendering(function)
+    environment.globals["say"] = say
     environment.globals["language"] = spoken
     return environment.get_template("page.html")
+
+
+def _source(package: str, name: str) -> tuple[str, str, Callable[[], bool]]:
+    return _text(package, name), f"{package}/{name}", lambda: True
+
+
+def _at_rendering(function: Callable[[str], str]) -> Callable[[Context, str], str]:
+    """The filter, which jinja2 does not apply to the template's own words when it compiles them."""
+    return jinja2.pass_context(lambda _, text: function(text))
+
+
+class _KeptPages(jinja2.FileSystemBytecodeCache):
+    """In a folder of temporary files that only this user may read; a full disk keeps nothing."""
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        with suppress(OSError):
+            super().dump_bytecode(bucket)
+
+
+def _kept_pages() -> _KeptPages | None:
+    """None where there is no such folder."""
+    try:
+        return _KeptPages()
+    except (OSError, RuntimeError):
+        return None
 
 
 def packed(text: str) -> Markup:
