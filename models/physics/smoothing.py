@@ -84,10 +84,13 @@ def running_mean(values: Floats, width: int, *, beyond: _Beyond = "symmetric") -
 def median_of_five(values: Floats) -> Floats:
     """Medians (n,) of each value and two on either side, the last one standing for those beyond."""
     a, b, c, d, e = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, "edge"), 5).T
-    first, other = (np.minimum(a, b), np.maximum(a, b)), (np.minimum(c, d), np.maximum(c, d))
-    # Without the least and the largest of four, the middle of the two left and the fifth.
-    low, high = np.maximum(first[0], other[0]), np.minimum(first[1], other[1])
-    return np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))
+    # Without the least and the largest of four, the middle of the two left and the fifth; in place,
+    # as a long log's times are as large as the log.
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    least = np.minimum(low, high)
+    np.maximum(low, high, out=high)
+    return np.maximum(least, np.minimum(high, e, out=high), out=high)
 
 
 def _padded(values: Floats, before: int, after: int, beyond: _Beyond) -> Floats:
