@@ -25,7 +25,7 @@ from thrustmargin.models.physics.atmosphere import (
 )
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
-from thrustmargin.models.students_t import t_quantile
+from thrustmargin.models.scores import t_quantile
 
 SURE = 0.95  # that it follows the air: standard air is off by the weather, a wrong reading by more
 FEWEST_FLIGHTS = 3  # of which each can be left out and the others still differ

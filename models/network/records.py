@@ -14,8 +14,7 @@ import numpy as np
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.network.network import NetConfig
-from thrustmargin.models.scores import Score
-from thrustmargin.models.students_t import t_quantile
+from thrustmargin.models.scores import Score, t_quantile
 
 ROUNDING = 1e-12
 

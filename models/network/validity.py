@@ -34,7 +34,7 @@ import numpy as np
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.network.training_rows import Rows
-from thrustmargin.models.students_t import t_quantile
+from thrustmargin.models.scores import t_quantile
 
 KNOT_STEP = 0.5  # m/s between the airspeeds at which the scatter is kept
 BANDWIDTH = 0.5  # m/s, standard deviation of the weights of like airspeeds

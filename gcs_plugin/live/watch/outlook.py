@@ -56,11 +56,6 @@ class Outlook:
         """Least predicted margin that lasts on the rest of the route; NaN without a mission."""
         return math.nan if self.route is None else self.route.lasting_margin
 
-    @property
-    def margin_in_turns(self) -> float:
-        """Least predicted margin on the rest of the route, for however short."""
-        return math.nan if self.route is None else self.route.least_margin
-
 
 class LookAhead:
     """Follows one vehicle's pump and route row by row.

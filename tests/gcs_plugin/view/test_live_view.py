@@ -10,9 +10,10 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.view.live_flight import AIRFRAME
+from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.view.live_view import LiveView
-from thrustmargin.gcs_plugin.wording.palette import MARGIN, seen_for
+from thrustmargin.gcs_plugin.wording.palette import MARGIN
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
 

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.view.view_flight import ROWS, flight
+from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view import replay_view as replaying
 from thrustmargin.gcs_plugin.view.page import view_page
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server
@@ -29,7 +30,6 @@ from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import grid_cell
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
-from thrustmargin.gcs_plugin.wording.palette import seen_for
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError
 from thrustmargin.models.flight import FlightTrack

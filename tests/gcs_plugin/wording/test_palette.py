@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.wording.palette import (
     GROUND_SPEED,
     LOAD,
@@ -13,7 +14,6 @@ from thrustmargin.gcs_plugin.wording.palette import (
     legend,
     line_colours,
     residual_scale,
-    seen_for,
     sent_for,
 )
 
