@@ -51,8 +51,9 @@ def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
     step = row_step(time_s)
     window = max(3, 2 * int(span / step / 2) + 1)
     window = min(window, time_s.size - (time_s.size + 1) % 2)
-    padded = _padded(values, window // 2, window // 2, "edge")
-    slope = np.apply_along_axis(np.convolve, 0, padded, _slope_weights(window, step), "valid")
+    columns = _padded(values, window // 2, window // 2, "edge").reshape(-1, values[0].size).T
+    weights = _slope_weights(window, step)
+    slope = np.array([np.convolve(c, weights, "valid") for c in columns]).T.reshape(values.shape)
     gap = np.flatnonzero(np.abs(np.diff(time_s) - step) > 0.5 * step)
     half = window // 2 + 1
     near = (gap[:, None] + np.arange(-half, half + 1)).ravel()

@@ -150,17 +150,6 @@ def test_text_that_is_neither_log_nor_table_is_refused(tmp_path):
         read_log(tmp_path / "notes.tlog")
 
 
-def test_a_write_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "flight.csv"
-    path.write_text("old")
-    track = FlightTrack.of(name="x", time_s=np.arange(3.0), rotor_count=4)
-    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
-    with pytest.raises(OSError, match="disk full"):
-        write_csv(track, path)
-    assert path.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["flight.csv"]
-
-
 ROTORS = "rotor_speed_rpm_1,rotor_speed_rpm_2,rotor_speed_rpm_3"
 ROWS = f"time_s,airspeed,{ROTORS}\n0,1.5,2000,2001,2002\n0.1,2.5,,2003,2004\n"
 
