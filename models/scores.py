@@ -16,11 +16,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
 
@@ -217,7 +217,7 @@ def jackknife(figure: Callable[[Bools], Floats], block: NDArray) -> list[Estimat
     if names.size > 1:
         without = np.stack([figure(block != name) for name in names])
         spread = np.sum((without - without.mean(axis=0)) ** 2, axis=0) * (1.0 - 1.0 / names.size)
-        reach = float(stdtrit(names.size - 1, 0.5 + CONFIDENCE / 2)) * np.sqrt(spread)
+        reach = t_quantile(names.size - 1, 0.5 + CONFIDENCE / 2) * np.sqrt(spread)
     found = zip(values.tolist(), reach.tolist(), strict=True)
     return [Estimate(value=value, low=value - off, high=value + off) for value, off in found]
 
@@ -249,7 +249,7 @@ def estimate(figure: Callable[[Sums], Floats], whole: Sums, drawn: Sums, blocks:
         return Estimate(value=value, low=float("nan"), high=float("nan"))
     # The spread of means over blocks drawn from few is too small by the same factor as a variance.
     error = float(np.std(there(values))) * np.sqrt(blocks / (blocks - 1.0))
-    reach = float(stdtrit(blocks - 1, 0.5 + CONFIDENCE / 2)) * error
+    reach = t_quantile(blocks - 1, 0.5 + CONFIDENCE / 2) * error
     ends = sorted(float(back(there(value) + side * reach)) for side in (-1.0, 1.0))
     return Estimate(value=value, low=ends[0], high=ends[1])
 
@@ -263,3 +263,33 @@ _SCALES: dict[Callable[[Sums], Floats], _Scale] = {
     mean_r2: _EXPLAINED,
     coverage: (lambda v: v, lambda v: np.clip(v, 0.0, 1.0)),
 }
+
+
+@lru_cache(maxsize=256)
+def t_quantile(degrees: int, level: float) -> float:
+    """What Student's t with so many degrees of freedom stays below with probability `level`.
+
+    NaN without a degree of freedom; `level` is below 1 and at least a half. `scipy.special` takes
+    longer to import than a flight takes to read and analyse.
+    """
+    if degrees < 1:
+        return math.nan
+    low, high = 0.0, 1.0
+    while _within(high, degrees) < 2.0 * level - 1.0:
+        low, high = high, 2.0 * high
+    while low < (middle := (low + high) / 2.0) < high:
+        below = _within(middle, degrees) < 2.0 * level - 1.0
+        low, high = (middle, high) if below else (low, middle)
+    return high
+
+
+def _within(t: float, degrees: int) -> float:
+    """Probability of at most t on either side: Abramowitz and Stegun 26.7.3 and 26.7.4."""
+    square = degrees / (degrees + t * t)  # of the cosine of atan(t / sqrt(degrees))
+    odd = degrees % 2
+    total, term = 0.0, math.sqrt(square) if odd else 1.0
+    for k in range(1 + odd, degrees, 2):
+        total += term
+        term *= square * k / (k + 1)
+    total *= t / math.sqrt(degrees + t * t)
+    return (math.atan(t / math.sqrt(degrees)) + total) * 2.0 / math.pi if odd else total

@@ -1,4 +1,4 @@
-"""A flight as CSV with the project's own column names: read, and write so that it reads back.
+"""A flight from CSV with the project's own column names.
 
 One row a time. Columns, in SI but for rpm, all but `time_s` optional, empty where unknown:
 `time_s`; `position_north/_east/_down`; `velocity_north/_east/_down`; `roll`, `pitch`, `yaw`
@@ -48,9 +48,8 @@ from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, FlyingBy, Origin
-from thrustmargin.models.json_values import from_json_values, to_json_values
+from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.provenance import Provenance, SourceKind
-from thrustmargin.models.whole_file import whole_file
 
 _NED = ("north", "east", "down")
 _FRD = ("forward", "right", "down")
@@ -73,36 +72,6 @@ _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(e[-+]?[0-9]+)?", re.IGNORECASE)
 _NULLS = {"", "-", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A"}
 _STATES = {"true": "1", "false": "0"}
 _ROWS = 4096  # that are held as text at a time
-
-
-def write_csv(track: FlightTrack, path: Path) -> None:
-    """Write the track so that `read_csv` gives it back to the last digit.
-
-    The file appears whole or not at all.
-    """
-    about = {
-        "name": track.name,
-        "origin": to_json_values(track.origin),
-        "start_unix_s": track.start_unix_s,
-        "sources": {name: to_json_values(p) for name, p in track.sources.items()},
-        "notes": list(track.notes),
-    }
-    names, columns = ["time_s"], [track.time_s]
-    for channel, wanted in TRACK_CHANNELS.items():
-        if not track.reports(channel):
-            continue
-        values = getattr(track, channel)
-        names += COLUMNS.get(channel) or wanted.column_names(channel, track.rotor_count)
-        columns += list(values[:, None].T if values.ndim == 1 else values.T)
-    names.append("flying")
-    columns.append(track.flying.astype(np.float64))
-    out = io.StringIO()
-    # ASCII keeps the comment line one line whatever a log put into a text.
-    out.write(f"# {json.dumps(about)}\n{','.join(names)}\n")
-    for row in zip(*(column.tolist() for column in columns), strict=True):
-        out.write(",".join("" if v != v else repr(v) for v in row) + "\n")
-    with whole_file(path) as draft:
-        draft.write_text(out.getvalue(), encoding="utf-8", newline="")
 
 
 def _likeness(begins: Beginning) -> float:

@@ -94,9 +94,16 @@ def tlog_boots(
         frames.stamps_s(),
         listened=mine if on_arrival else None,
     )
-    for clock in clocks:
+    clock = next(clocks, None)
+    while clock is not None:
         boot = _boot(path, frames, mine, pilot, clock, came_twice)
-        yield replace(boot, vehicles=tuple(vehicles), notes=(*notes, *clock.notes))
+        made = [replace(boot, vehicles=tuple(vehicles), notes=(*notes, *clock.notes))]
+        # Neither the messages nor, behind the last restart, the file stay while a table is made.
+        del boot
+        clock = next(clocks, None)
+        if clock is None:
+            del data, frames, system, component, mine, again
+        yield made.pop()
 
 
 def _boot(

@@ -14,7 +14,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.mavlink.scan import Frames, Index, named
@@ -28,6 +27,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 )
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.physics.smoothing import median_of_five
 
 #: Messages whose clock is read when they are sent; others carry the time of a fix or of a change.
 REFERENCES = (
@@ -348,7 +348,7 @@ def _steps(offset: Floats) -> Index:
     """Where the ground computer's clock was set: the offset changes by over FORWARD and stays."""
     if offset.size < 5:
         return np.empty(0, dtype=np.int64)
-    smooth = median_filter(offset, 5, mode="nearest")
+    smooth = median_of_five(offset)
     return np.flatnonzero(np.abs(np.diff(smooth)) > FORWARD) + 1
 
 

@@ -35,6 +35,7 @@ from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import NOT_REPORTED
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -207,10 +208,10 @@ def channel_report(
         source=(unused if signal is None else "") or source.words,
         provenance=source,
         samples=known_s.size,
-        rate_hz=float(1.0 / np.median(step)) if step.size else float("nan"),
+        rate_hz=1.0 / known_median(step) if step.size else float("nan"),
         gaps=int(np.sum(step > TRACK_CHANNELS[name].max_age)),
         longest_gap_s=float(step.max()) if step.size else float("nan"),
         minimum=float(finite.min()),
-        median=float(np.median(finite)),
+        median=known_median(finite),
         maximum=float(finite.max()),
     )

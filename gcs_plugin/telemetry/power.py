@@ -118,11 +118,14 @@ def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float
 
     def offset(rotor: int) -> float:
         off = volts - np.median(np.delete(volts, rotor, axis=1), axis=1)[:, None]
-        size, others = np.median(off[:, rotor]), np.delete(np.median(off, axis=0), rotor)
+        size = np.median(off[:, rotor])
+        if not abs(size) >= _ESC_OFFSET:
+            return float("nan")
+        others = np.delete(np.median(off, axis=0), rotor)
         loaded, free = (np.median(off[part, rotor]) for part in (middle <= low, middle >= high))
         stays = abs(loaded - free) < 0.5 * abs(size)
         alone = np.ptp(others) < 0.5 * abs(size)
-        return float(size) if abs(size) >= _ESC_OFFSET and stays and alone else float("nan")
+        return float(size) if stays and alone else float("nan")
 
     return tuple(offset(rotor) for rotor in range(len(outputs)))
 

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
@@ -25,6 +24,7 @@ from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix, unflown_
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.smoothing import median_of_five
 from thrustmargin.models.provenance import Provenance
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -242,7 +242,7 @@ def stretches(time_s: Floats, name: str) -> tuple[Stretch, ...]:
     Lone late messages are no restart. Raises LogError when two clocks run in turns, as two
     vehicles of one system id do.
     """
-    smooth = median_filter(time_s, 5, mode="nearest") if time_s.size >= 5 else time_s
+    smooth = median_of_five(time_s) if time_s.size >= 5 else time_s
     falls = np.flatnonzero(np.diff(smooth) < -BACKWARD) + 1
     edges = np.concatenate([[0], falls, [time_s.size]]).astype(np.int64)
     if falls.size > _MANY and np.diff(edges).max() < 0.5 * time_s.size:

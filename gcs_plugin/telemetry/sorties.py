@@ -63,6 +63,7 @@ def sorties_of(
         if len(spans) == 1:
             flown.append(whole)
         else:
+            del whole  # as large as its sorties together
             flown += (assemble(*_cut(recording, signals, span), options) for span in spans)
     if not flown and not idle:
         raise failed[0]

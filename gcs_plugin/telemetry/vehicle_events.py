@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
@@ -130,12 +131,18 @@ _MODULE = re.compile(r"^\[[^\]]*\]\s*")
 def text_events(messages: Iterable[tuple[float, str]]) -> Iterator[VehicleEvent]:
     """Events of texts with their time; a text that begins like none is left out."""
     for time_s, text in messages:
-        said = _MODULE.sub("", text.lower()).strip()
-        for pattern, kind in _BEGINNINGS:
-            if found := pattern.match(said):
-                subject = found[1] if found.re.groups and found[1] else ""
-                yield VehicleEvent(kind, time_s, subject, text)
-                break
+        if said := _said(text):
+            yield VehicleEvent(said[0], time_s, said[1], text)
+
+
+@lru_cache(maxsize=4096)  # a log says the same many times over
+def _said(text: str) -> tuple[EventKind, str] | None:
+    """Kind and subject of a text; None of one that begins like none."""
+    said = _MODULE.sub("", text.lower()).strip()
+    for pattern, kind in _BEGINNINGS:
+        if found := pattern.match(said):
+            return kind, found[1] if found.re.groups and found[1] else ""
+    return None
 
 
 def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[VehicleEvent]:

@@ -100,13 +100,12 @@ def _stands(track: FlightTrack, channel: str) -> list[Bools]:
     known = np.flatnonzero(track.flying & np.isfinite(values))
     if track.source(channel).kind not in _REPORTED or known.size < FEWEST_ROWS:
         return []
-    runs = np.split(known, np.flatnonzero(np.diff(values[known])) + 1)
+    changes = np.flatnonzero(np.diff(values[known])) + 1
+    starts, ends = np.append(0, changes), np.append(changes, known.size)
+    long = np.flatnonzero(ends - starts >= FEWEST_ROWS)
+    runs = [known[starts[k] : ends[k]] for k in long]
     number = np.arange(values.size)
-    return [
-        np.isin(number, run)
-        for run in runs
-        if run.size >= FEWEST_ROWS and track.row_seconds[run].sum() >= LEAST_S
-    ]
+    return [np.isin(number, run) for run in runs if track.row_seconds[run].sum() >= LEAST_S]
 
 
 def _grew_lighter(

@@ -9,10 +9,10 @@ the two seconds later, and manoeuvres would be explained by inertias that nothin
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from thrustmargin.models.checks.motor_order import ANSWERS, DECISIVE, FEWEST_ROWS
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.smoothing import running_mean
 
 USUAL = 1.4  # s, either way
 REACH = 10.0  # s, either way, that are tried
@@ -71,8 +71,8 @@ def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
 
 def _quick(values: Floats, step: float) -> Floats:
     """Without its running mean, and smoothed."""
-    values = values - uniform_filter1d(values, round(TREND / step) | 1)
-    return uniform_filter1d(values, SMOOTH_ROWS)
+    values = values - running_mean(values, round(TREND / step) | 1)
+    return running_mean(values, SMOOTH_ROWS)
 
 
 def _alike(one: Floats, other: Floats) -> tuple[float, float]:

@@ -21,11 +21,11 @@ from itertools import combinations, permutations
 from typing import Literal
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.allocation import mixer
+from thrustmargin.models.physics.smoothing import running_mean
 
 #: How much more likely the best assignment must be than the next one, and than chance: e^10.
 DECISIVE = 10.0
@@ -173,13 +173,13 @@ def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
 
 def _slow(samples: tuple[Floats, Floats, Floats, Floats]) -> tuple[Floats, Floats, Floats, Floats]:
     """The same in running means over SLOW_ROWS."""
-    acceleration, rate, squares = (uniform_filter1d(v, SLOW_ROWS, axis=0) for v in samples[:3])
+    acceleration, rate, squares = (running_mean(v, SLOW_ROWS) for v in samples[:3])
     return acceleration, rate, squares, samples[3]
 
 
 def _fast(values: Floats) -> Floats:
     """Without the running mean: trim drifts with the tank, and leaps when a propeller is hurt."""
-    return values - uniform_filter1d(values, _TREND_ROWS, axis=0) if len(values) else values
+    return values - running_mean(values, _TREND_ROWS)
 
 
 def _assignments(rotors: int) -> Iterator[tuple[int, ...]]:

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -26,6 +25,7 @@ from thrustmargin.models.physics.atmosphere import (
 )
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
+from thrustmargin.models.scores import t_quantile
 
 SURE = 0.95  # that it follows the air: standard air is off by the weather, a wrong reading by more
 FEWEST_FLIGHTS = 3  # of which each can be left out and the others still differ
@@ -74,7 +74,7 @@ def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> The
         return None
     by_it = speed - np.log1p((above - warmer) / standard)
     gain = (speed - _others(speed)) ** 2 - (by_it - _others(by_it)) ** 2
-    limit = stdtrit(gain.size - 1, SURE)
+    limit = t_quantile(gain.size - 1, SURE)
     if not gain.mean() > limit * np.std(gain, ddof=1) / np.sqrt(gain.size):
         return None
     error = float(np.std(by_it, ddof=1) * standard.mean())

@@ -10,12 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import stdtrit
 
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.network.network import NetConfig
-from thrustmargin.models.scores import Score
+from thrustmargin.models.scores import Score, t_quantile
 
 ROUNDING = 1e-12
 
@@ -95,7 +94,7 @@ class GoodFlights:
         if logs.size < 3:
             return float("nan")
         spread = np.std(logs, ddof=1) * np.sqrt(1.0 + 1.0 / logs.size)
-        return float(np.exp(logs.mean() + stdtrit(logs.size - 1, confidence) * spread))
+        return float(np.exp(logs.mean() + t_quantile(logs.size - 1, confidence) * spread))
 
 
 def scatter_between(estimates: Floats, errors: Floats) -> float:

@@ -31,10 +31,10 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
-from scipy.special import stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.network.training_rows import Rows
+from thrustmargin.models.scores import t_quantile
 
 KNOT_STEP = 0.5  # m/s between the airspeeds at which the scatter is kept
 BANDWIDTH = 0.5  # m/s, standard deviation of the weights of like airspeeds
@@ -149,7 +149,7 @@ def student_quantile(scores: Floats, flight: Rows, level: float) -> float:
     if counts.size < FEWEST_FLIGHTS:
         return math.inf
     squares = np.bincount(which, scores**2) / counts
-    return float(stdtrit(counts.size, 0.5 + level / 2.0) * np.sqrt(squares.mean()))
+    return t_quantile(counts.size, 0.5 + level / 2.0) * float(np.sqrt(squares.mean()))
 
 
 def calibrate(

@@ -1,13 +1,19 @@
-"""Slopes and means of channels that have gaps."""
+"""Slopes, means and medians along channels, some of which have gaps.
+
+`scipy.ndimage` and `scipy.signal` have the like, and each takes as long to import as a flight to
+analyse.
+"""
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
-from scipy.ndimage import convolve1d, uniform_filter1d
 
 from thrustmargin.models.flight import Floats
+
+_Beyond = Literal["symmetric", "constant", "edge"]
 
 
 def row_step(time_s: Floats) -> float:
@@ -32,8 +38,7 @@ def known_median(values: Floats) -> float:
 def _slope_weights(window: int, step: float) -> Floats:
     """(window,) that a local quadratic's slope is the convolution with, s⁻¹, `window` odd.
 
-    Savitzky and Golay (1964): k over the sum of k². `scipy.signal` would take as long to import as
-    all else.
+    Savitzky and Golay (1964): k over the sum of k².
     """
     place = np.arange(window // 2, -(window // 2) - 1.0, -1.0)
     return place / (step * np.sum(place**2))
@@ -46,7 +51,9 @@ def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
     step = row_step(time_s)
     window = max(3, 2 * int(span / step / 2) + 1)
     window = min(window, time_s.size - (time_s.size + 1) % 2)
-    slope: Floats = convolve1d(values, _slope_weights(window, step), axis=0, mode="nearest")
+    columns = _padded(values, window // 2, window // 2, "edge").reshape(-1, values[0].size).T
+    weights = _slope_weights(window, step)
+    slope = np.array([np.convolve(c, weights, "valid") for c in columns]).T.reshape(values.shape)
     gap = np.flatnonzero(np.abs(np.diff(time_s) - step) > 0.5 * step)
     half = window // 2 + 1
     near = (gap[:, None] + np.arange(-half, half + 1)).ravel()
@@ -61,6 +68,31 @@ def moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
         return values
     width = max(1, round(span / row_step(time_s)))
     known = np.isfinite(values)
-    total = uniform_filter1d(np.where(known, values, 0.0), width, mode="constant")
-    share = uniform_filter1d(known.astype(float), width, mode="constant")
+    total = running_mean(np.where(known, values, 0.0), width, beyond="constant")
+    share = running_mean(known.astype(float), width, beyond="constant")
     return np.where(share > 0.5 / width, total / np.maximum(share, 1e-9), np.nan)
+
+
+def running_mean(values: Floats, width: int, *, beyond: _Beyond = "symmetric") -> Floats:
+    """Means (T, ...) of `width` rows about each; `beyond` the ends as `np.pad` has it."""
+    if not len(values):
+        return values
+    total = np.cumsum(_padded(values, width // 2, (width - 1) // 2, beyond), axis=0)
+    total[width:] -= total[:-width].copy()
+    return total[width - 1 :] / width
+
+
+def median_of_five(values: Floats) -> Floats:
+    """Medians (n,) of each value and two on either side, the last one standing for those beyond."""
+    a, b, c, d, e = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, "edge"), 5).T
+    # Without the least and the largest of four, the middle of the two left and the fifth; in place,
+    # as a long log's times are as large as the log.
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    least = np.minimum(low, high)
+    np.maximum(low, high, out=high)
+    return np.maximum(least, np.minimum(high, e, out=high), out=high)
+
+
+def _padded(values: Floats, before: int, after: int, beyond: _Beyond) -> Floats:
+    return np.pad(values, [(before, after)] + [(0, 0)] * (values.ndim - 1), beyond)

@@ -190,8 +190,9 @@ def fit_bench(
     block = np.arange(rows.size) * min(rows.size, BLOCKS) // rows.size
 
     def figures(kept: Bools) -> Floats:
-        slope = np.polyfit(np.log(n[kept]), np.log(f[kept]), 1)[0]
-        return np.array([fit_thrust_curve(n[kept], f[kept]).coefficient, slope])
+        # First the curve, which refuses points of one speed: LAPACK fails of them.
+        coefficient = fit_thrust_curve(n[kept], f[kept]).coefficient
+        return np.array([coefficient, np.polyfit(np.log(n[kept]), np.log(f[kept]), 1)[0]])
 
     coefficient, exponent = jackknife(figures, block)
     share = np.full(n.size, np.nan) if throttle is None else _share(throttle)[rows]
@@ -243,11 +244,13 @@ def _ceiling(speed: Floats, volts: Floats) -> tuple[float, float, Estimate]:
         return float(speed.max()), float("nan"), NOTHING
     speed, volts = speed[known], volts[known]
     reference = float(volts.max())
-    if np.ptp(volts) < VOLTAGE_RANGE * reference or speed.size < FEWEST_POINTS:
+    block = np.arange(speed.size) * min(speed.size, BLOCKS) // speed.size
+    # An exponent that hangs on one block has no interval.
+    differ = min(np.ptp(volts[block != k]) if (block != k).any() else 0.0 for k in block) > 0.0
+    if not differ or np.ptp(volts) < VOLTAGE_RANGE * reference or speed.size < FEWEST_POINTS:
         best = int(np.argmax(speed))
         return float(speed[best]), float(volts[best]), NOTHING
     line = np.log(volts / reference), np.log(speed)
-    block = np.arange(speed.size) * min(speed.size, BLOCKS) // speed.size
 
     def figures(kept: Bools) -> Floats:
         return np.polyfit(line[0][kept], line[1][kept], 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,12 @@ def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recor
 
     Raises LogError when no message can be made out, or `vehicle` is not the one in the log.
     """
+    yield from boots_of(path, "DataFlash", **_found(path), vehicle=vehicle)
+
+
+def _found(path: Path) -> dict[str, Any]:
+    """What `boots_of` is given of a file, so that neither its bytes nor the places found in them
+    stay while tables are made."""
     data, size = read_bytes(path, PADDING)
     found = scan(data, size)
     if found.start.size == 0 or len(found.formats) < 2:
@@ -51,16 +58,13 @@ def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recor
             table = found.table(rows, form)
             messages[name] = Messages(form, table, clock[rows], found.start[rows])
     timed = np.isfinite(clock)
-    yield from boots_of(
-        path,
-        "DataFlash",
-        messages,
-        Times(clock[timed], found.start[timed]),
-        size=size,
-        kept=int(found.start.size),
-        skipped=found.skipped,
-        vehicle=vehicle,
-    )
+    return {
+        "messages": messages,
+        "times": Times(clock[timed], found.start[timed]),
+        "size": size,
+        "kept": int(found.start.size),
+        "skipped": found.skipped,
+    }
 
 
 def _clock(found: FoundMessages) -> tuple[Floats, Bools]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from thrustmargin.models.errors import DataError
@@ -19,6 +18,7 @@ from thrustmargin.models.flight import FlightTrack, Floats, Origin
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
+from thrustmargin.models.physics.smoothing import running_mean
 
 STEP_S = 0.1
 ACCELERATION = 2.0  # m/s², as gentle as an autopilot flies a mission
@@ -240,7 +240,7 @@ def flown_track(
         for k, value in enumerate(wanted):
             now += np.clip(value - now, -rate * STEP_S, rate * STEP_S)
             reached[k] = now
-        return uniform_filter1d(reached, SMOOTH_ROWS, mode="nearest")
+        return running_mean(reached, SMOOTH_ROWS, beyond="edge")
 
     speed, climb = ordered("speed", ACCELERATION), ordered("climb", ACCELERATION)
     heading = manoeuvre.heading + np.cumsum(ordered("turn", 2.0)) * STEP_S

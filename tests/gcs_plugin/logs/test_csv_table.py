@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv, write_csv
+from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Origin
@@ -147,17 +148,6 @@ def test_text_that_is_neither_log_nor_table_is_refused(tmp_path):
     (tmp_path / "notes.tlog").write_text("Dear diary,\nflew today.\n")
     with pytest.raises(LogError, match="is text, but neither"):
         read_log(tmp_path / "notes.tlog")
-
-
-def test_a_write_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "flight.csv"
-    path.write_text("old")
-    track = FlightTrack.of(name="x", time_s=np.arange(3.0), rotor_count=4)
-    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
-    with pytest.raises(OSError, match="disk full"):
-        write_csv(track, path)
-    assert path.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["flight.csv"]
 
 
 ROTORS = "rotor_speed_rpm_1,rotor_speed_rpm_2,rotor_speed_rpm_3"

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.logs.log_files import with_rotor_speeds
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after, overlays_of
 from thrustmargin.models.errors import DataError

@@ -10,7 +10,7 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.view.live_flight import AIRFRAME
-from tests.gcs_plugin.wording.browser_colours import seen_for
+from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.view.live_view import LiveView
 from thrustmargin.gcs_plugin.wording.palette import MARGIN

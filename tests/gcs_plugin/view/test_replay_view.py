@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.view.view_flight import ROWS, flight
-from tests.gcs_plugin.wording.browser_colours import seen_for
+from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view import replay_view as replaying
 from thrustmargin.gcs_plugin.view.page import view_page
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server

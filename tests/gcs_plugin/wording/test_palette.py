@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.gcs_plugin.wording.browser_colours import seen_for
+from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.wording.palette import (
     GROUND_SPEED,
     LOAD,

@@ -18,13 +18,13 @@ import numpy as np
 import pytest
 
 import thrustmargin as tm
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.lab.undeclared import subject
 from tests.lab.undeclared.conditions import Implant
 from tests.lab.undeclared.crafts import CRAFTS
 from tests.lab.undeclared.plan import build, fly_season, missions_of
 from tests.lab.undeclared.recorded import hosts, implanted
 from tests.lab.undeclared.rotor_aero import cut_for_loss
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.loop import identify
 

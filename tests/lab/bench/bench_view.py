@@ -10,8 +10,8 @@ import time
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.view.view_flight import flight
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.scene.shown_row import row_at
 from thrustmargin.mission.route import Trail

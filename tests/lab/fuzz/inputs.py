@@ -10,13 +10,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.logs.test_ulog import px4_log
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 from thrustmargin.gcs_plugin.link.signing import read_signing_key
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.bench_table import read_bench
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
 from thrustmargin.gcs_plugin.reports.fleet.parts import read_parts
 from thrustmargin.mission.coverage.field_file import read_field

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.lab.measured.crazyflie import (
     CABLE_FLIGHTS,
     FOLDER,
@@ -28,7 +29,6 @@ from tests.lab.measured.public_runs import Answer, identify
 from tests.lab.measured.speed_regression import regression_rmse_rpm
 from tests.lab.measured.swing_check import check_swing
 from tests.lab.measured.thrust_check import command_check, hover_lift, plain_check
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = "crazyflie-rpm"

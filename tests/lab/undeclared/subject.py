@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 import thrustmargin as tm
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.lab.undeclared.conditions import Implant
 from tests.lab.undeclared.crafts import Craft
 from tests.lab.undeclared.plan import GOOD_FLIGHTS, good_flights
 from tests.lab.undeclared.rotor_aero import Array
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.candidates import Candidate
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.models.made_flights import F16, made_flight
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.checks.speed_readings import resolution_words

@@ -154,3 +154,23 @@ def test_too_little_is_refused():
         fit_bench(rotor_speed_rpm=SPEED[:3], thrust=SPEED[:3])
     with pytest.raises(DataError, match="different speeds"):
         fit_bench(rotor_speed_rpm=np.full(5, 2000.0), thrust=np.full(5, 80.0))
+
+
+@pytest.mark.parametrize("speed", [[750, 1, 1, 1, 1], [1, 1, 1, 1, 1, 1, 1, 2]])
+def test_points_that_agree_at_one_speed_alone_are_refused(speed, capfd):
+    """Of all that agree, or of what a block that is left out leaves."""
+    thrust = np.where(np.array(speed) == 750, 22.5, 5.0 * np.array(speed) ** 2.0)
+    with pytest.raises(DataError, match="different speeds are needed"):
+        fit_bench(rotor_speed_rpm=speed, thrust=thrust)
+    assert "DLASCL" not in capfd.readouterr().out, "LAPACK was given what it cannot solve"
+
+
+def test_an_exponent_of_voltage_that_hangs_on_one_row_is_none():
+    fit = fit_bench(
+        rotor_speed_rpm=[3000, 3010, 3020, 2700],
+        thrust=2e-5 * np.array([3000, 3010, 3020, 2700]) ** 2.0,
+        throttle=[100] * 4,
+        voltage=[50, 50, 50, 45],
+    )
+    assert np.isnan(fit.voltage_exponent.value)
+    assert fit.max_rotor_speed_rpm == 3020.0

@@ -6,8 +6,10 @@ import pytest
 from thrustmargin.models.physics.smoothing import (
     derivative,
     known_median,
+    median_of_five,
     moving_mean,
     row_step,
+    running_mean,
 )
 
 STEP = 0.1
@@ -161,3 +163,28 @@ def test_a_median_is_that_of_what_is_known(shape):
     values.flat[0] = np.nan
     expected = np.nanmedian(values) if values.size > 1 else np.nan
     assert known_median(values) == pytest.approx(expected, nan_ok=True)
+
+
+@pytest.mark.parametrize("width", [1, 2, 5, 51])
+@pytest.mark.parametrize("beyond", ["symmetric", "edge", "constant"])
+def test_a_running_mean_has_the_ends_that_are_asked_for(width, beyond):
+    values = np.random.default_rng(width).normal(size=(30, 2)) * 1e7
+    sides = [(width // 2, (width - 1) // 2), (0, 0)]
+    longer = np.pad(values, sides, beyond)
+    by_hand = [longer[row : row + width].mean(axis=0) for row in range(30)]
+    np.testing.assert_allclose(running_mean(values, width, beyond=beyond), by_hand, rtol=1e-9)
+
+
+def test_nothing_has_no_running_mean():
+    assert running_mean(np.empty((0, 3)), 5).shape == (0, 3)
+
+
+def test_a_median_of_five_by_hand():
+    # At the ends 4 and 6 stand for what is beyond: 4 4 4 1 9, 4 4 1 9 2 and 1 9 2 6 6, 9 2 6 6 6.
+    assert median_of_five(np.array([4.0, 1.0, 9.0, 2.0, 6.0])).tolist() == [4, 4, 4, 6, 6]
+
+
+def test_a_median_of_five_is_that_of_each_window():
+    values = np.random.default_rng(1).integers(0, 9, 4000).astype(float)
+    middle = [np.median(values[row - 2 : row + 3]) for row in range(2, 3998)]
+    np.testing.assert_array_equal(median_of_five(values)[2:-2], middle)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.airframe.fitted import ceiling_notes
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.physics.airframe import load_airframe
 
 ROOT = Path(__file__).resolve().parents[4]

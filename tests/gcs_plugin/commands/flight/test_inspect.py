@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.logs.inspection import as_json, flying_seconds, inspect_log
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe

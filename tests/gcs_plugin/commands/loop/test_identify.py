@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.models.made_flights import F16, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.loop.identify import show, write_result
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.reports.identify.identify_result import Result, result_of
 from thrustmargin.mission.plan import read_plan
 from thrustmargin.models.effects import BY_KEY

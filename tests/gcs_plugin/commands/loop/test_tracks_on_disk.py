@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.models.made_flights import curve_model, made_flights
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.loop.tracks_on_disk import TracksOnDisk
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.loop import identify, identify_checked
 from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits

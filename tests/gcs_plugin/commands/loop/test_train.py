@@ -11,10 +11,10 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.loop.train import train
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.reports.model.model_figures import loss_figure, write_loss_curves
 from thrustmargin.gcs_plugin.reports.model.training_tables import (
     interval_sentence,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.models.made_flights import F16, made_flight
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     chosen_model,
@@ -15,7 +16,6 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     read_logs,
     starting_model,
 )
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.model_file import save_model, shipped_model

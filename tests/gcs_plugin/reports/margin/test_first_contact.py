@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
 from thrustmargin.gcs_plugin.wording.report_words import (
     command,
