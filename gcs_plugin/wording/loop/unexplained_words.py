@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, chance, number
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
+from thrustmargin.models.effects.unnamed import ONLY_ROTORS
 from thrustmargin.models.identification.answer.result import Identification, OpenCause
 from thrustmargin.models.identification.rows.candidates import Term
 
@@ -56,20 +56,19 @@ def unexplained(found: Identification) -> str:
     )
 
 
-def unnamed_causes(causes: Sequence[OpenCause]) -> str:
+def unnamed_causes(causes: Sequence[OpenCause], names: tuple[str, ...]) -> str:
     """What has no name and is in the new model: mode, channel, range and size of each."""
     each = []
     for one in causes:
         size = f"({number(one.rms_rpm, 'rpm', 0)})"
-        if one.channel == CONSTANT:
-            each.append(f"{one.mode} all along {size}")
-            continue
         name, unit, factor = ALONG_WORDS[one.channel]
-        low, high = (one.values[end] * factor for end in ("low", "high"))
+        low, high = (end * factor for end in one.range)
+        rotor = one.found.term.rotor
+        where = one.mode if rotor is None else f"the loss of {rotor_words(rotor, names)}"
         seen = f"{number(low, '', 1)} to {number(high, unit, 1)}"
-        as_well = [ALONG_WORDS[other][0] for other in one.alike if other != CONSTANT]
+        as_well = [ALONG_WORDS[other][0] for other in one.alike]
         others = f" (or {', '.join(as_well)})" if as_well else ""
-        each.append(f"{one.mode} along {name}{others}, {seen} {size}")
+        each.append(f"{where} along {name}{others}, {seen} {size}")
     return (
         f"Without a name, as it was seen: {'; '.join(each)}; {actions.KEEP_AS_SEEN.text}, held at "
         "its edge beyond that range, with twice the interval"

@@ -39,10 +39,14 @@ class LeftOutPart:
     linear: Linear
     by_rows: Values = field(default_factory=dict)  # of the names that stand, by the rest's rows
 
-    def named(self, search: Search) -> Values:
+    def named(self, search: Search) -> list[int]:
         """What the rest names by itself."""
-        answer = self._posterior(search, search.possible)
-        return {c: answer.estimate(c).value for c in answer.named()}
+        return self._posterior(search, search.possible).named()
+
+    def unnamed(self, search: Search) -> list[int]:
+        """The causes without a name in what is likeliest for the rest."""
+        best = self._posterior(search, search.possible).best.key
+        return [c for c in best if search.candidates[c].unnamed]
 
     def values(self, search: Search, members: Collection[int]) -> Values:
         """The values of a given set on the rest."""
@@ -143,10 +147,13 @@ class LeftOut:
     def with_choice(self, members: Collection[int], aside: Collection[int]) -> Floats:
         """(T, R) rpm, each row with the effects that are named without its flight, not those that
         the whole answer puts `aside`; those of its `members` that only the flight can tell, or that
-        begin at a moment, stay: that one flight went bad says nothing of the flight before it."""
+        begin at a moment, stay: that one flight went bad says nothing of the flight before it.
+        Causes without a name are chosen anew where there are some among the members."""
         values = []
+        some_unnamed = any(self.search.candidates[c].unnamed for c in members)
         for fold in self.folds:
             found = fold.named(self.search)
+            found += fold.unnamed(self.search) if some_unnamed else []
             own = [
                 c
                 for c in members

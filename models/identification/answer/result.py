@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
-from thrustmargin.models.effects.unnamed import CONSTANT
+from thrustmargin.models.effects.unnamed import KNOTS, place_of
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.rows.candidates import Term
@@ -131,33 +130,40 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenCause:
-    """One curve along a channel: the value of each parameter and half its 95 % interval."""
+    """A cause without a name, alike in all flights: a curve along a channel."""
 
-    effect: Effect
-    mode: str
-    channel: str
+    found: Found
     alike: tuple[str, ...]  # other channels along which it would go as well in these flights
-    values: dict[str, float]
-    half_widths: dict[str, float]
     rms_rpm: float  # of what it changes in these flights
 
     @property
-    def placed(self) -> Placed:
-        return Placed(effect=self.effect, values=self.values)
+    def mode(self) -> str:
+        """The control axis, or "rotor"."""
+        return place_of(self.found.term.effect)[0]
+
+    @property
+    def channel(self) -> str:
+        return place_of(self.found.term.effect)[1]
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Of the channel, in which it was seen."""
+        low, high = self.found.value[0, KNOTS:]
+        return float(low), float(high)
 
     def to_json(self) -> dict[str, Any]:
-        """Mode, channel, the range in which it was seen, and the curve with its intervals."""
-        units = {p.name: p.unit for p in self.effect.parameters}
-        knots = [k for k in self.values if k in self.half_widths]
-        channel = None if self.channel == CONSTANT else self.channel
+        """Mode or rotor, channel and range, and the curve with half its 95 % interval."""
+        rotor, found = self.found.term.rotor, self.found
+        half = (found.upper - found.lower)[0, :KNOTS] / 2.0
         return {
             "mode": self.mode,
-            "channel": channel,
+            "rotor": None if rotor is None else rotor + 1,
+            "channel": self.channel,
             "alike": list(self.alike),
-            "range": [self.values["low"], self.values["high"]] if channel else None,
-            "unit": units.get("low"),
-            "curve": [self.values[k] for k in knots],
-            "half_widths": [self.half_widths[k] for k in knots],
+            "range": list(self.range),
+            "unit": found.term.effect.parameters[KNOTS].unit,
+            "curve": found.value[0, :KNOTS].tolist(),
+            "half_widths": half.tolist(),
             "rms_rpm": self.rms_rpm,
         }
 

@@ -29,7 +29,8 @@ def by_rows(
 
     What belongs to single flights stays as it is. Intervals are wider by how far the values move.
     """
-    held = [_lasting(one) for one in left_out.held({e.candidate: e.value for e in estimates})]
+    own = left_out.search.candidates
+    held = [_lasting(Held(candidate=own[e.candidate], values=e.value)) for e in estimates]
     if not any(one.candidate.free for one in held):
         return left_out, tuple(estimates)
     stride = left_out.problem.stride
