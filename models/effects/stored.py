@@ -42,6 +42,13 @@ class EffectRecord:
         named = {name.replace(*FORMER_NAME): found for name, found in self.parameters.items()}
         object.__setattr__(self, "parameters", named)
 
+    @property
+    def loss(self) -> Identified | None:
+        """The share of thrust that one rotor loses, of a curve the most; None of other effects."""
+        of_curve = [v for name, v in self.parameters.items() if name.startswith("at_")]
+        losses = [self.parameters["loss"]] if "loss" in self.parameters else of_curve
+        return max(losses, key=lambda v: v.value) if self.rotor is not None else None
+
 
 def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Placed, ...]:
     """Effects of a model file. Raises ModelError for an unknown effect, rotor, value or unit."""

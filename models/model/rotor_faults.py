@@ -23,7 +23,7 @@ import numpy as np
 
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
-from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS, ROTOR_DEGRADATION
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -190,18 +190,12 @@ def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
     """
     found = []
     for record in model.effects:
-        loss = record.parameters.get(LOSS.name)
-        if record.name != ROTOR_DEGRADATION.name or record.rotor is None or loss is None:
-            continue
-        if loss.value >= LEAST:
-            lower, upper = loss.ci95
+        loss, rotor = record.loss, record.rotor
+        if loss is not None and rotor is not None and loss.value >= LEAST:
+            lower, upper = max(loss.ci95[0], 0.0), loss.ci95[1]
             found.append(
                 RotorFault(
-                    kind="propeller",
-                    rotor=record.rotor - 1,
-                    size=loss.value,
-                    lower=max(lower, 0.0),
-                    upper=upper,
+                    kind="propeller", rotor=rotor - 1, size=loss.value, lower=lower, upper=upper
                 )
             )
     return tuple(found)
@@ -212,11 +206,7 @@ def _as_sound(model: RotorModel) -> Floats:
     """(R,) speed of each rotor of the model without its weak rotors over that with them, in hover
     with half a tank: faults are sought against a sound aircraft."""
     weak = {fault.rotor for fault in faults_in_model(model)}
-    kept = tuple(
-        r
-        for r in model.effects
-        if r.name != ROTOR_DEGRADATION.name or (r.rotor or 0) - 1 not in weak
-    )
+    kept = tuple(r for r in model.effects if r.loss is None or (r.rotor or 0) - 1 not in weak)
     both = [_hover_rpm(replace(model, effects=of)) for of in (kept, model.effects)]
     return both[0] / both[1]
 

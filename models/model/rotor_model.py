@@ -102,9 +102,9 @@ class RotorModel:
     def _damage_words(self) -> str:
         """Weak rotors that were added to it: to know of one repairs nothing."""
         weak = [
-            f"rotor {r.rotor} at {100 * r.parameters['loss'].value:.0f} % less thrust"
+            f"rotor {r.rotor} at {100 * r.loss.value:.0f} % less thrust"
             for r in self.effects
-            if r.name == "rotor_degradation" and r.parameters["loss"].value >= 0.01
+            if r.loss is not None and r.loss.value >= 0.01
         ]
         return f", holding damage: {', '.join(weak)}, until it is repaired" if weak else ""
 

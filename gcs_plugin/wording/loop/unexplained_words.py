@@ -43,10 +43,13 @@ def unexplained(found: Identification) -> str:
     names = found.model.airframe.rotor_names
     if left.get("rotor"):
         goes = "goes with its own thrust" if left["channel"] in ONLY_ROTORS else along
+        rotor = left["rotor"] - 1
+        seen = any(one.found.term.rotor == rotor for one in found.open_causes)
         return (
-            f"{rotor_words(left['rotor'] - 1, names).capitalize()} does not lose the same share of "
+            f"{rotor_words(rotor, names).capitalize()} does not lose the same share of "
             f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
-            f"that, so none was added; {actions.INSPECT.text}, and {actions.UNSTEADY.text}"
+            f"that{'' if seen else ', so none was added'}; {actions.INSPECT.text}, "
+            f"and {actions.UNSTEADY.text}"
         )
     things = " or ".join(dict.fromkeys(_thing_of(w, names) for w in left.get("closest") or ()))
     close = f"; closest in the table: {things}" if things else ""
@@ -64,11 +67,14 @@ def unnamed_causes(causes: Sequence[OpenCause], names: tuple[str, ...]) -> str:
         name, unit, factor = ALONG_WORDS[one.channel]
         low, high = (end * factor for end in one.range)
         rotor = one.found.term.rotor
-        where = one.mode if rotor is None else f"the loss of {rotor_words(rotor, names)}"
+        where, until = one.mode, ""
+        if rotor is not None:
+            where = f"the loss of {rotor_words(rotor, names)}"
+            until = ", an alarm until it is repaired"
         seen = f"{number(low, '', 1)} to {number(high, unit, 1)}"
         as_well = [ALONG_WORDS[other][0] for other in one.alike]
         others = f" (or {', '.join(as_well)})" if as_well else ""
-        each.append(f"{where} along {name}{others}, {seen} {size}")
+        each.append(f"{where} along {name}{others}, {seen} {size}{until}")
     return (
         f"Without a name, as it was seen: {'; '.join(each)}; {actions.KEEP_AS_SEEN.text}, held at "
         "its edge beyond that range, with twice the interval"

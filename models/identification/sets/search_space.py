@@ -107,7 +107,10 @@ def search_space(
         uncertainty=filter_.apply(np.concatenate([_uncertainty(reduced), shared], axis=2)),
         free=np.moveaxis(filter_.apply(whole), 1, 0) * sizes[:, None, :],
     )
-    anywhere = filter_.apply(FREE_EFFECTS * anything)
+    unnamed = tuple(unnamed_candidates(reduced))
+    anywhere = filter_.apply(
+        np.concatenate([FREE_EFFECTS * anything, _curves(reduced, unnamed)], 2)
+    )
     open_ = replace(nuisance, uncertainty=np.concatenate([nuisance.uncertainty, anywhere], axis=2))
     size = learn(open_, residual, groups, own, WIDE).scatter
     usual = USUAL_SHARE * speed
@@ -118,7 +121,7 @@ def search_space(
     return SearchSpace(
         reduced=reduced,
         candidates=candidates,
-        unnamed=tuple(unnamed_candidates(reduced)),
+        unnamed=unnamed,
         nuisance=replace(
             nuisance,
             whitening=replace(filter_, scale=filter_.scale * noise),
@@ -192,6 +195,15 @@ def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Floats, d
     if not columns:
         return np.zeros((*reduced.measured_rpm.shape, 0)), at
     return np.stack(columns, axis=2), at
+
+
+def _curves(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
+    """(N, R, K) rpm in modes: what causes without a name may do at most, knot by knot."""
+    columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
+    for one in unnamed:
+        most = np.array([p.upper for p in one.parameters])
+        columns.append(most * derivatives(reduced, [Held(candidate=one, values=one.start)], 0))
+    return np.nan_to_num(np.concatenate(columns, axis=2))
 
 
 def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
