@@ -15,7 +15,6 @@ from threadpoolctl import threadpool_limits
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
-from thrustmargin.models.effects.unnamed import NAME
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.accepted_names import accepted_names, size
@@ -117,11 +116,12 @@ def identify_checked(
             )
         )
     last, found = unseen[-1], _found(left_out, estimates)
+    unnamed = {search.candidates[c].key for c in accepted.unnamed}
     wind = followed_wind(problem, after, left_out.held(values), fit)
     return Identification(
         model=model,
         problem=problem,
-        found=tuple(f for f in found if f.term.effect.name != NAME),
+        found=tuple(f for f in found if f.term.key not in unnamed),
         left=accepted.left,
         closest=tuple(search.candidates[c].term for c in accepted.closest),
         unseen=tuple(unseen),
@@ -140,7 +140,7 @@ def identify_checked(
             if e.term.rotor is None or not problem.of_outputs
         ),
         mentioned=accepted.mentioned,
-        open_causes=tuple(open_cause(f, answer) for f in found if f.term.effect.name == NAME),
+        open_causes=tuple(open_cause(f, answer) for f in found if f.term.key in unnamed),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
     )

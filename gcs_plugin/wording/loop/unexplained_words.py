@@ -64,13 +64,15 @@ def unnamed_causes(causes: Sequence[OpenCause], names: tuple[str, ...]) -> str:
     each = []
     for one in causes:
         size = f"({number(one.rms_rpm, 'rpm', 0)})"
-        name, unit, factor = ALONG_WORDS[one.channel]
-        low, high = (end * factor for end in one.range)
-        rotor = one.found.term.rotor
-        where, until = one.mode, ""
+        (where, channel), rotor, until = one.place, one.found.term.rotor, ""
         if rotor is not None:
             where = f"the loss of {rotor_words(rotor, names)}"
             until = ", an alarm until it is repaired"
+        if one.range is None:
+            each.append(f"{where} all along {size}{until}")
+            continue
+        name, unit, factor = ALONG_WORDS[channel]
+        low, high = (end * factor for end in one.range)
         seen = f"{number(low, '', 1)} to {number(high, unit, 1)}"
         as_well = [ALONG_WORDS[other][0] for other in one.alike]
         others = f" (or {', '.join(as_well)})" if as_well else ""

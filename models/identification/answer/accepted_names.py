@@ -43,6 +43,7 @@ class AcceptedNames:
     named: tuple[int, ...]  # before any fell
     estimates: tuple[EffectEstimate, ...]  # of those that stand, and of causes without a name
     one_of: tuple[OneOf, ...]
+    unnamed: tuple[int, ...]  # of the estimates, those without a name
     left: Unexplained | None
     closest: tuple[int, ...]  # to what is left
     mentioned: tuple[Mentioned, ...]
@@ -88,6 +89,7 @@ def accepted_names(
         named=tuple(named),
         estimates=tuple(estimates),
         one_of=one_of,
+        unnamed=tuple(unnamed),
         left=left,
         closest=tuple(closest),
         mentioned=tuple(
@@ -108,8 +110,8 @@ def shown_again(
     def error(some: Sequence[int]) -> float:
         return size(left_out.with_set([*names, *some]))
 
-    candidates = answer.search.candidates
-    kept = that_matter(error, [c for c in sorted(answer.best.key) if candidates[c].unnamed])
+    pool = [c for c in answer.search.without_name(answer.best.key) if c not in names]
+    kept = that_matter(error, pool)
     if not kept:
         return []
     without, having = (

@@ -45,8 +45,7 @@ class LeftOutPart:
 
     def unnamed(self, search: Search) -> list[int]:
         """The causes without a name in what is likeliest for the rest."""
-        best = self._posterior(search, search.possible).best.key
-        return [c for c in best if search.candidates[c].unnamed]
+        return search.without_name(self._posterior(search, search.possible).best.key)
 
     def values(self, search: Search, members: Collection[int]) -> Values:
         """The values of a given set on the rest."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
-from thrustmargin.models.effects.unnamed import KNOTS, place_of
+from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, ROTOR, place_of
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.rows.candidates import Term
@@ -130,39 +130,41 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenCause:
-    """A cause without a name, alike in all flights: a curve along a channel."""
+    """A cause without a name, alike in all flights: a curve along a channel, or what is steady of
+    the loss of a rotor that has one."""
 
     found: Found
     alike: tuple[str, ...]  # other channels along which it would go as well in these flights
     rms_rpm: float  # of what it changes in these flights
 
     @property
-    def mode(self) -> str:
-        """The control axis, or "rotor"."""
-        return place_of(self.found.term.effect)[0]
+    def place(self) -> tuple[str, str]:
+        """The control axis, or "rotor", and the channel, or "constant"."""
+        effect = self.found.term.effect
+        return place_of(effect) if effect.name == NAME else (ROTOR, CONSTANT)
 
     @property
-    def channel(self) -> str:
-        return place_of(self.found.term.effect)[1]
-
-    @property
-    def range(self) -> tuple[float, float]:
+    def range(self) -> tuple[float, float] | None:
         """Of the channel, in which it was seen."""
+        if self.place[1] == CONSTANT:
+            return None
         low, high = self.found.value[0, KNOTS:]
         return float(low), float(high)
 
     def to_json(self) -> dict[str, Any]:
         """Mode or rotor, channel and range, and the curve with half its 95 % interval."""
         rotor, found = self.found.term.rotor, self.found
-        half = (found.upper - found.lower)[0, :KNOTS] / 2.0
+        mode, channel = self.place
+        knots = 1 if self.range is None else KNOTS
+        half = (found.upper - found.lower)[0, :knots] / 2.0
         return {
-            "mode": self.mode,
+            "mode": mode,
             "rotor": None if rotor is None else rotor + 1,
-            "channel": self.channel,
+            "channel": None if self.range is None else channel,
             "alike": list(self.alike),
-            "range": list(self.range),
-            "unit": found.term.effect.parameters[KNOTS].unit,
-            "curve": found.value[0, :KNOTS].tolist(),
+            "range": self.range and list(self.range),
+            "unit": self.range and found.term.effect.parameters[KNOTS].unit,
+            "curve": found.value[0, :knots].tolist(),
             "half_widths": half.tolist(),
             "rms_rpm": self.rms_rpm,
         }

@@ -55,6 +55,7 @@ def by_rows(
 
 
 def _lasting(one: Held) -> Held:
-    """With only the values free that all flights share."""
-    free = tuple(of for of in one.candidate.free if of[1] is None)
+    """With only the values free that all flights share; a cause without a name is no law."""
+    free = () if one.candidate.unnamed else one.candidate.free
+    free = tuple(of for of in free if of[1] is None)
     return replace(one, candidate=replace(one.candidate, free=free))

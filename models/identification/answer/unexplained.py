@@ -113,13 +113,14 @@ def open_cause(found: Found, answer: Posterior) -> OpenCause:
     well."""
     search = answer.search
     candidates = search.candidates
-    (own,) = (c for c, one in enumerate(candidates) if one.term == found.term)
+    own = next(c for c, one in enumerate(candidates) if one.key == found.term.key)
     held = Held(candidate=candidates[own], values=found.value)
     change = predicted(search.reduced, [held]) - predicted(search.reduced, ())
-    alike = (c for c in _in_place_of(own, search) if answer.probability([c]) > DOUBT)
+    place = _in_place_of(own, search) if candidates[own].unnamed else ()
+    alike = (c for c in place if c != own and answer.probability([c]) > DOUBT)
     return OpenCause(
         found=found,
-        alike=tuple(place_of(candidates[c].term.effect)[1] for c in alike if c != own),
+        alike=tuple(place_of(candidates[c].term.effect)[1] for c in alike),
         rms_rpm=float(np.sqrt(np.mean(np.nan_to_num(change) ** 2))),
     )
 

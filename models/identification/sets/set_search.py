@@ -15,6 +15,7 @@ from functools import cache
 
 import numpy as np
 
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -142,6 +143,18 @@ class Search:
     def fit_near(self, key: Key, near: Mapping[int, Held]) -> FittedSet:
         """A set fitted from the values of a neighbour, without a place among the sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 8)
+
+    def without_name(self, key: Key) -> list[int]:
+        """Of a set what has no name: its causes without one, and what is steady of the loss of a
+        rotor that has one."""
+        unnamed = [c for c in sorted(key) if self.candidates[c].unnamed]
+        uneven = {self.candidates[c].term.rotor for c in unnamed} - {None}
+        steady = (
+            c
+            for c, one in enumerate(self.candidates)
+            if one.term.effect.key == ROTOR_DEGRADATION.key and one.term.rotor in uneven
+        )
+        return [*steady, *unnamed]
 
     @property
     def possible(self) -> list[Key]:
