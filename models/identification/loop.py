@@ -103,7 +103,10 @@ def identify_checked(
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
     # With nothing added the model stays what it was, and so does its error.
-    chosen = left_out.with_choice(accepted.members, accepted.aside) if estimates else before
+    chosen = before
+    if estimates:
+        open_ = bool(accepted.open_members)
+        chosen = left_out.with_choice(accepted.members, accepted.aside, open_=open_)
     unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
     if held_out:
         unused = assemble(model, held_out)
@@ -116,12 +119,12 @@ def identify_checked(
             )
         )
     last, found = unseen[-1], _found(left_out, estimates)
-    unnamed = {search.candidates[c].key for c in accepted.unnamed}
+    open_keys = {search.candidates[c].key for c in accepted.open_members}
     wind = followed_wind(problem, after, left_out.held(values), fit)
     return Identification(
         model=model,
         problem=problem,
-        found=tuple(f for f in found if f.term.key not in unnamed),
+        found=tuple(f for f in found if f.term.key not in open_keys),
         left=accepted.left,
         closest=tuple(search.candidates[c].term for c in accepted.closest),
         unseen=tuple(unseen),
@@ -140,7 +143,7 @@ def identify_checked(
             if e.term.rotor is None or not problem.of_outputs
         ),
         mentioned=accepted.mentioned,
-        open_causes=tuple(open_cause(f, answer) for f in found if f.term.key in unnamed),
+        open_causes=tuple(open_cause(f, answer) for f in found if f.term.key in open_keys),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
     )

@@ -7,11 +7,11 @@ from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import amount_of, effect_thing
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, chance, number
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import ONLY_ROTORS
-from thrustmargin.models.identification.answer.result import Identification, OpenCause
+from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.rows.candidates import Term
 
 #: What only causes without a name go along, beside the channels of the figures.
@@ -59,28 +59,29 @@ def unexplained(found: Identification) -> str:
     )
 
 
-def unnamed_causes(causes: Sequence[OpenCause], names: tuple[str, ...]) -> str:
-    """What has no name and is in the new model: mode, channel, range and size of each."""
-    each = []
-    for one in causes:
-        size = f"({number(one.rms_rpm, 'rpm', 0)})"
-        (where, channel), rotor, until = one.place, one.found.term.rotor, ""
-        if rotor is not None:
-            where = f"the loss of {rotor_words(rotor, names)}"
-            until = ", an alarm until it is repaired"
-        if one.range is None:
-            each.append(f"{where} all along {size}{until}")
+def unnamed_causes(found: Identification) -> str:
+    """What has no name and is in the new model: of a curve axis, channel, range and size."""
+    each, names, curves = [], found.model.airframe.rotor_names, False
+    for one in found.open_causes:
+        size, rotor = f"({number(one.rms_rpm, 'rpm', 0)})", one.found.term.rotor
+        until = "" if rotor is None else ", an alarm until it is repaired"
+        if one.place is None:
+            words = amount_of(one.found, found)
+            each.append(
+                f"{words[0].lower()}{words[1:]}, {chance(one.found.probability)} likely{until}"
+            )
             continue
+        mode, channel = one.place
+        where = mode if rotor is None else f"the loss of {rotor_words(rotor, names)}"
         name, unit, factor = ALONG_WORDS[channel]
         low, high = (end * factor for end in one.range)
         seen = f"{number(low, '', 1)} to {number(high, unit, 1)}"
         as_well = [ALONG_WORDS[other][0] for other in one.alike]
         others = f" (or {', '.join(as_well)})" if as_well else ""
         each.append(f"{where} along {name}{others}, {seen} {size}{until}")
-    return (
-        f"Without a name, as it was seen: {'; '.join(each)}; {actions.KEEP_AS_SEEN.text}, held at "
-        "its edge beyond that range, with twice the interval"
-    )
+        curves = True
+    beyond = ", held at its edge beyond that range, with twice the interval" if curves else ""
+    return f"Without a name, as it was seen: {'; '.join(each)}; {actions.KEEP_AS_SEEN.text}{beyond}"
 
 
 def _thing_of(words: str, names: Sequence[str]) -> str:

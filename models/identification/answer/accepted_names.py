@@ -43,7 +43,7 @@ class AcceptedNames:
     named: tuple[int, ...]  # before any fell
     estimates: tuple[EffectEstimate, ...]  # of those that stand, and of causes without a name
     one_of: tuple[OneOf, ...]
-    unnamed: tuple[int, ...]  # of the estimates, those without a name
+    open_members: tuple[int, ...]  # of the estimates, those without a name
     left: Unexplained | None
     closest: tuple[int, ...]  # to what is left
     mentioned: tuple[Mentioned, ...]
@@ -79,9 +79,8 @@ def accepted_names(
     one_of = tuple(one for one in answer.one_of(named) if not imitates(one, left, answer))
     firsts = {one.terms[0].key for one in one_of}
     either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
-    aside = [c for c in named if c not in matter]
-    unnamed = [] if problem.of_outputs else shown_again(left_out, answer, matter, aside)
-    estimates = answer.estimates([*matter, *unnamed], either)
+    open_ = [] if problem.of_outputs else shown_again(left_out, answer, matter, named)
+    estimates = answer.estimates([*matter, *open_], either)
     members = [e.candidate for e in estimates]
     return AcceptedNames(
         answer=answer,
@@ -89,7 +88,7 @@ def accepted_names(
         named=tuple(named),
         estimates=tuple(estimates),
         one_of=one_of,
-        unnamed=tuple(unnamed),
+        open_members=tuple(open_),
         left=left,
         closest=tuple(closest),
         mentioned=tuple(
@@ -102,21 +101,24 @@ def accepted_names(
 
 
 def shown_again(
-    left_out: LeftOut, answer: Posterior, names: Sequence[int], aside: Collection[int]
+    left_out: LeftOut, answer: Posterior, names: Sequence[int], before: Collection[int]
 ) -> list[int]:
-    """Causes without a name of the likeliest set, without which flights left out are predicted
-    worse beside the `names`; none where the choice made anew without each flight is of no use."""
+    """What has no name and is in the likeliest set, without which flights left out are predicted
+    worse beside the `names`, of those named `before` any fell; none where the choice made anew
+    without each flight is of no use."""
 
     def error(some: Sequence[int]) -> float:
         return size(left_out.with_set([*names, *some]))
 
-    pool = [c for c in answer.search.without_name(answer.best.key) if c not in names]
-    kept = that_matter(error, pool)
+    pool = answer.search.open_members(answer.best.key)
+    kept = that_matter(error, [c for c in pool if c not in names])
     if not kept:
         return []
-    without, having = (
-        size(left_out.with_choice([*names, *some], aside)) for some in ((), tuple(kept))
-    )
+    members = [*names, *kept]
+    aside = [c for c in before if c not in names]
+    without = size(left_out.with_choice(names, aside))
+    aside = [c for c in before if c not in members]
+    having = size(left_out.with_choice(members, aside, open_=True))
     return kept if without >= (1.0 + LEAST_FALL) * having else []
 
 

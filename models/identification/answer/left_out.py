@@ -43,9 +43,9 @@ class LeftOutPart:
         """What the rest names by itself."""
         return self._posterior(search, search.possible).named()
 
-    def unnamed(self, search: Search) -> list[int]:
-        """The causes without a name in what is likeliest for the rest."""
-        return search.without_name(self._posterior(search, search.possible).best.key)
+    def open_members(self, search: Search) -> list[int]:
+        """Those of the set that is likeliest for the rest."""
+        return search.open_members(self._posterior(search, search.possible).best.key)
 
     def values(self, search: Search, members: Collection[int]) -> Values:
         """The values of a given set on the rest."""
@@ -143,16 +143,17 @@ class LeftOut:
         values = [fold.values(self.search, members) for fold in self.folds]
         return self._without([{c: v for c, v in of.items() if c in lasting} for of in values])
 
-    def with_choice(self, members: Collection[int], aside: Collection[int]) -> Floats:
+    def with_choice(
+        self, members: Collection[int], aside: Collection[int], *, open_: bool = False
+    ) -> Floats:
         """(T, R) rpm, each row with the effects that are named without its flight, not those that
         the whole answer puts `aside`; those of its `members` that only the flight can tell, or that
         begin at a moment, stay: that one flight went bad says nothing of the flight before it.
-        Causes without a name are chosen anew where there are some among the members."""
+        What has no name is chosen anew where the answer is `open_`."""
         values = []
-        some_unnamed = any(self.search.candidates[c].unnamed for c in members)
         for fold in self.folds:
             found = fold.named(self.search)
-            found += fold.unnamed(self.search) if some_unnamed else []
+            found += fold.open_members(self.search) if open_ else []
             own = [
                 c
                 for c in members

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
-from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, ROTOR, place_of
+from thrustmargin.models.effects.unnamed import KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.rows.candidates import Term
@@ -130,44 +130,31 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenCause:
-    """A cause without a name, alike in all flights: a curve along a channel, or what is steady of
-    the loss of a rotor that has one."""
+    """What has no name and is in the new model: a cause without one, or an effect that is not sure
+    enough for it."""
 
     found: Found
-    alike: tuple[str, ...]  # other channels along which it would go as well in these flights
+    alike: tuple[str, ...]  # of a curve, channels along which it would go as well in these flights
     rms_rpm: float  # of what it changes in these flights
 
     @property
-    def place(self) -> tuple[str, str]:
-        """The control axis, or "rotor", and the channel, or "constant"."""
+    def place(self) -> tuple[str, str] | None:
+        """Of a curve the control axis, or "rotor", and the channel."""
         effect = self.found.term.effect
-        return place_of(effect) if effect.name == NAME else (ROTOR, CONSTANT)
+        return place_of(effect) if effect.name == NAME else None
 
     @property
-    def range(self) -> tuple[float, float] | None:
-        """Of the channel, in which it was seen."""
-        if self.place[1] == CONSTANT:
-            return None
+    def range(self) -> tuple[float, float]:
+        """Of the channel of a curve, in which it was seen."""
         low, high = self.found.value[0, KNOTS:]
         return float(low), float(high)
 
-    def to_json(self) -> dict[str, Any]:
-        """Mode or rotor, channel and range, and the curve with half its 95 % interval."""
-        rotor, found = self.found.term.rotor, self.found
-        mode, channel = self.place
-        knots = 1 if self.range is None else KNOTS
-        half = (found.upper - found.lower)[0, :knots] / 2.0
-        return {
-            "mode": mode,
-            "rotor": None if rotor is None else rotor + 1,
-            "channel": None if self.range is None else channel,
-            "alike": list(self.alike),
-            "range": self.range and list(self.range),
-            "unit": self.range and found.term.effect.parameters[KNOTS].unit,
-            "curve": found.value[0, :knots].tolist(),
-            "half_widths": half.tolist(),
-            "rms_rpm": self.rms_rpm,
-        }
+    def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """As an effect; of a curve with axis or rotor, channel and range too."""
+        mode, channel = self.place or (None, None)
+        of_curve = {"mode": mode, "channel": channel, "alike": list(self.alike)}
+        of_curve["range"] = list(self.range) if self.place else None
+        return {**self.found.to_json(names), **of_curve, "rms_rpm": self.rms_rpm}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -276,7 +263,7 @@ class Identification:
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
-                "unnamed_causes": [one.to_json() for one in self.open_causes],
+                "unnamed_causes": [one.to_json(self.problem.names) for one in self.open_causes],
                 "floor_rpm": self.floor_rpm,
                 "sensor_noise_rpm": self.sensor_noise_rpm,
             }

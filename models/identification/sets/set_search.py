@@ -144,17 +144,19 @@ class Search:
         """A set fitted from the values of a neighbour, without a place among the sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 8)
 
-    def without_name(self, key: Key) -> list[int]:
-        """Of a set what has no name: its causes without one, and what is steady of the loss of a
-        rotor that has one."""
-        unnamed = [c for c in sorted(key) if self.candidates[c].unnamed]
-        uneven = {self.candidates[c].term.rotor for c in unnamed} - {None}
-        steady = (
-            c
-            for c, one in enumerate(self.candidates)
-            if one.term.effect.key == ROTOR_DEGRADATION.key and one.term.rotor in uneven
-        )
-        return [*steady, *unnamed]
+    def open_members(self, key: Key) -> list[int]:
+        """What of a set may go into a model without a name: causes without one, what is steady of
+        the loss of a rotor that has one, and what is of no rotor and lasts."""
+        every = self.candidates
+        uneven = {every[c].term.rotor for c in key if every[c].unnamed} - {None}
+        found = []
+        for c, one in enumerate(every):
+            effect, rotor = one.term.effect, one.term.rotor
+            steady = effect.key == ROTOR_DEGRADATION.key and rotor in uneven
+            lasts = rotor is None and not (effect.begins or effect.of_its_flights)
+            if steady or (c in key and (one.unnamed or lasts)):
+                found.append(c)
+        return found
 
     @property
     def possible(self) -> list[Key]:
