@@ -50,6 +50,19 @@ class EffectRecord:
         return max(losses, key=lambda v: v.value) if self.rotor is not None else None
 
 
+def losses_of(records: Sequence[EffectRecord]) -> dict[int, Identified]:
+    """The share of thrust that each weak rotor, from 1, loses by all of some records together."""
+    losses: dict[int, Identified] = {}
+    for record in records:
+        if record.loss is not None and record.rotor is not None:
+            one, other = record.loss, losses.get(record.rotor)
+            if other is not None:
+                ends = one.ci95[0] + other.ci95[0], one.ci95[1] + other.ci95[1]
+                one = Identified(value=one.value + other.value, unit=one.unit, ci95=ends)
+            losses[record.rotor] = one
+    return losses
+
+
 def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Placed, ...]:
     """Effects of a model file. Raises ModelError for an unknown effect, rotor, value or unit."""
     return tuple(_placed(record, rotor_count) for record in records)

@@ -3,8 +3,8 @@
 What no effect of the table explains is still there on the next flight. A curve g between knots over
 the range in which it was seen takes it into the model: of the collective as a share of every
 rotor's thrust, else as a moment g x thrust x arm. Beyond that range it is held at its edge, and
-`seen` says so. A search weighs them as it does effects; `identification.answer.open_causes` takes
-into a model what flights left out show again.
+`seen` says so. A search weighs them as it does effects, and what flights left out show again goes
+into the model.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from thrustmargin.models.effects.channels import Channels
 KNOTS = 4  # of a curve
 NAME = "unnamed_cause"
 MODES = ("collective", "roll", "pitch", "yaw")
-#: of thrust or of thrust x arm: its usual size, and the largest that is believed without a name
-USUAL, MOST = 0.05, 0.3
+MOST = 0.3  # of thrust or of thrust x arm: the largest that is believed without a name
 
 
 @dataclass(frozen=True, slots=True)

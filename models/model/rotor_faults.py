@@ -25,6 +25,7 @@ from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
+from thrustmargin.models.effects.stored import losses_of
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import (
@@ -189,9 +190,8 @@ def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
     To add the loss to the model repairs nothing: they stand until a flight shows them sound.
     """
     found = []
-    for record in model.effects:
-        loss, rotor = record.loss, record.rotor
-        if loss is not None and rotor is not None and loss.value >= LEAST:
+    for rotor, loss in losses_of(model.effects).items():
+        if loss.value >= LEAST:
             lower, upper = max(loss.ci95[0], 0.0), loss.ci95[1]
             found.append(
                 RotorFault(

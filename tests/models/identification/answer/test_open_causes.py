@@ -21,7 +21,7 @@ from thrustmargin.models.model.model_file import load_model, save_model
 from thrustmargin.models.model.rotor_faults import faults_in_model
 
 MODEL = curve_model()
-FLIGHTS, SECONDS = 4, 90.0
+FLIGHTS, SECONDS = 4, 60.0
 KNOTS = {"at_1": 0.0, "at_2": 0.02, "at_3": 0.04, "at_4": 0.06}
 PITCH = Placed(effect=UNNAMED["pitch", "time_s"], values={**KNOTS, "low": 0.0, "high": SECONDS})
 FAST = {"at_1": 0.02, "at_2": 0.03, "at_3": 0.05, "at_4": 0.09, "low": 0.0, "high": 7.0}
@@ -61,12 +61,13 @@ def test_what_acts_in_every_flight_is_taken_as_it_was_seen(pitching):
     assert pitching.after.rmse_rpm < 1.1 * pitching.sensor_noise_rpm
 
 
-def test_its_curve_range_and_interval_are_in_the_json(pitching):
+def test_its_curve_range_and_intervals_are_in_the_json(pitching):
     (told,) = pitching.to_json()["unnamed_causes"]
     assert (told["mode"], told["rotor"], told["channel"]) == ("pitch", None, "time_s")
     assert told["range"] == pytest.approx([0.02 * SECONDS, 0.98 * SECONDS], abs=3.0)
-    assert len(told["curve"]) == 4
-    assert 0.0 < max(told["half_widths"]) < 0.02
+    last = told["parameters"]["at_4"]
+    assert last["ci95"][0] < 0.06 < last["ci95"][1]
+    assert last["ci95"][1] - last["ci95"][0] < 0.02
 
 
 def test_the_new_model_and_the_margin_hold_it(pitching, tmp_path):
@@ -92,8 +93,9 @@ def test_the_uneven_loss_of_a_rotor_is_corrected_for_and_stays_an_alarm():
     assert found.found == ()
     assert {one.found.term.rotor for one in found.open_causes} == {2}
     told = found.to_json()["unnamed_causes"]
-    assert {(one["mode"], one["rotor"]) for one in told} == {("rotor", 3)}
-    assert [len(one["curve"]) for one in told if one["channel"] is None] == [1]
+    assert {(one["mode"], one["rotor"]) for one in told} == {("rotor", 3), (None, 3)}
+    (steady,) = (one for one in told if one["mode"] is None)
+    assert steady["parameters"]["loss"]["value"] == pytest.approx(0.02, abs=0.015)
     assert found.after.rmse_rpm < 0.5 * found.before.rmse_rpm
     new = with_effects(MODEL, found)
     (fault,) = faults_in_model(new)
@@ -115,10 +117,9 @@ def test_what_flights_left_out_do_not_show_again_is_not_taken(causes):
     assert with_effects(MODEL, found).effects == MODEL.effects
 
 
-@pytest.mark.parametrize("seed", [5, 10])
-def test_what_each_flight_has_otherwise_is_not_taken_though_one_seems_to_fit(seed):
+def test_what_each_flight_has_otherwise_is_not_taken_though_one_seems_to_fit():
     """A choice among all curves seems to help, and one made anew without each flight does not."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(5)
     causes = [
         [
             Placed(
@@ -143,3 +144,11 @@ def test_a_name_that_explains_all_leaves_no_cause():
     found = identified(with_causes([[loss]] * FLIGHTS), "rotor_degradation")
     assert [f.term.key for f in found.found] == ["rotor_degradation@1"]
     assert found.open_causes == ()
+
+
+def test_what_is_likely_and_not_sure_enough_for_a_name_is_corrected_for():
+    """Hidden mass and thin air without a tank level that tells: no name, and no error either."""
+    mass = Placed(effect=BY_KEY["extra_mass"], values={"mass": 1.0})
+    found = identified(with_causes([[mass]] * FLIGHTS), "extra_mass", "air_density")
+    assert found.after.rmse_rpm < 0.4 * found.before.rmse_rpm
+    assert len(found.found) + len(found.open_causes) == 1
