@@ -21,7 +21,8 @@ from thrustmargin.models.effects.channels import Channels
 KNOTS = 4  # of a curve
 NAME = "unnamed_cause"
 MODES = ("collective", "roll", "pitch", "yaw")
-MOST = 0.3  # of thrust or of thrust x arm: the largest that is believed without a name
+#: of thrust or of thrust x arm: its usual size, and the largest that is believed without a name
+USUAL, MOST = 0.05, 0.3
 
 
 @dataclass(frozen=True, slots=True)

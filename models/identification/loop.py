@@ -21,6 +21,7 @@ from thrustmargin.models.identification.answer.accepted_names import accepted_na
 from thrustmargin.models.identification.answer.already_followed import followed_wind
 from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_flights
+from thrustmargin.models.identification.answer.open_causes import change_on, open_causes
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.row_values import by_rows
@@ -107,6 +108,8 @@ def identify_checked(
     if estimates:
         open_ = bool(accepted.open_members)
         chosen = left_out.with_choice(accepted.members, accepted.aside, open_=open_)
+    more = open_causes(problem, after, left_out.held(values))
+    chosen, after = chosen - more.left_out_rpm, after - more.change_rpm
     unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
     if held_out:
         unused = assemble(model, held_out)
@@ -114,7 +117,7 @@ def identify_checked(
             Unseen(
                 problem=unused,
                 before_rpm=unused.measured_rpm - unused.speeds(),
-                after_rpm=on_new_flights(unused, estimates),
+                after_rpm=on_new_flights(unused, estimates) - change_on(unused, more.causes),
                 role="held_out",
             )
         )
@@ -131,7 +134,7 @@ def identify_checked(
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
-        residual_carried_rpm=left_out.with_carried(accepted.members),
+        residual_carried_rpm=left_out.with_carried(accepted.members) - more.left_out_rpm,
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
         sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
@@ -143,7 +146,10 @@ def identify_checked(
             if e.term.rotor is None or not problem.of_outputs
         ),
         mentioned=accepted.mentioned,
-        open_causes=tuple(open_cause(f, answer) for f in found if f.term.key in open_keys),
+        open_causes=(
+            *(open_cause(f, answer) for f in found if f.term.key in open_keys),
+            *more.causes,
+        ),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
     )

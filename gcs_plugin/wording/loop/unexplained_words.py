@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import amount_of, effect_thing
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, chance, number
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.unnamed import ONLY_ROTORS
+from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
 from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.rows.candidates import Term
 
@@ -73,10 +73,13 @@ def unnamed_causes(found: Identification) -> str:
             continue
         mode, channel = one.place
         where = mode if rotor is None else f"the loss of {rotor_words(rotor, names)}"
+        if one.range is None:
+            each.append(f"{where} all along {size}{until}")
+            continue
         name, unit, factor = ALONG_WORDS[channel]
         low, high = (end * factor for end in one.range)
         seen = f"{number(low, '', 1)} to {number(high, unit, 1)}"
-        as_well = [ALONG_WORDS[other][0] for other in one.alike]
+        as_well = [ALONG_WORDS[other][0] for other in one.alike if other != CONSTANT]
         others = f" (or {', '.join(as_well)})" if as_well else ""
         each.append(f"{where} along {name}{others}, {seen} {size}{until}")
         curves = True

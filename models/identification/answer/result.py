@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
-from thrustmargin.models.effects.unnamed import KNOTS, NAME, place_of
+from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.rows.candidates import Term
@@ -144,8 +144,10 @@ class OpenCause:
         return place_of(effect) if effect.name == NAME else None
 
     @property
-    def range(self) -> tuple[float, float]:
-        """Of the channel of a curve, in which it was seen."""
+    def range(self) -> tuple[float, float] | None:
+        """Of the channel of a curve, in which it was seen; None of what is alike all along."""
+        if self.place is None or self.place[1] == CONSTANT:
+            return None
         low, high = self.found.value[0, KNOTS:]
         return float(low), float(high)
 
@@ -153,7 +155,7 @@ class OpenCause:
         """As an effect; of a curve with axis or rotor, channel and range too."""
         mode, channel = self.place or (None, None)
         of_curve = {"mode": mode, "channel": channel, "alike": list(self.alike)}
-        of_curve["range"] = list(self.range) if self.place else None
+        of_curve["range"] = self.range and list(self.range)
         return {**self.found.to_json(names), **of_curve, "rms_rpm": self.rms_rpm}
 
 

@@ -52,7 +52,7 @@ def pitching() -> Identification:
 
 def test_what_acts_in_every_flight_is_taken_as_it_was_seen(pitching):
     assert pitching.found == ()
-    (cause,) = pitching.open_causes
+    cause = pitching.open_causes[0]
     assert cause.place == ("pitch", "time_s")
     problem = pitching.problem
     wanted = problem.speeds([PITCH]) - problem.speeds()
@@ -62,7 +62,7 @@ def test_what_acts_in_every_flight_is_taken_as_it_was_seen(pitching):
 
 
 def test_its_curve_range_and_intervals_are_in_the_json(pitching):
-    (told,) = pitching.to_json()["unnamed_causes"]
+    told = pitching.to_json()["unnamed_causes"][0]
     assert (told["mode"], told["rotor"], told["channel"]) == ("pitch", None, "time_s")
     assert told["range"] == pytest.approx([0.02 * SECONDS, 0.98 * SECONDS], abs=3.0)
     last = told["parameters"]["at_4"]
@@ -74,8 +74,7 @@ def test_the_new_model_and_the_margin_hold_it(pitching, tmp_path):
     path = tmp_path / "with.safetensors"
     save_model(with_effects(MODEL, pitching, date="2026-01-02"), path)
     new = load_model(path)
-    (cause,) = pitching.open_causes
-    (record,) = new.effects
+    cause, record = pitching.open_causes[0], new.effects[0]
     assert (record.parameters["low"].value, record.parameters["high"].value) == cause.range
     unused = with_causes([[PITCH]] * (FLIGHTS + 1))[-1]
     old, held = (

@@ -1,0 +1,247 @@
+"""What the likeliest set leaves and flights left out show again, taken into the new model as it was
+seen.
+
+Slow noise may hide from a search what every flight repeats. Every mode may go with every channel
+(`effects.unnamed`). What is left is regressed on these curves one at a time, each the one with
+which flights left out are predicted best, as long as their error falls by what an effect must take
+to be worth a name. All this is done anew without each flight for the error on it, selection and
+all: where that is not lower by as much, the choice was one of chance, and nothing is taken in. One
+flight shows nothing again, and motor outputs show shares only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.unnamed import (
+    ALONG,
+    CONSTANT,
+    MODES,
+    UNNAMED,
+    USUAL,
+    curve_columns,
+)
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.answer.borne_out import LEAST_FALL
+from thrustmargin.models.identification.answer.left_out import MOST_FOLDS
+from thrustmargin.models.identification.answer.result import Found, OpenCause
+from thrustmargin.models.identification.certainty import SURE
+from thrustmargin.models.identification.rows.candidates import (
+    RANGE,
+    Held,
+    Term,
+    candidate,
+    derivatives,
+)
+from thrustmargin.models.identification.rows.problem import Problem, thinned
+
+MOST_CAUSES = 4
+
+Choice = tuple[int, ...]  # of the curves
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CausesFound:
+    """The causes of all flights, and what they change in each row, found without its flight."""
+
+    causes: tuple[OpenCause, ...] = ()
+    change_rpm: Floats | float = 0.0  # (T, R) by the causes found on all flights
+    left_out_rpm: Floats | float = 0.0  # (T, R) by those found without the row's flight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Curves:
+    """All curves on some rows: of each the columns that are its own, and sums by fold."""
+
+    effects: tuple[tuple[str, str], ...]  # mode and channel of each curve
+    ranges: tuple[tuple[float, float], ...]
+    columns: tuple[slice, ...]
+    sums: Floats  # (folds, P + 1, P + 1) of all columns, then the residual
+    rows: Floats  # (folds,) numbers of them
+    ridge: float
+
+    def fit(self, which: Sequence[int], chosen: Choice) -> tuple[Floats, Floats]:
+        """Coefficients (n, k) of the chosen curves without each of the folds `which`, by the others
+        of them, and (n,) the mean square that is left of the one left out."""
+        own = self.sums[list(which)]
+        at = np.concatenate([np.arange(0), *(np.r_[self.columns[c]] for c in chosen)]).astype(int)
+        rest = own.sum(axis=0) - own
+        kept = np.append(at, -1)
+        system = rest[:, at[:, None], at] + self.ridge * np.eye(at.size)
+        found = np.linalg.solve(system, rest[:, at, -1][:, :, None])[:, :, 0]
+        weights = np.concatenate([-found, np.ones((len(own), 1))], axis=1)
+        left = np.einsum("fi,fij,fj->f", weights, own[:, kept[:, None], kept], weights)
+        return found, left / self.rows[list(which)]
+
+    def choose(self, which: Sequence[int]) -> Choice:
+        """The curves with which the folds `which`, each left out, are predicted better; where a
+        constant does as well as a curve, the constant."""
+        chosen: Choice = ()
+        squares = self.fit(which, chosen)[1]
+        while len(chosen) < MOST_CAUSES:
+            rest = [c for c in range(len(self.effects)) if c not in chosen]
+            tried = [self.fit(which, (*chosen, c))[1] for c in rest]
+            errors = np.array([one.mean() for one in tried])
+            if squares.mean() < (1.0 + LEAST_FALL) ** 2 * errors.min():
+                break
+            as_good = np.flatnonzero(errors <= (1.0 + LEAST_FALL) ** 2 * errors.min())
+            simple = [c for c in as_good if self.effects[rest[c]][1] == CONSTANT]
+            best = min(simple or as_good, key=lambda c: float(errors[c]))
+            chosen, squares = (*chosen, rest[best]), tried[best]
+        return chosen
+
+    def alike(self, which: Sequence[int], chosen: Choice, one: int) -> tuple[str, ...]:
+        """The channels along which the same mode would do as well as along that of `one`."""
+        rest = tuple(c for c in chosen if c != one)
+        least = (1.0 + LEAST_FALL) ** 2 * self.fit(which, chosen)[1].mean()
+        return tuple(
+            channel
+            for c, (mode, channel) in enumerate(self.effects)
+            if c not in chosen
+            and mode == self.effects[one][0]
+            and self.fit(which, (*rest, c))[1].mean() <= least
+        )
+
+    def whole(self, which: Sequence[int], chosen: Choice) -> Floats:
+        """(k,) coefficients by all of the folds `which` together."""
+        total = self.sums[list(which)].sum(axis=0)
+        at = np.concatenate([np.arange(0), *(np.r_[self.columns[c]] for c in chosen)]).astype(int)
+        system = total[at[:, None], at] + self.ridge * np.eye(at.size)
+        return np.linalg.solve(system, total[at, -1])
+
+    def placed(self, chosen: Choice, found: Floats) -> list[Placed]:
+        """The effects of the chosen curves with their coefficients (k,)."""
+        out, start = [], 0
+        for c in chosen:
+            stop = start + (self.columns[c].stop - self.columns[c].start)
+            values = {f"at_{k + 1}": float(v) for k, v in enumerate(found[start:stop])}
+            if self.effects[c][1] != CONSTANT:
+                values["low"], values["high"] = self.ranges[c]
+            out.append(Placed(effect=UNNAMED[self.effects[c]], values=values))
+            start = stop
+        return out
+
+
+def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[Held]) -> CausesFound:
+    """Causes of what a set leaves: `residual_rpm` (T, R), `held` the set with its values."""
+    if problem.flights < 2 or problem.of_outputs:
+        return CausesFound()
+    fold = np.arange(problem.flights) % MOST_FOLDS
+    curves = _curves(problem, residual_rpm, held, fold)
+    every = np.unique(fold).tolist()
+    base = problem.speeds()
+
+    def change(chosen: Choice, found: Floats) -> Floats:
+        return problem.speeds(curves.placed(chosen, found)) - base
+
+    left_out = np.zeros_like(residual_rpm)
+    for out in every:
+        rest = [f for f in every if f != out]
+        some = curves.choose(rest)
+        if some:
+            mine = fold[problem.flight] == out
+            left_out[mine] = change(some, curves.whole(rest, some))[mine]
+    chosen = curves.choose(every)
+    unseen = np.mean((residual_rpm - left_out) ** 2)
+    if not chosen or np.mean(residual_rpm**2) < (1.0 + LEAST_FALL) ** 2 * unseen:
+        return CausesFound()
+    found = curves.whole(every, chosen)
+    without = curves.fit(every, chosen)[0]
+    folds = len(every)
+    error = np.sqrt((folds - 1) / folds * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
+    half = stdtrit(folds - 1, 0.5 + SURE / 2) * error
+    ends = [curves.placed(chosen, found + side * half) for side in (-1.0, 1.0)]
+    causes = []
+    for c, item, *sides in zip(chosen, curves.placed(chosen, found), *ends, strict=True):
+        moved = problem.speeds([item]) - base
+        value, lower, upper = (
+            np.tile(list(of.values.values()), (problem.flights, 1)) for of in (item, *sides)
+        )
+        one = Found(
+            term=Term(effect=item.effect),
+            value=value,
+            lower=lower,
+            upper=upper,
+            rmse_before_rpm=float(np.sqrt(np.mean(residual_rpm**2))),
+            rmse_after_rpm=float(np.sqrt(np.mean((residual_rpm - moved) ** 2))),
+        )
+        rms = float(np.sqrt(np.mean(moved**2)))
+        causes.append(OpenCause(found=one, alike=curves.alike(every, chosen, c), rms_rpm=rms))
+    return CausesFound(
+        causes=tuple(causes), change_rpm=change(chosen, found), left_out_rpm=left_out
+    )
+
+
+def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
+    """(T, R) rpm that causes change on other rows; 0 without any."""
+    if not causes:
+        return 0.0
+    placed = [
+        Placed(
+            effect=one.found.term.effect,
+            values={
+                p.name: float(v)
+                for p, v in zip(one.found.term.effect.parameters, one.found.value[0], strict=True)
+            },
+        )
+        for one in causes
+    ]
+    return problem.speeds(placed) - problem.speeds()
+
+
+def _curves(
+    problem: Problem, residual_rpm: Floats, held: Sequence[Held], fold: NDArray[np.intp]
+) -> _Curves:
+    stride = problem.stride
+    rows = thinned(problem, stride)
+    left = rows.in_modes(residual_rpm[::stride])
+    x, known = rows.channels, min(len(MODES), left.shape[1])
+    slopes = {
+        mode: np.nan_to_num(derivatives(rows, [*held, _at_nothing(mode, rows.flights)], len(held)))
+        for mode in MODES[:known]
+    }
+    shapes: dict[str, tuple[tuple[float, float], Floats]] = {
+        CONSTANT: ((0.0, 0.0), np.ones((left.shape[0], 1)))
+    }
+    for name, along in ALONG.items():
+        values = np.asarray(along.read(x), dtype=np.float64)
+        if values.shape != x.time_s.shape or not np.isfinite(values).all():
+            continue
+        low, high = (float(v) for v in np.quantile(values, RANGE))
+        if high - low > along.least:
+            shapes[name] = (low, high), curve_columns(values, low, high)
+    effects, ranges, columns, parts, first = [], [], [], [], 0
+    for mode, slope in slopes.items():
+        for name, (ends, shape) in shapes.items():
+            effects.append((mode, name))
+            ranges.append(ends)
+            parts.append(slope[:, :, :1] * shape[:, None, :])
+            columns.append(slice(first, first + shape.shape[1]))
+            first += shape.shape[1]
+    whole = np.concatenate([*parts, left[:, :, None]], axis=2)
+    of_row = fold[rows.flight]
+    sums = []
+    for f in np.unique(fold):
+        some = whole[of_row == f].reshape(-1, whole.shape[2])
+        sums.append(some.T @ some)
+    count = np.array([np.count_nonzero(of_row == f) * left.shape[1] for f in np.unique(fold)])
+    alike = left.shape[0] / max(rows.block_flight.size, 1)  # rows of a block count as one
+    return _Curves(
+        effects=tuple(effects),
+        ranges=tuple(ranges),
+        columns=tuple(columns),
+        sums=np.stack(sums),
+        rows=count.astype(np.float64),
+        ridge=alike * float(np.mean(left**2)) / USUAL**2,
+    )
+
+
+def _at_nothing(mode: str, flights: int) -> Held:
+    one = candidate(Term(effect=UNNAMED[mode, CONSTANT]), flights)
+    return Held(candidate=one, values=one.start)
