@@ -42,6 +42,26 @@ class EffectRecord:
         named = {name.replace(*FORMER_NAME): found for name, found in self.parameters.items()}
         object.__setattr__(self, "parameters", named)
 
+    @property
+    def loss(self) -> Identified | None:
+        """The share of thrust that one rotor loses, of a curve the most; None of other effects."""
+        of_curve = [v for name, v in self.parameters.items() if name.startswith("at_")]
+        losses = [self.parameters["loss"]] if "loss" in self.parameters else of_curve
+        return max(losses, key=lambda v: v.value) if self.rotor is not None else None
+
+
+def losses_of(records: Sequence[EffectRecord]) -> dict[int, Identified]:
+    """The share of thrust that each weak rotor, from 1, loses by all of some records together."""
+    losses: dict[int, Identified] = {}
+    for record in records:
+        if record.loss is not None and record.rotor is not None:
+            one, other = record.loss, losses.get(record.rotor)
+            if other is not None:
+                ends = one.ci95[0] + other.ci95[0], one.ci95[1] + other.ci95[1]
+                one = Identified(value=one.value + other.value, unit=one.unit, ci95=ends)
+            losses[record.rotor] = one
+    return losses
+
 
 def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Placed, ...]:
     """Effects of a model file. Raises ModelError for an unknown effect, rotor, value or unit."""

@@ -3,8 +3,8 @@
 What no effect of the table explains is still there on the next flight. A curve g between knots over
 the range in which it was seen takes it into the model: of the collective as a share of every
 rotor's thrust, else as a moment g x thrust x arm. Beyond that range it is held at its edge, and
-`seen` says so. A search weighs them as it does effects; `identification.answer.open_causes` takes
-into a model what flights left out show again.
+`seen` says so. A search weighs them as it does effects, and what flights left out show again goes
+into the model.
 """
 
 from __future__ import annotations

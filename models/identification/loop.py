@@ -25,6 +25,7 @@ from thrustmargin.models.identification.answer.open_causes import change_on, ope
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.row_values import by_rows
+from thrustmargin.models.identification.answer.unexplained import open_cause
 from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares, steepness_of
@@ -103,10 +104,12 @@ def identify_checked(
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
     # With nothing added the model stays what it was, and so does its error.
-    aside = [c for c in accepted.named if c not in accepted.members]
-    chosen = left_out.with_choice(accepted.members, aside) if estimates else before
-    open_ = open_causes(problem, after, left_out.held(values))
-    chosen, after = chosen - open_.left_out_rpm, after - open_.change_rpm
+    chosen = before
+    if estimates:
+        open_ = bool(accepted.open_members)
+        chosen = left_out.with_choice(accepted.members, accepted.aside, open_=open_)
+    more = open_causes(problem, after, left_out.held(values))
+    chosen, after = chosen - more.left_out_rpm, after - more.change_rpm
     unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
     if held_out:
         unused = assemble(model, held_out)
@@ -114,23 +117,24 @@ def identify_checked(
             Unseen(
                 problem=unused,
                 before_rpm=unused.measured_rpm - unused.speeds(),
-                after_rpm=on_new_flights(unused, estimates) - change_on(unused, open_.causes),
+                after_rpm=on_new_flights(unused, estimates) - change_on(unused, more.causes),
                 role="held_out",
             )
         )
-    last = unseen[-1]
+    last, found = unseen[-1], _found(left_out, estimates)
+    open_keys = {search.candidates[c].key for c in accepted.open_members}
     wind = followed_wind(problem, after, left_out.held(values), fit)
     return Identification(
         model=model,
         problem=problem,
-        found=_found(left_out, estimates),
+        found=tuple(f for f in found if f.term.key not in open_keys),
         left=accepted.left,
         closest=tuple(search.candidates[c].term for c in accepted.closest),
         unseen=tuple(unseen),
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
-        residual_carried_rpm=left_out.with_carried(accepted.members) - open_.left_out_rpm,
+        residual_carried_rpm=left_out.with_carried(accepted.members) - more.left_out_rpm,
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
         sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
@@ -142,7 +146,10 @@ def identify_checked(
             if e.term.rotor is None or not problem.of_outputs
         ),
         mentioned=accepted.mentioned,
-        open_causes=open_.causes,
+        open_causes=(
+            *(open_cause(f, answer) for f in found if f.term.key in open_keys),
+            *more.causes,
+        ),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
     )

@@ -23,8 +23,9 @@ import numpy as np
 
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
-from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS, ROTOR_DEGRADATION
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
+from thrustmargin.models.effects.stored import losses_of
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import (
@@ -190,19 +191,12 @@ def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
     To add the loss to the model repairs nothing: they stand until a flight shows them sound.
     """
     found = []
-    for record in model.effects:
-        loss = record.parameters.get(LOSS.name)
-        if record.name != ROTOR_DEGRADATION.name or record.rotor is None or loss is None:
-            continue
+    for rotor, loss in losses_of(model.effects).items():
         if loss.value >= LEAST:
-            lower, upper = loss.ci95
+            lower, upper = max(loss.ci95[0], 0.0), loss.ci95[1]
             found.append(
                 RotorFault(
-                    kind="propeller",
-                    rotor=record.rotor - 1,
-                    size=loss.value,
-                    lower=max(lower, 0.0),
-                    upper=upper,
+                    kind="propeller", rotor=rotor - 1, size=loss.value, lower=lower, upper=upper
                 )
             )
     return tuple(found)
@@ -213,11 +207,7 @@ def _as_sound(model: RotorModel) -> Floats:
     """(R,) speed of each rotor of the model without its weak rotors over that with them, in hover
     with half a tank: faults are sought against a sound aircraft."""
     weak = {fault.rotor for fault in faults_in_model(model)}
-    kept = tuple(
-        r
-        for r in model.effects
-        if r.name != ROTOR_DEGRADATION.name or (r.rotor or 0) - 1 not in weak
-    )
+    kept = tuple(r for r in model.effects if r.loss is None or (r.rotor or 0) - 1 not in weak)
     both = [_hover_rpm(replace(model, effects=of)) for of in (kept, model.effects)]
     return both[0] / both[1]
 

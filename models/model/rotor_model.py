@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thrustmargin.models.effects.base import Placed, look_of
-from thrustmargin.models.effects.stored import EffectRecord, placed_from
+from thrustmargin.models.effects.stored import EffectRecord, losses_of, placed_from
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.thermometer import Thermometer
@@ -102,9 +102,9 @@ class RotorModel:
     def _damage_words(self) -> str:
         """Weak rotors that were added to it: to know of one repairs nothing."""
         weak = [
-            f"rotor {r.rotor} at {100 * r.parameters['loss'].value:.0f} % less thrust"
-            for r in self.effects
-            if r.name == "rotor_degradation" and r.parameters["loss"].value >= 0.01
+            f"rotor {rotor} at {100 * loss.value:.0f} % less thrust"
+            for rotor, loss in losses_of(self.effects).items()
+            if loss.value >= 0.01
         ]
         return f", holding damage: {', '.join(weak)}, until it is repaired" if weak else ""
 

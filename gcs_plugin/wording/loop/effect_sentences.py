@@ -36,12 +36,16 @@ class EffectWords:
 
 def effect_sentence(found: Found, whole: Identification) -> str:
     """Part, amount and action of one effect, without a full stop."""
-    words, it = words_of(found.term), DescribedEffect(found, whole)
     action = action_of(found)
     asked = [action] if action else []
     if action is actions.INSPECT and whole.problem.of_outputs:
         asked.append(actions.THEN_MOTOR)
-    return ": ".join(filter(None, (words.sentence(it), ", ".join(a.text for a in asked))))
+    return ": ".join(filter(None, (amount_of(found, whole), ", ".join(a.text for a in asked))))
+
+
+def amount_of(found: Found, whole: Identification) -> str:
+    """Part and amount of one effect."""
+    return words_of(found.term).sentence(DescribedEffect(found, whole))
 
 
 def action_of(found: Found) -> Action | None:

@@ -67,7 +67,7 @@ def answer(
     if not lines and not open_mode:
         lines.append(nothing(found))
     lines += [open_mode] if open_mode else []
-    lines += [unnamed_causes(found.open_causes)] if found.open_causes else []
+    lines += [unnamed_causes(found)] if found.open_causes else []
     lines += [effect_sentence(f, found) for f in found.followed]
     if following is not None:
         lines.append(next_flight_words(following, names, mission, suspects))

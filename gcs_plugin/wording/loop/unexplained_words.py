@@ -7,11 +7,11 @@ from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import amount_of, effect_thing
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, chance, number
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
-from thrustmargin.models.identification.answer.result import Identification, OpenCause
+from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.rows.candidates import Term
 
 #: What only causes without a name go along, beside the channels of the figures.
@@ -43,10 +43,13 @@ def unexplained(found: Identification) -> str:
     names = found.model.airframe.rotor_names
     if left.get("rotor"):
         goes = "goes with its own thrust" if left["channel"] in ONLY_ROTORS else along
+        rotor = left["rotor"] - 1
+        seen = any(one.found.term.rotor == rotor for one in found.open_causes)
         return (
-            f"{rotor_words(left['rotor'] - 1, names).capitalize()} does not lose the same share of "
+            f"{rotor_words(rotor, names).capitalize()} does not lose the same share of "
             f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
-            f"that, so none was added; {actions.INSPECT.text}, and {actions.UNSTEADY.text}"
+            f"that{'' if seen else ', so none was added'}; {actions.INSPECT.text}, "
+            f"and {actions.UNSTEADY.text}"
         )
     things = " or ".join(dict.fromkeys(_thing_of(w, names) for w in left.get("closest") or ()))
     close = f"; closest in the table: {things}" if things else ""
@@ -56,24 +59,32 @@ def unexplained(found: Identification) -> str:
     )
 
 
-def unnamed_causes(causes: Sequence[OpenCause]) -> str:
-    """What has no name and is in the new model: mode, channel, range and size of each."""
-    each = []
-    for one in causes:
-        size = f"({number(one.rms_rpm, 'rpm', 0)})"
-        if one.channel == CONSTANT:
-            each.append(f"{one.mode} all along {size}")
+def unnamed_causes(found: Identification) -> str:
+    """What has no name and is in the new model: of a curve axis, channel, range and size."""
+    each, names, curves = [], found.model.airframe.rotor_names, False
+    for one in found.open_causes:
+        size, rotor = f"({number(one.rms_rpm, 'rpm', 0)})", one.found.term.rotor
+        until = "" if rotor is None else ", an alarm until it is repaired"
+        if one.place is None:
+            words = amount_of(one.found, found)
+            each.append(
+                f"{words[0].lower()}{words[1:]}, {chance(one.found.probability)} likely{until}"
+            )
             continue
-        name, unit, factor = ALONG_WORDS[one.channel]
-        low, high = (one.values[end] * factor for end in ("low", "high"))
+        mode, channel = one.place
+        where = mode if rotor is None else f"the loss of {rotor_words(rotor, names)}"
+        if one.range is None:
+            each.append(f"{where} all along {size}{until}")
+            continue
+        name, unit, factor = ALONG_WORDS[channel]
+        low, high = (end * factor for end in one.range)
         seen = f"{number(low, '', 1)} to {number(high, unit, 1)}"
         as_well = [ALONG_WORDS[other][0] for other in one.alike if other != CONSTANT]
         others = f" (or {', '.join(as_well)})" if as_well else ""
-        each.append(f"{one.mode} along {name}{others}, {seen} {size}")
-    return (
-        f"Without a name, as it was seen: {'; '.join(each)}; {actions.KEEP_AS_SEEN.text}, held at "
-        "its edge beyond that range, with twice the interval"
-    )
+        each.append(f"{where} along {name}{others}, {seen} {size}{until}")
+        curves = True
+    beyond = ", held at its edge beyond that range, with twice the interval" if curves else ""
+    return f"Without a name, as it was seen: {'; '.join(each)}; {actions.KEEP_AS_SEEN.text}{beyond}"
 
 
 def _thing_of(words: str, names: Sequence[str]) -> str:

@@ -2,7 +2,8 @@
 
 A name is what nearly all the weight of a search holds. It falls where it is only the closest that
 the table has to what no effect explains, where flights left out are predicted as well without it,
-or where by itself it may be nothing.
+or where by itself it may be nothing. A cause without a name is kept where flights left out are
+predicted better with it, chosen anew without each of them.
 """
 
 from __future__ import annotations
@@ -40,16 +41,22 @@ class AcceptedNames:
     answer: Posterior
     left_out: LeftOut
     named: tuple[int, ...]  # before any fell
-    estimates: tuple[EffectEstimate, ...]  # of those that stand
+    estimates: tuple[EffectEstimate, ...]  # of those that stand, and of causes without a name
     one_of: tuple[OneOf, ...]
+    open_members: tuple[int, ...]  # of the estimates, those without a name
     left: Unexplained | None
     closest: tuple[int, ...]  # to what is left
     mentioned: tuple[Mentioned, ...]
 
     @property
     def members(self) -> list[int]:
-        """The candidates that stand."""
+        """The candidates that stand, and causes without a name."""
         return [e.candidate for e in self.estimates]
+
+    @property
+    def aside(self) -> list[int]:
+        """The names that fell."""
+        return [c for c in self.named if c not in self.members]
 
 
 def accepted_names(
@@ -72,7 +79,8 @@ def accepted_names(
     one_of = tuple(one for one in answer.one_of(named) if not imitates(one, left, answer))
     firsts = {one.terms[0].key for one in one_of}
     either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
-    estimates = answer.estimates(matter, either)
+    open_ = [] if problem.of_outputs else shown_again(left_out, answer, matter, named)
+    estimates = answer.estimates([*matter, *open_], either)
     members = [e.candidate for e in estimates]
     return AcceptedNames(
         answer=answer,
@@ -80,6 +88,7 @@ def accepted_names(
         named=tuple(named),
         estimates=tuple(estimates),
         one_of=one_of,
+        open_members=tuple(open_),
         left=left,
         closest=tuple(closest),
         mentioned=tuple(
@@ -89,6 +98,28 @@ def accepted_names(
             and worth_a_look(one.probability, error(members), error([*members, c]))
         ),
     )
+
+
+def shown_again(
+    left_out: LeftOut, answer: Posterior, names: Sequence[int], before: Collection[int]
+) -> list[int]:
+    """What has no name and is in the likeliest set, without which flights left out are predicted
+    worse beside the `names`, of those named `before` any fell; none where the choice made anew
+    without each flight is of no use."""
+
+    def error(some: Sequence[int]) -> float:
+        return size(left_out.with_set([*names, *some]))
+
+    pool = answer.search.open_members(answer.best.key)
+    kept = that_matter(error, [c for c in pool if c not in names])
+    if not kept:
+        return []
+    members = [*names, *kept]
+    aside = [c for c in before if c not in names]
+    without = size(left_out.with_choice(names, aside))
+    aside = [c for c in before if c not in members]
+    having = size(left_out.with_choice(members, aside, open_=True))
+    return kept if without >= (1.0 + LEAST_FALL) * having else []
 
 
 def imitates(one: OneOf, left: Unexplained | None, answer: Posterior) -> bool:

@@ -39,10 +39,13 @@ class LeftOutPart:
     linear: Linear
     by_rows: Values = field(default_factory=dict)  # of the names that stand, by the rest's rows
 
-    def named(self, search: Search) -> Values:
+    def named(self, search: Search) -> list[int]:
         """What the rest names by itself."""
-        answer = self._posterior(search, search.possible)
-        return {c: answer.estimate(c).value for c in answer.named()}
+        return self._posterior(search, search.possible).named()
+
+    def open_members(self, search: Search) -> list[int]:
+        """Those of the set that is likeliest for the rest."""
+        return search.open_members(self._posterior(search, search.possible).best.key)
 
     def values(self, search: Search, members: Collection[int]) -> Values:
         """The values of a given set on the rest."""
@@ -140,13 +143,17 @@ class LeftOut:
         values = [fold.values(self.search, members) for fold in self.folds]
         return self._without([{c: v for c, v in of.items() if c in lasting} for of in values])
 
-    def with_choice(self, members: Collection[int], aside: Collection[int]) -> Floats:
+    def with_choice(
+        self, members: Collection[int], aside: Collection[int], *, open_: bool = False
+    ) -> Floats:
         """(T, R) rpm, each row with the effects that are named without its flight, not those that
         the whole answer puts `aside`; those of its `members` that only the flight can tell, or that
-        begin at a moment, stay: that one flight went bad says nothing of the flight before it."""
+        begin at a moment, stay: that one flight went bad says nothing of the flight before it.
+        What has no name is chosen anew where the answer is `open_`."""
         values = []
         for fold in self.folds:
             found = fold.named(self.search)
+            found += fold.open_members(self.search) if open_ else []
             own = [
                 c
                 for c in members

@@ -56,8 +56,8 @@ def margin_changes(found: Identification) -> tuple[tuple[MarginChange, ...], Mar
         _change(stages[k], stages[k + 1], effect.term.rotor, flights)
         for k, effect in enumerate(found.found)
     )
-    unnamed = [one.placed for one in found.open_causes]
-    whole = utilisation(_speeds(problem, found.found, own, unnamed), limit)
+    every = (*found.found, *(one.found for one in found.open_causes))
+    whole = utilisation(_speeds(problem, every, own), limit)
     return steps, _change(stages[0], whole, None, flights)
 
 
@@ -67,9 +67,7 @@ def _ceiling(problem: Problem) -> Floats:
     return limits.max_rotor_speed_rpm
 
 
-def _speeds(
-    problem: Problem, effects: tuple[Found, ...], own: bool, unnamed: Sequence[Placed] = ()
-) -> Floats:
+def _speeds(problem: Problem, effects: Sequence[Found], own: bool) -> Floats:
     placed = [
         Placed(
             effect=f.term.effect,
@@ -81,7 +79,7 @@ def _speeds(
         )
         for f in effects
     ]
-    every = [tolerant(item) for item in (*problem.placed, *placed, *unnamed)]
+    every = [tolerant(item) for item in (*problem.placed, *placed)]
     return rotor_speed_rpm(problem.base, every, problem.channels)
 
 

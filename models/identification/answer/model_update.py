@@ -16,7 +16,7 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Values
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.identification.answer.result import Found, Identification, OpenCause
+from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS, learnt_spread
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import ensemble_speed
@@ -54,11 +54,11 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
             f"{model.airframe.name}; add them to the model that they were found with"
         )
     names = found.problem.names
-    records = [record_of(f, names, date) for f in found.found]
+    unnamed = [one.found for one in found.open_causes]
+    records = [record_of(f, names, date) for f in (*found.found, *unnamed)]
     notes = [_left_behind(f, names) for f in found.found if f.term.effect.of_its_flights]
     interval, about = _interval(model, found)
     added = tuple(r for r in records if r is not None)
-    added += tuple(_as_seen(one, names, date) for one in found.open_causes)
     return ModelUpdate(
         model=replace(
             model,
@@ -92,22 +92,6 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
             for k, p in enumerate(found.term.effect.parameters)
             if p.name in kept
         },
-        flights=names,
-        date=date,
-    )
-
-
-def _as_seen(one: OpenCause, names: tuple[str, ...], date: str) -> EffectRecord:
-    """A cause without a name, with the range in which it was seen."""
-    parameters = {}
-    for p in one.effect.parameters:
-        value, half = one.values[p.name], one.half_widths.get(p.name, 0.0)
-        parameters[p.name] = Identified(value=value, unit=p.unit, ci95=(value - half, value + half))
-    return EffectRecord(
-        name=one.effect.name,
-        variant=one.effect.variant,
-        rotor=None,
-        parameters=parameters,
         flights=names,
         date=date,
     )

@@ -1,11 +1,12 @@
-"""What no name explains and flights left out show again, taken into the new model as it was seen.
+"""What the likeliest set leaves and flights left out show again, taken into the new model as it was
+seen.
 
-Every mode may go with every channel (`effects.unnamed`). What the names leave is regressed on these
-curves one at a time, each the one with which flights left out are predicted best, as long as their
-error falls by what an effect must take to be worth a name. All this is done anew without each
-flight for the error on it, selection and all: where that is not lower by as much, the choice was
-one of chance, and nothing is taken in. One flight shows nothing again, and motor outputs show
-shares only.
+Slow noise may hide from a search what every flight repeats. Every mode may go with every channel
+(`effects.unnamed`). What is left is regressed on these curves one at a time, each the one with
+which flights left out are predicted best, as long as their error falls by what an effect must take
+to be worth a name. All this is done anew without each flight for the error on it, selection and
+all: where that is not lower by as much, the choice was one of chance, and nothing is taken in. One
+flight shows nothing again, and motor outputs show shares only.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from thrustmargin.models.effects.unnamed import (
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.borne_out import LEAST_FALL
 from thrustmargin.models.identification.answer.left_out import MOST_FOLDS
-from thrustmargin.models.identification.answer.result import OpenCause
+from thrustmargin.models.identification.answer.result import Found, OpenCause
 from thrustmargin.models.identification.certainty import SURE
 from thrustmargin.models.identification.rows.candidates import (
     RANGE,
@@ -128,7 +129,7 @@ class _Curves:
 
 
 def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[Held]) -> CausesFound:
-    """Causes of what the names leave: `residual_rpm` (T, R), `held` the names with their values."""
+    """Causes of what a set leaves: `residual_rpm` (T, R), `held` the set with its values."""
     if problem.flights < 2 or problem.of_outputs:
         return CausesFound()
     fold = np.arange(problem.flights) % MOST_FOLDS
@@ -155,22 +156,23 @@ def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[Held]) ->
     folds = len(every)
     error = np.sqrt((folds - 1) / folds * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
     half = stdtrit(folds - 1, 0.5 + SURE / 2) * error
-    pairs = zip(chosen, curves.placed(chosen, found), curves.placed(chosen, half), strict=True)
+    ends = [curves.placed(chosen, found + side * half) for side in (-1.0, 1.0)]
     causes = []
-    for c, item, wide in pairs:
+    for c, item, *sides in zip(chosen, curves.placed(chosen, found), *ends, strict=True):
         moved = problem.speeds([item]) - base
-        mode, channel = curves.effects[c]
-        causes.append(
-            OpenCause(
-                effect=item.effect,
-                mode=mode,
-                channel=channel,
-                alike=curves.alike(every, chosen, c),
-                values=dict(item.values),
-                half_widths={k: v for k, v in wide.values.items() if k.startswith("at_")},
-                rms_rpm=float(np.sqrt(np.mean(moved**2))),
-            )
+        value, lower, upper = (
+            np.tile(list(of.values.values()), (problem.flights, 1)) for of in (item, *sides)
         )
+        one = Found(
+            term=Term(effect=item.effect),
+            value=value,
+            lower=lower,
+            upper=upper,
+            rmse_before_rpm=float(np.sqrt(np.mean(residual_rpm**2))),
+            rmse_after_rpm=float(np.sqrt(np.mean((residual_rpm - moved) ** 2))),
+        )
+        rms = float(np.sqrt(np.mean(moved**2)))
+        causes.append(OpenCause(found=one, alike=curves.alike(every, chosen, c), rms_rpm=rms))
     return CausesFound(
         causes=tuple(causes), change_rpm=change(chosen, found), left_out_rpm=left_out
     )
@@ -180,7 +182,17 @@ def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
     """(T, R) rpm that causes change on other rows; 0 without any."""
     if not causes:
         return 0.0
-    return problem.speeds([one.placed for one in causes]) - problem.speeds()
+    placed = [
+        Placed(
+            effect=one.found.term.effect,
+            values={
+                p.name: float(v)
+                for p, v in zip(one.found.term.effect.parameters, one.found.value[0], strict=True)
+            },
+        )
+        for one in causes
+    ]
+    return problem.speeds(placed) - problem.speeds()
 
 
 def _curves(

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
+from thrustmargin.models.effects.unnamed import KNOTS
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.certainty import DOUBT, ERRORS, SURE
-from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.identification.rows.candidates import Candidate, Term
 from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear
 from thrustmargin.models.identification.sets.set_search import Search
 
@@ -128,12 +129,15 @@ class Posterior:
             mean = mean + weight * values
             square = square + weight * (errors + values**2)
         mean, square = np.asarray(mean) / total, np.asarray(square) / total
+        error = np.sqrt(np.maximum(square - mean**2, 0.0))
+        if self._unnamed(candidate):
+            mean = _held_at_edges(self.search.candidates[candidate], mean, error)
         return EffectEstimate(
             candidate=candidate,
             term=term,
             probability=self.probability(self._alike(candidate)),
             value=mean,
-            error=np.sqrt(np.maximum(square - mean**2, 0.0)),
+            error=error,
             steepness=self.steepness,
         )
 
@@ -267,6 +271,20 @@ class Posterior:
                 )
             )
         return tuple(found)
+
+
+def _held_at_edges(one: Candidate, value: Floats, error: Floats) -> Floats:
+    """The values (F, K) of a curve: a knot of which the flights say less than its prior, as one
+    that they do not reach, lies between those beside it, and beyond the last is as that."""
+    free = {k for k, _ in one.free}
+    known = [
+        k
+        for k, p in enumerate(one.term.effect.parameters[:KNOTS])
+        if k not in free or 2.0 * error[0, k] ** 2 < p.scale**2
+    ]
+    value = value.copy()
+    value[:, :KNOTS] = np.interp(np.arange(KNOTS), known, value[0, known])
+    return value
 
 
 def _main(term: Term) -> list[tuple[int, float]]:

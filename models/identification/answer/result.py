@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
-from thrustmargin.models.effects.unnamed import CONSTANT
+from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.rows.candidates import Term
@@ -131,35 +130,33 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenCause:
-    """One curve along a channel: the value of each parameter and half its 95 % interval."""
+    """What has no name and is in the new model: a cause without one, or an effect that is not sure
+    enough for it."""
 
-    effect: Effect
-    mode: str
-    channel: str
-    alike: tuple[str, ...]  # other channels along which it would go as well in these flights
-    values: dict[str, float]
-    half_widths: dict[str, float]
+    found: Found
+    alike: tuple[str, ...]  # of a curve, channels along which it would go as well in these flights
     rms_rpm: float  # of what it changes in these flights
 
     @property
-    def placed(self) -> Placed:
-        return Placed(effect=self.effect, values=self.values)
+    def place(self) -> tuple[str, str] | None:
+        """Of a curve the control axis, or "rotor", and the channel."""
+        effect = self.found.term.effect
+        return place_of(effect) if effect.name == NAME else None
 
-    def to_json(self) -> dict[str, Any]:
-        """Mode, channel, the range in which it was seen, and the curve with its intervals."""
-        units = {p.name: p.unit for p in self.effect.parameters}
-        knots = [k for k in self.values if k in self.half_widths]
-        channel = None if self.channel == CONSTANT else self.channel
-        return {
-            "mode": self.mode,
-            "channel": channel,
-            "alike": list(self.alike),
-            "range": [self.values["low"], self.values["high"]] if channel else None,
-            "unit": units.get("low"),
-            "curve": [self.values[k] for k in knots],
-            "half_widths": [self.half_widths[k] for k in knots],
-            "rms_rpm": self.rms_rpm,
-        }
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """Of the channel of a curve, in which it was seen; None of what is alike all along."""
+        if self.place is None or self.place[1] == CONSTANT:
+            return None
+        low, high = self.found.value[0, KNOTS:]
+        return float(low), float(high)
+
+    def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """As an effect; of a curve with axis or rotor, channel and range too."""
+        mode, channel = self.place or (None, None)
+        of_curve = {"mode": mode, "channel": channel, "alike": list(self.alike)}
+        of_curve["range"] = self.range and list(self.range)
+        return {**self.found.to_json(names), **of_curve, "rms_rpm": self.rms_rpm}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -268,7 +265,7 @@ class Identification:
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
-                "unnamed_causes": [one.to_json() for one in self.open_causes],
+                "unnamed_causes": [one.to_json(self.problem.names) for one in self.open_causes],
                 "floor_rpm": self.floor_rpm,
                 "sensor_noise_rpm": self.sensor_noise_rpm,
             }

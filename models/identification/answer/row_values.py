@@ -29,7 +29,8 @@ def by_rows(
 
     What belongs to single flights stays as it is. Intervals are wider by how far the values move.
     """
-    held = [_lasting(one) for one in left_out.held({e.candidate: e.value for e in estimates})]
+    own = left_out.search.candidates
+    held = [_lasting(Held(candidate=own[e.candidate], values=e.value)) for e in estimates]
     if not any(one.candidate.free for one in held):
         return left_out, tuple(estimates)
     stride = left_out.problem.stride
@@ -54,6 +55,7 @@ def by_rows(
 
 
 def _lasting(one: Held) -> Held:
-    """With only the values free that all flights share."""
-    free = tuple(of for of in one.candidate.free if of[1] is None)
+    """With only the values free that all flights share; a cause without a name is no law."""
+    free = () if one.candidate.unnamed else one.candidate.free
+    free = tuple(of for of in free if of[1] is None)
     return replace(one, candidate=replace(one.candidate, free=free))

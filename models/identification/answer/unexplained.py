@@ -16,7 +16,7 @@ from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.unnamed import ALONG, place_of
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.posterior import CHOICE, Posterior
-from thrustmargin.models.identification.answer.result import Unexplained
+from thrustmargin.models.identification.answer.result import Found, OpenCause, Unexplained
 from thrustmargin.models.identification.certainty import DOUBT
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets.discrepancy import FORM, MEANS, WANDER, slow_wander
@@ -106,6 +106,23 @@ def _in_place_of(c: int, search: Search) -> list[int]:
         and one.term.rotor == term.rotor
         and place_of(one.term.effect)[0] == place_of(term.effect)[0]
     ]
+
+
+def open_cause(found: Found, answer: Posterior) -> OpenCause:
+    """A cause without a name that goes into the model, with the channels along which it would go as
+    well."""
+    search = answer.search
+    candidates = search.candidates
+    own = next(c for c, one in enumerate(candidates) if one.key == found.term.key)
+    held = Held(candidate=candidates[own], values=found.value)
+    change = predicted(search.reduced, [held]) - predicted(search.reduced, ())
+    place = _in_place_of(own, search) if candidates[own].unnamed else ()
+    alike = (c for c in place if c != own and answer.probability([c]) > DOUBT)
+    return OpenCause(
+        found=found,
+        alike=tuple(place_of(candidates[c].term.effect)[1] for c in alike),
+        rms_rpm=float(np.sqrt(np.mean(np.nan_to_num(change) ** 2))),
+    )
 
 
 def left_by(search: Search, best: FittedSet) -> Floats:

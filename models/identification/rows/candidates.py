@@ -41,7 +41,6 @@ EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005
 EVEN = 1.0  # odds of what every aircraft has, where no flight of this one has taught the model
 #: a propeller of the next size: 5 % of diameter more makes (1.05)^4, a fifth more thrust at a speed
 MOST_GAIN = 0.15
-LEAST_SEEN = 5.0  # means at a knot of such a cause, for its value to be looked for
 RANGE = (0.02, 0.98)  # quantiles of a channel, between which a cause without a name was seen
 STEP = 1e-3  # of a parameter's usual size, of the central difference
 
@@ -182,8 +181,7 @@ def unnamed_candidates(reduced: Reduced) -> list[Candidate]:
         seen = curve_columns(np.asarray(ALONG[name].read(x)), *ranges[name]).sum(axis=0)
         knots = np.linspace(*ranges[name], KNOTS)
         rest = np.argmin(np.abs(knots)) if ALONG[name].rests else np.argmax(seen)
-        moves = (seen >= LEAST_SEEN) & (np.arange(KNOTS) != rest)
-        free = tuple((k, None) for k in np.flatnonzero(moves).tolist())
+        free = tuple((k, None) for k in range(KNOTS) if k != rest)
         prior = EFFECT_PRIOR / len(of_modes) if rotor is None else ROTOR_PRIOR / len(of_rotors)
         found.append(replace(one, start=start, free=free, log_prior=float(np.log(prior))))
     return found

@@ -11,7 +11,6 @@ from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
-from thrustmargin.models.effects.moments.manoeuvre_moment import MANOEUVRE_MOMENT
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -25,14 +24,11 @@ from thrustmargin.models.identification.rows.output_shares import spread_of_flig
 from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flights
 from thrustmargin.models.identification.rows.whitening import Whitening, whitening_of
 from thrustmargin.models.identification.sets.discrepancy import (
-    FORM,
     WANDER,
-    form_columns,
     free_columns,
-    slowly,
     wander_columns,
 )
-from thrustmargin.models.identification.sets.effect_forms import LEAST_CHANGE
+from thrustmargin.models.identification.sets.law_errors import what_laws_leave
 from thrustmargin.models.identification.sets.learning import learn
 from thrustmargin.models.identification.sets.nuisance import WIDE, Nuisance
 from thrustmargin.models.identification.sets.unreported_wind import unreported_wind
@@ -45,10 +41,8 @@ from thrustmargin.models.physics.flight_phases import TURN_RATE
 #: of the mean rotor speed: what a curve of the discrepancy, and the slow noise, begin with where no
 #: good flights tell; a trained model is off by 0.1 to 0.5 % along its own inputs
 USUAL_SHARE = 0.001
-SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
 SURE = (0.5, 10.0)  # times what is usual, that a learnt scatter may be
 FREE_EFFECTS = 100.0  # times their scatter: any effect may be there while slow noise is learnt
-ANSWER = 0.3  # of an output's answer to a turn: what a third less thrust would make of it
 TAILS = 1.4  # root mean square over what the median gives, of noise with the tails of Laplace's
 LOADED = 0.03  # of the load factor: a gust or two
 LEAST_SHARE = 0.0005  # of the same: few good flights cannot show that there is nothing
@@ -104,10 +98,13 @@ def search_space(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(reduced.flights)
         ),
         scatter=filter_.apply(np.concatenate([scatter, wander], axis=2)),
-        uncertainty=filter_.apply(np.concatenate([_uncertainty(reduced), shared], axis=2)),
+        uncertainty=filter_.apply(np.concatenate([what_laws_leave(reduced), shared], axis=2)),
         free=np.moveaxis(filter_.apply(whole), 1, 0) * sizes[:, None, :],
     )
-    anywhere = filter_.apply(FREE_EFFECTS * anything)
+    unnamed = tuple(unnamed_candidates(reduced))
+    anywhere = filter_.apply(
+        np.concatenate([FREE_EFFECTS * anything, _curves(reduced, unnamed)], 2)
+    )
     open_ = replace(nuisance, uncertainty=np.concatenate([nuisance.uncertainty, anywhere], axis=2))
     size = learn(open_, residual, groups, own, WIDE).scatter
     usual = USUAL_SHARE * speed
@@ -118,7 +115,7 @@ def search_space(
     return SearchSpace(
         reduced=reduced,
         candidates=candidates,
-        unnamed=tuple(unnamed_candidates(reduced)),
+        unnamed=unnamed,
         nuisance=replace(
             nuisance,
             whitening=replace(filter_, scale=filter_.scale * noise),
@@ -194,6 +191,15 @@ def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Floats, d
     return np.stack(columns, axis=2), at
 
 
+def _curves(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
+    """(N, R, K) rpm in modes: what causes without a name may do at most, knot by knot."""
+    columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
+    for one in unnamed:
+        most = np.array([p.upper for p in one.parameters])
+        columns.append(most * derivatives(reduced, [Held(candidate=one, values=one.start)], 0))
+    return np.nan_to_num(np.concatenate(columns, axis=2))
+
+
 def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
     """(K,) scatter of each value from flight to flight, in units of its `smallest`.
 
@@ -208,70 +214,6 @@ def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -
         size = np.clip(learnt.get(name, usual) / usual, *SURE)
         sizes.append(0.0 if candidates[c].term.rotor is not None else float(size))
     return np.array(sizes)
-
-
-def _uncertainty(reduced: Reduced) -> Floats:
-    """(N, R, D) rpm in modes: what the base model may be off by, and the forms of its effects.
-
-    A law may be off along slow channels and with how large the change is: where large turns bend
-    otherwise than small ones, another inertia against the law's own freedom would take that.
-    """
-    columns = [np.moveaxis(reduced.in_modes(reduced.uncertainty_rpm), 0, 2)]
-    base, slow = predicted(reduced, ()), form_columns(reduced.channels)
-    for k in range(len(reduced.model.placed)):
-        change = np.nan_to_num(base - reduced.in_modes(reduced.speeds((), without=k)))
-        for mode in range(base.shape[1]):
-            if np.sqrt(np.mean(change[:, mode] ** 2)) < LEAST_CHANGE:
-                continue
-            size = change[:, mode, None]
-            along = np.concatenate([slow, (size / np.abs(size).max()) ** 2], axis=1)
-            own = np.zeros((*base.shape, along.shape[1]))
-            own[:, mode] = FORM * size * along
-            columns.append(own)
-    columns += _shapes(reduced, base)
-    columns += [_answers_to_load(reduced, base)]
-    columns += _answers(reduced, base) if reduced.of_outputs else []
-    return np.concatenate(columns, axis=2)
-
-
-def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
-    """What the shapes of the model's own effects (lags, derivative corrections) may be off by."""
-    columns = []
-    for k, item in enumerate(reduced.model.placed):
-        for p in item.effect.parameters:
-            if p.detail:
-                value = float(item.values[p.name])
-                step = SHAPE * p.scale * (1.0 if value < (p.lower + p.upper) / 2 else -1.0)
-                moved = replace(item, values={**item.values, p.name: value + step})
-                change = reduced.in_modes(reduced.speeds((moved,), without=k)) - base
-                columns.append(np.nan_to_num(change)[:, :, None])
-    return columns
-
-
-def _answers_to_load(reduced: Reduced, base: Floats) -> Floats:
-    """(N, R, R - 1) rpm: what the moments' modes do while gusts and manoeuvres load the rotors.
-
-    A controller's answer, as large as the load's own change: it is no sign of how rotors share it.
-    """
-    load = np.nan_to_num(base[:, 0])
-    fast = load - slowly(load, reduced.flight)
-    return fast[:, None, None] * np.eye(base.shape[1])[None, :, 1:]
-
-
-def _answers(reduced: Reduced, base: Floats) -> list[Floats]:
-    """By how much each rotor's output may answer a turn more than the others.
-
-    Outputs are asked for, not measured: a rate loop that answers a gust asks the same of all
-    rotors, and not more of one that makes less thrust.
-    """
-    columns = []
-    for k, item in enumerate(reduced.model.placed):
-        if item.effect.key == MANOEUVRE_MOMENT.key:
-            turning = base - reduced.in_modes(reduced.speeds((), without=k))
-            by_rotor = np.nan_to_num(turning) @ reduced.modes.directions.T
-            for rotor, direction in enumerate(reduced.modes.directions):
-                columns.append((ANSWER * by_rotor[:, rotor, None] * direction)[:, :, None])
-    return columns
 
 
 def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:

@@ -15,6 +15,7 @@ from functools import cache
 
 import numpy as np
 
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -142,6 +143,20 @@ class Search:
     def fit_near(self, key: Key, near: Mapping[int, Held]) -> FittedSet:
         """A set fitted from the values of a neighbour, without a place among the sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 8)
+
+    def open_members(self, key: Key) -> list[int]:
+        """What of a set may go into a model without a name: causes without one, what is steady of
+        the loss of a rotor that has one, and what is of no rotor and lasts."""
+        every = self.candidates
+        uneven = {every[c].term.rotor for c in key if every[c].unnamed} - {None}
+        found = []
+        for c, one in enumerate(every):
+            effect, rotor = one.term.effect, one.term.rotor
+            steady = effect.key == ROTOR_DEGRADATION.key and rotor in uneven
+            lasts = rotor is None and not (effect.begins or effect.of_its_flights)
+            if steady or (c in key and (one.unnamed or lasts)):
+                found.append(c)
+        return found
 
     @property
     def possible(self) -> list[Key]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.stored import EffectRecord, Identified, placed_from
+from thrustmargin.models.effects.stored import EffectRecord, Identified, losses_of, placed_from
 from thrustmargin.models.errors import ModelError
 
 
@@ -69,3 +69,18 @@ def test_what_cannot_be_of_this_aircraft_is_refused(record, words):
     with pytest.raises(ModelError, match="effect") as refused:
         placed_from([record], 4)
     assert words in str(refused.value)
+
+
+def test_a_rotor_loses_what_all_its_records_say_together_and_of_a_curve_the_most():
+    values = {f"at_{k + 1}": number(v, "1") for k, v in enumerate((0.0, 0.01, 0.04, 0.02))}
+    ends = {"low": number(0.0, "m/s"), "high": number(9.0, "m/s")}
+    curve = EffectRecord(
+        name="unnamed_cause",
+        variant="rotor along airspeed",
+        rotor=4,
+        parameters={**values, **ends},
+    )
+    other = replace(WORN, rotor=2)
+    losses = losses_of([WORN, ALONG, curve, other])
+    assert {rotor: round(loss.value, 6) for rotor, loss in losses.items()} == {4: 0.14, 2: 0.1}
+    assert losses[4].ci95 == pytest.approx((0.14, 0.14))

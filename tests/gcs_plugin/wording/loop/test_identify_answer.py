@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     set_words,
     unexplained,
 )
+from thrustmargin.gcs_plugin.wording.loop.unexplained_words import unnamed_causes
 from thrustmargin.gcs_plugin.wording.numbers import chance
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
@@ -27,6 +28,7 @@ from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.result import (
     Excluded,
+    Found,
     Identification,
     Mentioned,
     OneOf,
@@ -380,27 +382,33 @@ def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
 
 
 def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
-    along = UNNAMED["pitch", "airspeed"]
-    values = {"at_1": 0.0, "at_2": 0.01, "at_3": 0.01, "at_4": 0.02, "low": 2.0, "high": 9.0}
-    cause = OpenCause(
-        effect=along,
-        mode="pitch",
-        channel="airspeed",
-        alike=("advance_ratio",),
-        values=values,
-        half_widths={"at_1": 0.001},
-        rms_rpm=12.3,
-    )
-    constant = replace(
-        cause, effect=UNNAMED["yaw", "constant"], mode="yaw", channel="constant", alike=()
-    )
-    line = answer(replace(sound, open_causes=(cause, constant)), change())[1]
-    assert line == (
+    def of(term: Term, *values: float) -> OpenCause:
+        row = np.array([values])
+        found = Found(
+            term=term,
+            value=row,
+            lower=row - 0.05,
+            upper=row + 0.05,
+            rmse_before_rpm=20.0,
+            rmse_after_rpm=12.0,
+            probability=0.91,
+        )
+        return OpenCause(found=found, alike=("advance_ratio",), rms_rpm=12.3)
+
+    curve = (0.0, 0.01, 0.01, 0.02, 2.0, 9.0)
+    pitch = of(Term(effect=UNNAMED["pitch", "airspeed"]), *curve)
+    uneven = replace(of(Term(effect=UNNAMED["rotor", "airspeed"], rotor=2), *curve), alike=())
+    mass = of(Term(effect=BY_KEY["extra_mass"]), 0.25)
+    assert unnamed_causes(replace(sound, open_causes=(pitch, uneven, mass))) == (
         "Without a name, as it was seen: pitch along airspeed (or climb (axial advance ratio)), "
-        "2.0 to 9.0 m/s (12 rpm); yaw all along (12 rpm); keep it in the model with "
-        "--out-model, held at "
-        "its edge beyond that range, with twice the interval."
+        "2.0 to 9.0 m/s (12 rpm); the loss of rotor 3 (front left) along airspeed, 2.0 to 9.0 m/s "
+        "(12 rpm), an alarm until it is repaired; the aircraft is 0.25 kg heavier than model and "
+        "tank gauge say (0.20 to 0.30), 91 % likely; keep it in the model with --out-model, held "
+        "at its edge beyond that range, with twice the interval"
     )
+    alone = replace(sound, open_causes=(mass,))
+    assert "edge" not in unnamed_causes(alone)
+    assert f"{unnamed_causes(alone)}." in answer(alone, change())
 
 
 def test_a_loss_that_the_model_already_holds_is_still_a_bad_rotor(sound):

@@ -453,3 +453,28 @@ def test_a_rotor_is_named_by_a_steady_loss_and_one_along_a_channel_together(alon
     assert found.named() == named
     assert found.estimate(3).probability == pytest.approx(0.78 + along)
     assert found.one_of([]) == ()
+
+
+def test_a_knot_that_no_flight_reaches_is_as_the_last_that_one_does():
+    """Its error is that of its prior, 0.02; the first knot rests at 0 and is none of the free."""
+    curve = candidate(Term(effect=UNNAMED["pitch", "airspeed"]), 2)
+    curve = replace(curve, free=((1, None), (2, None), (3, None)))
+    values = curve.start.copy()
+    values[:, :4] = 0.0, 0.004, 0.03, 0.002
+
+    def estimate(*errors: float) -> list[float]:
+        one = FittedSet(
+            key=frozenset({0}),
+            held=(Held(candidate=curve, values=values),),
+            scored=Scored(log_evidence=0.0, step=np.zeros(3), variance=np.square(errors)),
+            total=0.0,
+            residual=np.zeros((1, 4)),
+        )
+        search: Any = SimpleNamespace(fitted={one.key: one}, candidates=[curve])
+        found = posterior_of(search).estimate(0)
+        assert np.array_equal(found.value[0], found.value[1])
+        return found.value[0, :4].tolist()
+
+    assert estimate(0.004, 0.004, 0.004) == [0.0, 0.004, 0.03, 0.002]
+    assert estimate(0.004, 0.004, 0.02) == [0.0, 0.004, 0.03, 0.03]
+    assert estimate(0.02, 0.004, 0.004) == pytest.approx([0.0, 0.015, 0.03, 0.002])

@@ -12,9 +12,9 @@ from thrustmargin.models.identification.rows.candidates import Held, derivatives
 from thrustmargin.models.identification.rows.reduced import reduce_flights
 from thrustmargin.models.identification.sets.discrepancy import free_columns, hats, wander_columns
 from thrustmargin.models.identification.sets.effect_forms import forms_of
+from thrustmargin.models.identification.sets.law_errors import _answers_to_load
 from thrustmargin.models.identification.sets.onsets import _LossSums, _steps, onset_candidates
 from thrustmargin.models.identification.sets.search_space import (
-    _answers_to_load,
     _flight_offsets,
     _within_flights,
     search_space,
