@@ -6,10 +6,10 @@ import numpy as np
 import viser
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
+from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.scene.aircraft import VehicleNode
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
-from thrustmargin.gcs_plugin.wording.palette import seen_for
 
 GREY = (165, 165, 165)  # of no data, by hand
 
