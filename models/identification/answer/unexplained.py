@@ -8,7 +8,7 @@ than in good flights: that is reported, and takes no name away, for a gusty day 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -62,15 +62,24 @@ def unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
 
 def _likely(answer: Posterior) -> dict[int, Floats]:
     """Causes without a name in the likeliest set that are likelier than not there, in the same mode
-    or of the same rotor: candidate -> (R,) mean square, rpm², of what it does."""
+    or of the same rotor: candidate -> (R,) mean square, rpm², of what all of these do together, for
+    two may take back each other's changes. Of several the one that does most by itself."""
     search, best = answer.search, answer.best
+    members = dict(zip(sorted(best.key), best.held, strict=True))
     whole = predicted(search.reduced, best.held)
+
+    def square(without: Collection[int]) -> Floats:
+        rest = [held for c, held in members.items() if c not in without]
+        return np.mean(np.nan_to_num(whole - predicted(search.reduced, rest)) ** 2, axis=0)
+
     found: dict[int, Floats] = {}
-    for k, c in enumerate(sorted(best.key)):
-        if search.candidates[c].unnamed and answer.probability(_in_place_of(c, search)) > CHOICE:
-            rest = [*best.held[:k], *best.held[k + 1 :]]
-            change = np.nan_to_num(whole - predicted(search.reduced, rest))
-            found[c] = np.mean(change**2, axis=0)
+    seen: set[int] = set()
+    for c in sorted(best.key):
+        alike = set(_in_place_of(c, search)) if search.candidates[c].unnamed else set()
+        if c not in seen and answer.probability(alike) > CHOICE:
+            group = alike & best.key
+            seen |= group
+            found[max(group, key=lambda k: float(square([k]).sum()))] = square(group)
     return found
 
 
@@ -171,8 +180,9 @@ def closest_to(left: Unexplained | None, named: Sequence[int], answer: Posterior
     do not. Beside a rotor of which the loss goes along a channel, however slightly, other names may
     only make up for that."""
     search, best = answer.search, answer.best
-    terms = {c: search.candidates[c].term for c in {*named, *_likely(answer)}}
-    uneven = {terms[c].rotor for c in _likely(answer)} - {None}
+    likely = _likely(answer)
+    terms = {c: search.candidates[c].term for c in {*named, *likely}}
+    uneven = {terms[c].rotor for c in likely} - {None}
     held = dict(zip(sorted(best.key), best.held, strict=True))
     along: set[str] = set()
     if left is not None and not left.wanders:

@@ -9,7 +9,7 @@ from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.accepted_names import imitates
-from thrustmargin.models.identification.answer.posterior import posterior_of
+from thrustmargin.models.identification.answer.posterior import Posterior, posterior_of
 from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.answer.unexplained import (
     _matters,
@@ -25,6 +25,8 @@ from thrustmargin.models.identification.rows.candidates import (
     unnamed_candidates,
 )
 from thrustmargin.models.identification.rows.modes import modes
+from thrustmargin.models.identification.sets.evidence import Scored
+from thrustmargin.models.identification.sets.linear_sets import FittedSet
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
@@ -282,3 +284,35 @@ def test_beside_a_loss_that_goes_along_a_channel_no_other_name_stands():
     alone, both = (OneOf(terms=tuple(of), probabilities=()) for of in (terms[:1], terms))
     assert [imitates(one, None, answer) for one in (alone, both)] == [True, False]
     assert not imitates(alone, None, steady)
+
+
+def test_two_curves_that_take_back_each_other_are_as_large_as_what_they_do_together():
+    """Without wind the airspeed is the speed forward: +5 % along one and -4 % along the other."""
+    space, search, _ = searched(with_wave(None))
+    by_key = {c.key: k for k, c in enumerate(search.candidates)}
+
+    def held(channel: str, size: float) -> tuple[int, Held]:
+        c = by_key[f"unnamed_cause:pitch along {channel}"]
+        values = search.candidates[c].start.copy()
+        values[:, 1:4] = size
+        return c, Held(candidate=search.candidates[c], values=values)
+
+    def alone(*members: tuple[int, Held]) -> FittedSet:
+        kept = sorted(members, key=lambda pair: pair[0])
+        count = sum(len(h.candidate.free) for _, h in kept)
+        return FittedSet(
+            key=frozenset(c for c, _ in kept),
+            held=tuple(h for _, h in kept),
+            scored=Scored(log_evidence=0.0, step=np.zeros(count), variance=np.ones(count)),
+            total=0.0,
+            residual=np.zeros_like(space.reduced.measured_rpm),
+        )
+
+    one = held("airspeed", 0.05)
+    sizes = []
+    for fitted in (alone(one), alone(one, held("forward_speed", -0.04))):
+        left = unexplained(space, Posterior.of(search, [fitted]))
+        assert left is not None
+        sizes.append(left.rms_rpm)
+    assert sizes[0] > 20.0
+    assert sizes[1] == pytest.approx(0.2 * sizes[0], rel=0.25)
