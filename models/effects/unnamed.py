@@ -68,6 +68,7 @@ ALONG: Mapping[str, Along] = {
 #: that of one rotor, and the channels along which its loss may go: what it carries, where it meets
 #: another's wake, and what gets warm; the first is not one of a mode
 ROTOR, OF_ROTOR, ONLY_ROTORS = "rotor", ("load", "airspeed", "time_s"), ("load",)
+SLOW = ("time_s", "tank_kg", "air_temperature")  # channels that change over minutes
 CONSTANT = "constant"  # along nothing: the same all the time
 
 

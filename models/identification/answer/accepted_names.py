@@ -79,8 +79,11 @@ def accepted_names(
     one_of = tuple(one for one in answer.one_of(named) if not imitates(one, left, answer))
     firsts = {one.terms[0].key for one in one_of}
     either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
-    open_ = [] if problem.of_outputs else shown_again(left_out, answer, matter, named)
-    estimates = answer.estimates([*matter, *open_], either)
+    estimates = answer.estimates(matter, either)
+    standing = [e.candidate for e in estimates]
+    open_ = [] if problem.of_outputs else shown_again(left_out, answer, standing, named)
+    if open_:
+        estimates = answer.estimates([*standing, *open_], either)
     members = [e.candidate for e in estimates]
     return AcceptedNames(
         answer=answer,

@@ -11,6 +11,7 @@ from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
+from thrustmargin.models.effects.unnamed import SLOW, place_of
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -192,9 +193,10 @@ def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Floats, d
 
 
 def _curves(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
-    """(N, R, K) rpm in modes: what causes without a name may do at most, knot by knot."""
+    """(N, R, K) rpm in modes: what causes without a name may do at most, knot by knot, along
+    channels as slow as the noise that they could be taken for."""
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
-    for one in unnamed:
+    for one in (c for c in unnamed if place_of(c.term.effect)[1] in SLOW):
         most = np.array([p.upper for p in one.parameters])
         columns.append(most * derivatives(reduced, [Held(candidate=one, values=one.start)], 0))
     return np.nan_to_num(np.concatenate(columns, axis=2))

@@ -47,9 +47,9 @@ def test_every_frame_goes_out_in_order_at_its_time(tmp_path):
         transport.close()
     assert [data for _, data in heard] == [f.data for f in frames]
     assert (played.frames, played.bytes) == (len(frames), sum(len(f.data) for f in frames))
-    # 2.9 s of log at twice its speed; a busy machine may be late, but never early.
+    # 2.9 s of log at twice its speed; a busy machine may be late, also with the first of them.
     took = heard[-1][0] - heard[0][0]
-    assert 1.44 < took < 3.0
+    assert 1.2 < took < 3.0
     assert played.log_s == pytest.approx(2.9)
 
 

@@ -110,7 +110,7 @@ def test_the_first_line_names_part_amount_and_action(done):
 
 def test_the_tables_fit_a_terminal_of_80_columns(done):
     lines = done[1].splitlines()
-    table = lines[next(k for k, line in enumerate(lines) if line.startswith("found ")) :]
+    table = lines[next(k for k, line in enumerate(lines) if line.strip().startswith("found ")) :]
     rows = [line for line in table if not line.startswith(("new model", "wrote"))]
     assert max(len(line) for line in rows) <= 80
     text = "\n".join(rows)

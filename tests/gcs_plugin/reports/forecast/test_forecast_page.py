@@ -25,7 +25,7 @@ def made():
 def test_the_answer_comes_before_the_chart_and_the_chart_before_what_was_assumed(made):
     page = html_text(made, "field.plan")
     call, _, reason = verdict(made).partition(": ")
-    order = (call.split()[0], "Weakest", "Fill at most", "figure-use", "hardest of", "Assumed")
+    order = (call.split()[0], "Fill at most", "Weakest", "figure-use", "hardest of", "Assumed")
     at = [page.index(words, page.index("<main>")) for words in order]
     assert at == sorted(at)
     assert 'class="verdict under"' in page

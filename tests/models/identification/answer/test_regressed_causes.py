@@ -44,6 +44,7 @@ def test_a_cause_in_every_flight_is_found_where_it_acts_and_leaves_the_noise(pro
     assert rms(residual) > 2.0 * NOISE
     found = open_causes(problem, residual, ())
     first = found.causes[0]
+    assert first.place is not None
     mode, channel = first.place
     assert mode == "pitch"
     assert "time_s" in (channel, *first.alike)

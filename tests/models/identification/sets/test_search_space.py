@@ -15,8 +15,8 @@ from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.discrepancy import form_columns, slowly
+from thrustmargin.models.identification.sets.law_errors import _answers
 from thrustmargin.models.identification.sets.search_space import (
-    _answers,
     _left_noise,
     main_values,
     search_space,

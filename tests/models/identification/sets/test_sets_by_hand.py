@@ -29,13 +29,13 @@ from thrustmargin.models.identification.sets.discrepancy import (
     wander_columns,
 )
 from thrustmargin.models.identification.sets.evidence import prior_of
+from thrustmargin.models.identification.sets.law_errors import _shapes
 from thrustmargin.models.identification.sets.onsets import without_rotors
 from thrustmargin.models.identification.sets.search_space import (
     _busy,
     _flight_offsets,
     _free_sizes,
     _scatter_sizes,
-    _shapes,
     _wander,
 )
 from thrustmargin.models.identification.sets.set_search import Search
