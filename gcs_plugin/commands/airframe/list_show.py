@@ -64,12 +64,11 @@ class AirframeShow:
 def print_airframe(console: Console, craft: Airframe) -> None:
     """The aircraft in a sentence, its quantities and its rotors as tables."""
     console.print(repr(craft), soft_wrap=True)
-    table = grid(("quantity", "value", "unit", "from"), left=(0, 2, 3))
+    table = grid(("quantity", "value", "unit", "known", "from"), left=(0, 2, 3, 4))
     for name, q in craft.quantities.items():
-        guessed = q.guessed and not q.source.startswith("guessed")
-        source = f"guessed: {q.source}" if guessed else q.source
+        known, style = ("guessed", "yellow") if q.guessed else ("", "")
         unit = "" if q.unit == "1" else q.unit
-        table.add_row(name, f"{q.value:.5g}", unit, source, style="yellow" if q.guessed else "")
+        table.add_row(name, f"{q.value:.5g}", unit, known, q.source, style=style)
     console.print(table)
     rotors = []
     for n, name in enumerate(craft.rotor_names):
