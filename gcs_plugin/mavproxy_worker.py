@@ -292,7 +292,8 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
     source = f" {now.tank_source}" if now.tank_source else ""
     if now.withheld:
         words = f"vehicle {now.vehicle}, {state}{old}: {now.withheld}"
-        return [words, *(f"  ALARM {text}" for text in now.alarms)]
+        said = () if now.answer is None else (now.answer.line, *now.answer.contact_lines)
+        return [words, *(f"  {line}" for line in said), *(f"  ALARM {text}" for text in now.alarms)]
     lines = [
         f"vehicle {now.vehicle}, {state}{old}: thrust margin {share(now.margin)}{within}{rotor}"
         f"{basis}, "

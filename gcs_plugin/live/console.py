@@ -85,9 +85,8 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
             for line in (watch.problem, stale, words.not_followed_words(watch.not_followed))
             if line
         ]
+        remarks += [Text(words.of_vehicle(number, line)) for line in answer_lines(watch)]
         if watch.last is not None:
-            if (answer := watch.last.answer) is not None:
-                remarks.append(Text(words.of_vehicle(number, answer.line)))
             remarks += [
                 Text(words.of_vehicle(number, line), style="dim") for line in watch.last.remarks
             ]
@@ -104,6 +103,13 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
         loud = line.startswith((words.NOT_RECORDING, words.BEHIND))
         parts.append(Text(line, style="bold white on red" if loud else "dim"))
     return Group(*parts)
+
+
+def answer_lines(watch: VehicleMonitor) -> tuple[str, ...]:
+    """The answer of its flight so far, or of the last; of an aircraft that is not known with what
+    its rows show."""
+    answer = None if watch.last is None else watch.last.answer
+    return () if answer is None else (answer.line, *answer.contact_lines)
 
 
 def vehicle_cells(

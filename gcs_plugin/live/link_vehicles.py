@@ -7,12 +7,12 @@ from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_MISSION
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.watch.watch_settings import Later, WatchSettings, when_asked
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.who_sends import GROUND_STATION, HEARTBEAT, NO_AUTOPILOT
-from thrustmargin.models.model.advice import Advice
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STATIONS = (0, 255)  # system ids that are never vehicles
@@ -32,7 +32,7 @@ class Fleet:
         settings: WatchSettings | None = None,
         *,
         heard_us: Mapping[int, int] = MappingProxyType({}),
-        later: Later[Advice] = when_asked,
+        later: Later[FlightAdvice] = when_asked,
     ) -> None:
         self._model, self._heard_us, self._later = model, heard_us, later
         self._settings = WatchSettings() if settings is None else settings

@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
-from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 from thrustmargin.models.errors import AirframeError, DataError
 
 #: What ArduPilot says when it starts: its board, and its serial number in three words.

@@ -85,7 +85,11 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
         return say("ABOVE THE {limit} LIMIT FOR {long}", limit=limit, long=long)
     if level is FlightLevel.UNKNOWN:
         return say("NO VERDICT")
-    return say(SEVERAL[level], limit=limit)
+    words = say(SEVERAL[level], limit=limit)
+    if advice.ends_in_flight and level is FlightLevel.UNDER:
+        # What was not seen may have been above it.
+        return say("{words} UP TO {clock}", words=words, clock=clock(advice.unseen_from_s))
+    return words
 
 
 def _fault_line(advice: Advice, fault: RotorFault) -> str:
@@ -157,7 +161,8 @@ def action(advice: Advice) -> str:
         carried = number(advice.fill.start_kg, "kg")
         load = f"{load}; {say('carry less than the {kg} of this flight', kg=carried)}"
     if not first:
-        return f"{say('nothing')}; {load}" if within else load
+        done = say("see how the flight ended" if advice.ends_in_flight else "nothing")
+        return f"{done}; {load}" if within else load
     later = advice.fill.beyond_gauge_kg > 0.0
     then = say("until then {load}" if later else "for the load: {load}", load=load)
     return "; ".join([*first, then])
@@ -228,6 +233,8 @@ def one_rotor_out(advice: Advice) -> str:
         )
         return say(words, long=long, all=whole, held=held)
     words = "the weight can be held all flight, {spins} ({held} or more)"
+    if advice.ends_in_flight:
+        words = "the weight can be held for as long as the log goes, {spins} ({held} or more)"
     return say(words, spins=say(SPINS), held=held)
 
 

@@ -7,11 +7,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.advice_words import action, headline, suspects
+from thrustmargin.gcs_plugin.wording.advice_words import action, suspects
 from thrustmargin.gcs_plugin.wording.fault_words import place_words
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock, number
+from thrustmargin.gcs_plugin.wording.report_words import (
+    FirstContact,
+    contact_facts,
+    contact_headline,
+    contact_shown,
+    first_line,
+)
 from thrustmargin.models.model.advice import Advice, FlightLevel
 
 
@@ -26,6 +33,7 @@ class FlightAnswer:
     fill_kg: float = math.nan  # to plan the next fill by, rounded down
     brief: str = ""  # what to do after landing, in the 50 letters of a STATUSTEXT
     until_s: float = math.nan  # of the flight, up to which it goes; NaN of a whole one
+    contact: FirstContact | None = None  # of an aircraft that is not known: what its rows show
 
     @property
     def line(self) -> str:
@@ -35,6 +43,15 @@ class FlightAnswer:
             which = say("flight to {clock}", clock=clock(self.until_s))
         words = ": ".join(filter(None, (which, self.headline, self.action)))
         return words[:1].upper() + words[1:]
+
+    @property
+    def contact_lines(self) -> tuple[str, ...]:
+        """What the rows of an aircraft that is not known show; once it has landed also what its
+        owner is asked."""
+        if self.contact is None:
+            return ()
+        found = contact_facts if math.isnan(self.until_s) else contact_shown
+        return tuple(f"{say(fact.label)}: {fact.text}" for fact in found(self.contact))
 
     @property
     def gravity(self) -> float:
@@ -51,24 +68,30 @@ class FlightAnswer:
             "rotors": list(self.rotors),
             "fill_kg": None if math.isnan(self.fill_kg) else self.fill_kg,
             "until_s": None if math.isnan(self.until_s) else round(self.until_s, 1),
+            "shows": list(self.contact_lines),
         }
 
 
-def answer_of(advice: Advice, until_s: float = math.nan) -> FlightAnswer:
-    """The answer in words; `until_s` is the row up to which it goes, NaN of a whole flight."""
+def answer_of(
+    advice: Advice, contact: FirstContact | None = None, until_s: float = math.nan
+) -> FlightAnswer:
+    """The answer in words; `contact` is what an aircraft that is not known shows, `until_s` the row
+    up to which it goes, NaN of a whole flight."""
     return FlightAnswer(
-        headline=headline(advice),
+        headline=first_line(advice, contact),
         level=advice.level,
         action=action(advice),
         rotors=suspects(advice),
         fill_kg=safe_kg(advice.fill),
-        brief=brief(advice),
+        brief=brief(advice, contact),
         until_s=until_s,
+        contact=contact,
     )
 
 
-def brief(advice: Advice) -> str:
-    """What to do before the next flight, in 50 letters; empty where nothing is known."""
+def brief(advice: Advice, contact: FirstContact | None = None) -> str:
+    """What to do before the next flight, else what an aircraft that is not known shows, in 50
+    letters; empty where nothing is known."""
     if FlightLevel.LOST in advice.levels:
         return say(actions.GROUND_BRIEFLY)
     if FlightLevel.DAMAGED in advice.levels:
@@ -80,6 +103,8 @@ def brief(advice: Advice) -> str:
     if FlightLevel.BATTERY in advice.levels:
         volts = number(advice.battery.least_cell, "V", 2)
         return say("Battery {volts} a cell: test or retire it", volts=volts)
+    if advice.level is FlightLevel.UNKNOWN and contact is not None:
+        return contact_headline(contact)
     if advice.level is FlightLevel.UNKNOWN or not math.isfinite(advice.fill.kg):
         return ""
     if advice.fill.nothing_fits is not None or advice.fill.kg <= 0.0:

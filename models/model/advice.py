@@ -97,7 +97,7 @@ class Advice:
     losses: tuple[LossOfControl, ...]
     rotor_count: int
     rotor_names: tuple[str, ...]  # empty where it is not known which rotor is which
-    ends_in_flight: bool  # the log ends before the flight did
+    unseen_from_s: float  # of the flight, where its log ends before it did; NaN of a whole one
     goes_on: bool  # it flies now: all is of the flight so far
     #: For most of the flight neither speed nor output shows what a rotor did: what it should have
     #: done is no ground for a good answer.
@@ -108,6 +108,11 @@ class Advice:
     def level(self) -> FlightLevel:
         """The gravest."""
         return self.levels[0]
+
+    @property
+    def ends_in_flight(self) -> bool:
+        """Whether all of it is of a part of the flight alone."""
+        return bool(np.isfinite(self.unseen_from_s))
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -202,7 +207,7 @@ def advise(
             rotor_count=track.rotor_count,
             rotor_names=analysis.model.airframe.rotor_names if names_known else (),
             predicted_alone=predicted_alone,
-            ends_in_flight=bool(not goes_on and whole.track.flying.size and whole.track.flying[-1]),
+            unseen_from_s=NAN if goes_on else _unseen_from(whole.track),
             goes_on=goes_on,
             withheld=bool(analysis.withheld),
         ),
@@ -211,6 +216,11 @@ def advise(
         fill_limit_kg=by_use,
         fill_one_rotor_out_kg=by_lost,
     )
+
+
+def _unseen_from(track: FlightTrack) -> float:
+    flies = track.flying.size and track.flying[-1]
+    return float(track.time_s[-1]) if flies else NAN
 
 
 def _load_level(use: ThrustUse, low: Floats, high: Floats) -> FlightLevel:

@@ -7,10 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.live.live_vehicle import log_frames
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings, season_flights
+from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
+from thrustmargin.gcs_plugin.live.alarms.alarm import NOTICE, WARNING, Alarm
+from thrustmargin.gcs_plugin.live.metrics.collector import _of_vehicle
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
+from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
+from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.advice_words import action, headline
 from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.analysis import analyse
@@ -49,6 +60,51 @@ def test_report_page_json_console_replay_store_and_python_agree(
     advice = advise(analyse(read_log(path).track, shipped_model())).advice
     assert (headline(advice), action(advice)) == (first, do)
     assert f"{np.floor(advice.fill.kg * 10) / 10:.1f} kg" in do
+
+
+def test_of_an_aircraft_that_is_not_known_live_says_what_the_report_says(sitl_logs: Path):
+    """Terminal, page, bar, metrics and MAVProxy, once it has landed; in flight of the flight so
+    far, without what its owner is asked."""
+    path = sitl_logs / "campaign/v4_m10_q2.5.tlog"
+    other = chosen_model(None, "agras-t20")
+    ((log, claim),) = claimed_flights(path, other, given=False)
+    reported = report_flight(analyse(log.track, other, claim=claim), log, max_utilisation=0.5)
+    first = reported.verdict.headline
+    assert first.startswith("Motors at ")
+    vehicle = VehicleMonitor(1, other, WatchSettings(airframe_given=False, link="udpin:LINK"))
+    frames = [frame for frame in log_frames(path) if frame.system == 1]
+    half = len(frames) // 2
+    for frame in frames[:half]:
+        vehicle.take(frame)
+    so_far = vehicle.updates()[-1].answer
+    assert so_far is not None
+    assert so_far.line.startswith("Flight to 1:48: Motors at ")
+    assert [line.partition(":")[0] for line in so_far.contact_lines] == [
+        "motor outputs",
+        "in the log",
+    ]
+    for frame in frames[half:]:
+        vehicle.take(frame)
+    last = vehicle.updates(final=True)[-1]
+    answer = last.answer
+    assert answer is not None
+    assert (answer.headline, answer.brief) == (first, first)
+    facts = {fact.label: fact.text for fact in reported.verdict.facts}
+    said = dict(line.split(": ", 1) for line in answer.contact_lines)
+    copied = {"to copy", "or be asked"}  # they name the link, and not the log
+    assert said["or be asked"] == "thrustmargin airframe new --from udpin:LINK"
+    assert {k: v for k, v in said.items() if k not in copied}.items() <= facts.items()
+    assert set(said) >= {"motor outputs", "in the log", "--mass KG", *copied}
+    assert f"  Last flight: {first}" in summary(reading(last, 0.0), 0.5, 0.0)
+    contact = answer.contact
+    assert contact is not None
+    assert _of_vehicle(last)["outputs_median_ratio"] == contact.median_use
+    notice = Alarm("airframe", None, NOTICE, "NO VERDICT: airframe not known", 0.0)
+    row = ShownRow(last.analysis, -1)
+    page = VehicleSummary(number=1, row=row, update=last, alarms=(notice,))
+    assert page.first_line == (first, "", "grey")
+    low = Alarm("tank", None, WARNING, "Tank nearly empty", 0.0)
+    assert replace(page, alarms=(low, notice)).first_line[0] == "Tank nearly empty"
 
 
 def test_fill_says_before_the_flight_what_the_report_says_after_it(sitl_logs: Path):

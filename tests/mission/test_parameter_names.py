@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 from thrustmargin.mission.parameter_names import OTHER_NAMES, parameter
 
 

@@ -39,7 +39,7 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted
     from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters
-    from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
+    from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import ReportedAirframe
     from thrustmargin.models.physics.airframe import Airframe, Quantity
 
 
@@ -139,7 +139,7 @@ class AirframeNew:
 
 def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -> ReportedAirframe:
     """What the vehicle says and a bench table shows."""
-    from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
+    from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 
     reported = reported_airframe(
         found.parameters,

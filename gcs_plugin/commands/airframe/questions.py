@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.wording.report_words import QUESTIONS, option_words
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
+    from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import ReportedAirframe
 
 #: Endings of logs, without a folder's reports and tables.
 LOGS = (".bin", ".log", ".tlog", ".ulg")

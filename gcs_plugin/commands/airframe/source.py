@@ -12,7 +12,7 @@ from thrustmargin.models.errors import LogError
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
+    from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import ReportedAirframe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,7 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
         return _fetched(source, vehicle, timeout)
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.logs.parameter_file import SUFFIXES, read_parameters
-    from thrustmargin.gcs_plugin.reports.margin.first_contact import highest_voltage
+    from thrustmargin.gcs_plugin.telemetry.first_contact import highest_voltage
 
     if path.suffix.lower() in SUFFIXES:
         return VehicleParameters(parameters=read_parameters(path), words=path.name)

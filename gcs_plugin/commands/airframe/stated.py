@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
+    from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import ReportedAirframe
     from thrustmargin.models.physics.airframe import Quantity
 
 #: A power set that does not ship: its propeller and thrust are stated.

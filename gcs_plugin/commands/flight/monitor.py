@@ -350,15 +350,17 @@ def _show(
 
 
 def _summary(live: LiveMonitor) -> None:
-    """What has been heard, on one line a vehicle; also when nobody watches the table."""
-    from thrustmargin.gcs_plugin.live.console import status_lines
-    from thrustmargin.gcs_plugin.wording.live_words import copies_words
+    """What has been heard and the answer of the flight; also when nobody watches the table."""
+    from thrustmargin.gcs_plugin.live.console import answer_lines, status_lines
+    from thrustmargin.gcs_plugin.wording.live_words import copies_words, of_vehicle
 
     out = Terminal(stderr=True)
     for number, watch in live.fleet.vehicles.items():
-        words = f"vehicle {number}: {watch.rows} samples, {watch.problem or watch.claim.described}"
-        out.print(words, soft_wrap=True)
+        lines = [f"{watch.rows} samples, {watch.problem or watch.claim.described}"]
+        lines += answer_lines(watch)
         if watch.doubled:
-            out.print(f"vehicle {number}: {copies_words(watch.doubled)}", soft_wrap=True)
+            lines.append(copies_words(watch.doubled))
+        for line in lines:
+            out.print(of_vehicle(number, line), soft_wrap=True, markup=False)
     for line in status_lines(live.status()):
         out.print(line, soft_wrap=True)

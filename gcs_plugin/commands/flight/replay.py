@@ -25,7 +25,6 @@ from thrustmargin.gcs_plugin.commands.shared.reading import (
 from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
-from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -127,12 +126,11 @@ def replay_view(
     from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
     from thrustmargin.gcs_plugin.logs.findings import names_known, names_wrong, repeated
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
-    from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
+    from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
     from thrustmargin.gcs_plugin.wording.advice_words import headline
     from thrustmargin.gcs_plugin.wording.answer import answer_of
-    from thrustmargin.gcs_plugin.wording.report_words import contact_facts, first_line
     from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
@@ -154,13 +152,14 @@ def replay_view(
         (flight, claim), analysis, answer = flights[shown], analyses[shown], answers[shown]
         older = None if before is None else analyse(analysis.track, before, claim=claim)
         found = repeated(findings[shown])
-        contact = first_contact(flight, claim)
-        words = ": ".join([first_line(answer, contact), *names_wrong(found)])
+        contact = first_contact_of(flight, claim)
+        whole = answer_of(answer, contact)
+        words = ": ".join([whole.headline, *names_wrong(found)])
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
-    for fact in () if contact is None else contact_facts(contact):
-        console.print(escape(f"  {say(fact.label)}: {fact.text}"))
+    for line in whole.contact_lines:
+        console.print(escape(f"  {line}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
         line = f"{sortie_words(other.sortie, other.track)}: {headline(answers[k])}"
         console.print(f"  {line}; {'shown' if k == shown else f'--sortie {k + 1} shows it'}")
@@ -169,6 +168,6 @@ def replay_view(
         waypoints=flight.waypoints,
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        whole=replace(answer_of(answer), headline=words),
+        whole=replace(whole, headline=words),
         **options,
     )

@@ -41,6 +41,8 @@ FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
         ("vehicle",),
     ),
     "next_fill_kg": ("Largest fill by that flight, at the safe end", ("vehicle",)),
+    "outputs_median_ratio": ("Of an aircraft not known: its motors' outputs", ("vehicle",)),
+    "outputs_most_ratio": ("The highest of them in that flight", ("vehicle",)),
     "verdict_withheld": ("1: the aircraft is not known, no margin is claimed", ("vehicle",)),
 }
 #: What comes in, of the whole monitor: field of MonitorStatus -> what it counts.
@@ -159,6 +161,9 @@ def _of_vehicle(update: Update) -> dict[str, float]:
     analysis, outlook, answer = update.analysis, update.outlook, update.answer
     predicted = analysis.margin_predicted[-1]
     flying = bool(analysis.track.flying[-1])
+    shown = None if answer is None else answer.contact
+    if shown is not None and shown.basis != "motor outputs":
+        shown = None
     return {
         "margin_predicted_ratio": float(np.min(predicted)) if predicted.size else math.nan,
         "redundancy_ratio": float(analysis.redundancy_yaw_uncontrolled[-1]),
@@ -171,6 +176,8 @@ def _of_vehicle(update: Update) -> dict[str, float]:
         "flying": float(flying),
         "flight_level": math.nan if answer is None else answer.gravity,
         "next_fill_kg": math.nan if answer is None else answer.fill_kg,
+        "outputs_median_ratio": math.nan if shown is None else shown.median_use,
+        "outputs_most_ratio": math.nan if shown is None else shown.worst_use,
         "verdict_withheld": float(bool(analysis.withheld)),
     }
 

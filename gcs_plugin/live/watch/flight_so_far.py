@@ -18,8 +18,12 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
+from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
+from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, serviced
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
+from thrustmargin.gcs_plugin.wording.report_words import FirstContact
+from thrustmargin.models.checks.frozen import without_frozen
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
@@ -40,23 +44,36 @@ SETTLED = 5.0  # s on the ground after which a flight is over, for as long as no
 STOOD = 600.0  # s on the ground before the first take-off that are kept
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FlightAdvice:
+    """What a report says of a flight, or would say of it so far."""
+
+    advice: Advice
+    contact: FirstContact | None  # of an aircraft that is not known
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightSoFar:
     """One flight up to a row; its answer is worked out when a screen asks for it."""
 
     track: FlightTrack  # as measured
-    parameters: Mapping[str, float]
+    state: VehicleState
     model: RotorModel
     claim: AirframeClaim
     faults: FaultHistory
     limit: float  # share of a rotor's largest thrust that may last
     goes_on: bool  # it has not landed
-    reported: Callable[[], Advice | None] = lambda: None  # of one that is over: as a report has it
+    reported: Callable[[], FlightAdvice | None] = lambda: None  # of one that is over
 
     @property
     def advice(self) -> Advice:
         """So far; of a flight that is over, the report's own."""
-        return self.so_far if (known := self.reported()) is None else known
+        return (self.reported() or self.so_far).advice
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """The autopilot's."""
+        return self.state.parameters
 
     @cached_property
     def outputs(self) -> OutputEvidence | None:
@@ -81,9 +98,9 @@ class FlightSoFar:
         return 0.0 if track is self._prepared else float(np.nanmedian(beyond))
 
     @cached_property
-    def so_far(self) -> Advice:
+    def so_far(self) -> FlightAdvice:
         """As of a report of these rows, with the faults that were found in flight."""
-        track, withheld = self._prepared, self.claim.withheld
+        track, withheld, state = self._prepared, self.claim.withheld, self.state
         made = advise(
             analyse(track, self.model, claim=replace(self.claim, outputs=self.outputs)),
             limit=self.limit,
@@ -91,7 +108,10 @@ class FlightSoFar:
             history=self.faults,
             goes_on=self.goes_on,
         )
-        return made.advice
+        pilot = AUTOPILOTS.get(state.autopilot, "unknown")
+        whole = without_frozen(self.track, flown_airframe(self.model), state.parameters)
+        known = whole, self.claim, state.parameters, state.facts
+        return FlightAdvice(made.advice, first_contact(*known, autopilot=pilot))
 
     @property
     def settled(self) -> bool:
@@ -105,11 +125,13 @@ class FlightSoFar:
 
     @cached_property
     def _whole_answer(self) -> FlightAnswer:
-        return answer_of(self.advice)
+        whole = self.reported() or self.so_far
+        return answer_of(whole.advice, whole.contact)
 
     @cached_property
     def _answer_so_far(self) -> FlightAnswer:
-        return answer_of(self.so_far, float(self.track.time_s[-1]))
+        known = self.so_far
+        return answer_of(known.advice, known.contact, float(self.track.time_s[-1]))
 
 
 def _names_known(track: FlightTrack, model: RotorModel) -> bool:
@@ -118,7 +140,7 @@ def _names_known(track: FlightTrack, model: RotorModel) -> bool:
 
 
 #: Gives the answer of a flight that is over once that is known.
-Over = Callable[[FlightSoFar], Callable[[], Advice | None]]
+Over = Callable[[FlightSoFar], Callable[[], FlightAdvice | None]]
 
 
 class SortieRows:
@@ -192,7 +214,8 @@ class SortieRows:
         if self.now is None or not self._alarms.of_parts:
             return
         if (reported := self.now.reported()) is not None:
-            self._alarms.restate([one.fault for one in reported.faults], reported.places)
+            advice = reported.advice
+            self._alarms.restate([one.fault for one in advice.faults], advice.places)
 
     def make(self) -> None:
         """The flight up to the last row."""
@@ -208,7 +231,7 @@ class SortieRows:
         self._made_s = float(whole.time_s[-1])
         self.now = FlightSoFar(
             track=track,
-            parameters=state.parameters,
+            state=state,
             model=self._model,
             claim=claim,
             faults=_since(self._alarms.fault_history[self._earlier :], zero_s),

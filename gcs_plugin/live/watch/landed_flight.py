@@ -11,19 +11,21 @@ from __future__ import annotations
 import struct
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, OF_MISSION
-from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.watch_settings import Later, WatchSettings
 from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
 from thrustmargin.gcs_plugin.logs.findings import names_known
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
+from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
 from thrustmargin.models.errors import ThrustMarginError
-from thrustmargin.models.model.advice import Advice, advise
+from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -41,7 +43,7 @@ class LandedFlights:
     and reads them when a flight is over; `later` says when that is done."""
 
     def __init__(
-        self, system: int, model: RotorModel, settings: WatchSettings, later: Later[Advice]
+        self, system: int, model: RotorModel, settings: WatchSettings, later: Later[FlightAdvice]
     ) -> None:
         self._system, self._model, self._settings, self._later = system, model, settings, later
         self._chunks: list[tuple[int, bytearray, bytearray]] = []  # first µs, all, what lasts
@@ -63,7 +65,7 @@ class LandedFlights:
             if self._chunks[k + 1][0] <= before_us and len(whole) > len(lasting):
                 self._chunks[k] = first_us, lasting, lasting
 
-    def answer(self, flight: FlightSoFar) -> Callable[[], Advice | None]:
+    def answer(self, flight: FlightSoFar) -> Callable[[], FlightAdvice | None]:
         """What a report says of the flight; what it said so far where none can be made of it."""
         tlog = b"".join(whole for _, whole, _ in self._chunks)
         read = partial(as_reported, tlog, self._model, self._settings, system=self._system)
@@ -72,7 +74,7 @@ class LandedFlights:
 
 def as_reported(
     tlog: bytes, model: RotorModel, settings: WatchSettings, *, system: int
-) -> Advice | None:
+) -> FlightAdvice | None:
     """What `report` says of a vehicle's last flight in a .tlog; None where it cannot be read."""
     given = settings.airframe_given
     with tempfile.TemporaryDirectory(prefix="thrustmargin-") as folder:
@@ -85,8 +87,10 @@ def as_reported(
             return None
     log, claim = flights[-1]
     found = inspect_log(log, model.airframe, claim).findings
-    return advise(
+    made = advise(
         analyse(log.track, model, claim=claim),
         limit=settings.alarms.max_utilisation,
         names_known=names_known(found),
-    ).advice
+    )
+    of_the_link = replace(claim, source=settings.link)
+    return FlightAdvice(made.advice, first_contact_of(log, of_the_link))

@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
-from thrustmargin.gcs_plugin.live.watch.flight_so_far import SortieRows
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, SortieRows
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.landed_flight import LandedFlights
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
@@ -39,7 +39,6 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import BOOT_CLOCKS
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
-from thrustmargin.models.model.advice import Advice
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse, heavier
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
@@ -65,7 +64,7 @@ class VehicleMonitor:
         settings: WatchSettings,
         *,
         heard_us: Mapping[int, int] = MappingProxyType({}),
-        later: Later[Advice] = when_asked,
+        later: Later[FlightAdvice] = when_asked,
     ) -> None:
         self.system = system
         self._heard_us = heard_us

@@ -26,7 +26,6 @@ from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import (
     one_rotor_out_use,
     redundancy_rows,
 )
-from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
@@ -39,6 +38,7 @@ from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.reports.shared.written import utc_text
+from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
 from thrustmargin.gcs_plugin.wording.flight_words import (
     loss_words,
@@ -100,7 +100,7 @@ def report_flight(
     moments = worst_moments(analysis, airframe.rotor_names)
     worst = moments[0] if moments else None
     basis, measured_share = _basis(made)
-    contact = first_contact(log, analysis.claim)
+    contact = first_contact_of(log, analysis.claim)
     answer = verdict_facts(worst, advice, analysis.claim, basis, _no_flight(whole.track))
     check = None if analysis.withheld else margin_check(analysis)
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""

@@ -182,6 +182,7 @@ class PageState:
             "fill": one.fill,
             "level": one.first_line[2],
             "flight": None if answer is None else {**answer.json, "line": answer.line},
+            "shows": [] if (said := answer or one.whole) is None else list(said.contact_lines),
         }
         if one.row is None:
             return {**entry, "figures": None}

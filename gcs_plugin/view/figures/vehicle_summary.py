@@ -66,13 +66,17 @@ class VehicleSummary:
     def first_line(self) -> tuple[str, str, Level]:
         """Headline, its reason and its level: of the gravest alarm, else of the flight.
 
-        That is a whole one, or what flies now up to its last rows. Without either the headline is
+        That is a whole one, or what flies now up to its last rows. Of an aircraft that is not known
+        it is what its rows show; a notice does not take its place. Without either the headline is
         empty: the page then says that there is no alarm, in green only on the ground or where the
         thrust left of all rotors is known to be enough, and where nothing says that the loss of one
         would bring it down.
         """
         so_far = None if self.update is None else self.update.answer
-        if self.alarms:
+        row = self.row
+        unheard = row is None or bool(self.problem) or self.old
+        shows = so_far is not None and so_far.contact is not None and not unheard
+        if self.alarms and not (shows and self.alarms[0].severity > WARNING):
             first, *rest = self.alarms
             # Every grave one is named: one that is known must not hide another behind a number.
             grave = [alarm for alarm in rest if alarm.severity <= CRITICAL]
@@ -92,8 +96,9 @@ class VehicleSummary:
         # Also while nothing is heard: what was found does not end with a gap in the telemetry.
         if so_far is not None and of_verdict(so_far) in ("red", "amber"):
             return so_far.headline, so_far.brief or _sentence(so_far.action), of_verdict(so_far)
-        row = self.row
-        if row is None or self.problem or self.pending or self.old:
+        if so_far is not None and shows:
+            return so_far.headline, self.pending, "grey"
+        if row is None or unheard or self.pending:
             return "", self.pending, "grey"
         calm = row.survives and (not row.flying or row.surely_left >= colours.ENOUGH)
         return "", self.pending, "green" if calm else "grey"

@@ -14,7 +14,7 @@ from tests.gcs_plugin.logs.tlog_files import STAMPED, link, written
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.mavlink.frame import checksum
-from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
+from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe

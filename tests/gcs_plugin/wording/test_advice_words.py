@@ -57,7 +57,7 @@ ADVICE = Advice(
     losses=(),
     rotor_count=4,
     rotor_names=("front right", "rear left", "front left", "rear right"),
-    ends_in_flight=False,
+    unseen_from_s=float("nan"),
     goes_on=False,
     predicted_alone=False,
     withheld=False,
@@ -90,8 +90,11 @@ def test_the_first_line_of_each_level():
     assert say(FlightLevel.UNDER) == "BELOW THE 50 % LIMIT"
     assert say(FlightLevel.UNDER, limit=0.6) == "BELOW THE 60 % LIMIT"
     assert say(FlightLevel.UNKNOWN) == "NO VERDICT"
-    assert (
-        say(FlightLevel.UNDER, ends_in_flight=True) == "BELOW THE 50 % LIMIT (LOG ENDS IN FLIGHT)"
+    assert say(FlightLevel.UNDER, unseen_from_s=108.0) == (
+        "BELOW THE 50 % LIMIT UP TO 1:48 (LOG ENDS IN FLIGHT)"
+    )
+    assert say(FlightLevel.OVER, unseen_from_s=108.0) == (
+        "ABOVE THE 50 % LIMIT FOR 2 MIN 42 S (LOG ENDS IN FLIGHT)"
     )
     assert say(FlightLevel.NO_THRUST, use=replace(USE, spent_s=14.0)) == "NO THRUST LEFT FOR 14 S"
     collapsed = Battery(least_cell=2.61, at_s=190.0)

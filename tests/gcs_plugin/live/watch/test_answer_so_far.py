@@ -6,6 +6,7 @@ import pytest
 
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
 from thrustmargin.models.checks.output_evidence import OutputEvidence
 from thrustmargin.models.model.advice import advise
@@ -23,7 +24,7 @@ def test_the_fill_rests_on_the_outputs_of_the_whole_flight_not_of_its_first_clim
     ((log, claim),) = read_flights(LOG, MODEL, given=False)
     so_far = FlightSoFar(
         track=log.track,
-        parameters=log.parameters,
+        state=VehicleState(system=1, parameters=log.parameters),
         model=MODEL,
         claim=replace(claim, outputs=outputs),
         faults=[],

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.gcs_plugin.logs.log_files import DataFlashWriter
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
+from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 from thrustmargin.models.errors import ThrustMarginError
 
 #: 5 km west of Zürich, 120 m above home, 8.5 m/s to the east.

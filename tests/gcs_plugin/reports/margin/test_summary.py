@@ -78,9 +78,12 @@ def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_
     rows = int(np.flatnonzero(analysis.track.flying)[-1]) - 200
     short = flight(log().track.rows(slice(rows)))
     said = report_flight(*short, max_utilisation=0.5).verdict
-    assert said.headline.endswith(" (LOG ENDS IN FLIGHT)")
+    last = clock(float(short[1].track.time_s[-1]))
+    assert said.headline == f"BELOW THE 50 % LIMIT UP TO {last} (LOG ENDS IN FLIGHT)"
+    assert said.action.startswith("see how the flight ended; up to ")
+    assert not any("all flight" in fact.text for fact in said.facts)
     (ending,) = (fact.text for fact in said.facts if fact.label == "log")
-    assert ending.startswith(f"ends in flight, at {clock(float(short[1].track.time_s[-1]))}")
+    assert ending.startswith(f"ends in flight, at {last}")
 
 
 def test_the_level_follows_the_limit_and_the_redundancy():

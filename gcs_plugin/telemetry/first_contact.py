@@ -1,11 +1,16 @@
-"""A log of an aircraft that is not known to what it shows by itself: no number of any airframe."""
+"""What the flight of an aircraft that is not known shows by itself: no number of any airframe.
+
+Live, replay and report ask this one function.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
-from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.telemetry.reported_airframe import (
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import (
     CELL,
     ReportedAirframe,
     reported_airframe,
@@ -17,15 +22,33 @@ from thrustmargin.models.model.advice import LEAST_FLIGHT_S
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.physics.flight_phases import hover_rows
 from thrustmargin.models.provenance import Meaning, SourceKind
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 #: Sources of a load that nothing on board reported.
 NO_GAUGE = (SourceKind.STATED, SourceKind.AIRFRAME, SourceKind.INFERRED)
 
 
-def first_contact(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
-    """What the log shows; None where its aircraft is known, where less than LEAST_FLIGHT_S is in
-    flight, or where neither outputs nor speeds are in it."""
-    track = log.track
+def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
+    """What a whole log shows."""
+    texts = [text for _, text in log.messages]
+    options = {"texts": texts, "autopilot": log.autopilot}
+    return first_contact(log.track, claim, log.parameters, log.facts, **options)
+
+
+def first_contact(
+    track: FlightTrack,
+    claim: AirframeClaim,
+    parameters: Mapping[str, float],
+    facts: VehicleFacts,
+    *,
+    texts: Sequence[str] = (),
+    autopilot: str = "unknown",
+) -> FirstContact | None:
+    """What a flight, whole or so far, shows by itself.
+
+    None where its aircraft is known, where less than LEAST_FLIGHT_S is in flight, or where neither
+    outputs nor speeds are known.
+    """
     flown_s = float(track.row_seconds[track.flying].sum())
     if claim.basis != "not known" or flown_s < LEAST_FLIGHT_S:
         return None
@@ -39,7 +62,11 @@ def first_contact(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
     full = 1.0 if outputs else highest
     if not full > 0.0:
         return None
-    reported, speeds = reported_by(log), track.reports("rotor_speed_rpm")
+    try:
+        options = {"facts": facts, "texts": texts}
+        reported = reported_airframe(parameters, highest_voltage(track), **options)
+    except AirframeError:  # it names a layout that is not known
+        reported = ReportedAirframe(rotor_count=track.rotor_count)
     hover = _hover(track)
     nominal = reported.quantities.get("nominal_voltage")
     return FirstContact(
@@ -54,23 +81,14 @@ def first_contact(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
         motor_order_known=reported.layout is not None,
         cells=0 if nominal is None else round(nominal.value / CELL),
         hover_s=float(track.row_seconds[hover].sum()),
-        esc_speeds=speeds,
+        esc_speeds=track.reports("rotor_speed_rpm"),
         gauge=track.reports("tank_kg") and track.source("tank_kg").kind not in NO_GAUGE,
         airspeed=track.reports("airspeed")
         and track.source("airspeed").meaning is not Meaning.GROUND_SPEED,
-        autopilot=log.autopilot,
+        autopilot=autopilot,
         asked=open_questions(reported, gauge=track.reports("tank_kg")),
         log=claim.source,
     )
-
-
-def reported_by(log: FlightLog) -> ReportedAirframe:
-    """What the log says of the airframe; without a layout where it names one that is not known."""
-    options = {"facts": log.facts, "texts": [text for _, text in log.messages]}
-    try:
-        return reported_airframe(log.parameters, highest_voltage(log.track), **options)
-    except AirframeError:
-        return ReportedAirframe(rotor_count=log.track.rotor_count)
 
 
 def highest_voltage(track: FlightTrack) -> float:

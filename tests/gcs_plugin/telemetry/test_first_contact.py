@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
+from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
 from thrustmargin.gcs_plugin.wording.report_words import (
     command,
     contact_facts,
@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.model_file import shipped_model
 
-ROOT = Path(__file__).resolve().parents[4]
+ROOT = Path(__file__).resolve().parents[3]
 PATH = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
 LOG = read_log(PATH)
 UNKNOWN = AirframeClaim(basis="not known", withheld=("not known",), source=shlex.quote(str(PATH)))
@@ -47,7 +47,7 @@ def test_outputs_are_said_as_outputs_and_rows_on_the_ground_do_not_count():
     log = outputs([0.5, 0.6, 0.7, 0.6])
     log.track.throttle[~log.track.flying] = 1.0
     log.track.throttle[np.flatnonzero(log.track.flying)[7], 2] = 0.83
-    contact = first_contact(log, UNKNOWN)
+    contact = first_contact_of(log, UNKNOWN)
     assert contact_headline(contact) == "Motors at 60 %, worst 83 %"
     assert contact.worst_motor == 3
     assert "an output is no thrust" in contact_facts(contact)[0].text
@@ -59,34 +59,34 @@ def test_without_outputs_speeds_are_a_share_of_the_highest_seen():
     track = replace(
         LOG.track, throttle=np.full_like(LOG.track.throttle, np.nan), rotor_speed_rpm=speeds
     )
-    contact = first_contact(replace(LOG, track=track), UNKNOWN)
+    contact = first_contact_of(replace(LOG, track=track), UNKNOWN)
     assert contact_headline(contact) == "Rotors at 50 % of the highest speed seen"
     assert "4 000 rpm" in contact_facts(contact)[0].text.replace("\u202f", " ").replace(",", " ")
 
 
 def test_of_a_known_aircraft_or_of_nothing_that_flies_there_is_no_first_contact():
-    assert first_contact(LOG, AirframeClaim()) is None
+    assert first_contact_of(LOG, AirframeClaim()) is None
     ground = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
-    assert first_contact(replace(LOG, track=ground), UNKNOWN) is None
+    assert first_contact_of(replace(LOG, track=ground), UNKNOWN) is None
 
 
 @pytest.mark.parametrize("gauge", [True, False])
 def test_the_load_is_asked_only_where_no_gauge_says_it(gauge):
     tank = LOG.track.tank_kg if gauge else np.full(LOG.track.time_s.size, np.nan)
-    contact = first_contact(replace(LOG, track=replace(LOG.track, tank_kg=tank)), UNKNOWN)
+    contact = first_contact_of(replace(LOG, track=replace(LOG.track, tank_kg=tank)), UNKNOWN)
     assert ("load" in contact.asked) is not gauge
     assert contact.gauge is gauge
     assert contact.asked[:4] == ("mass", "wheelbase", "power_set", "tank_litres")
 
 
 def test_a_load_that_is_stated_is_no_gauge_in_the_log_and_is_not_asked_again():
-    contact = first_contact(read_log(PATH, load=3.0), UNKNOWN)
+    contact = first_contact_of(read_log(PATH, load=3.0), UNKNOWN)
     assert not contact.gauge
     assert "load" not in contact.asked
 
 
 def test_the_line_to_copy_works_at_once_and_answers_with_the_verdict(tmp_path, capsys):
-    words = shlex.split(command(first_contact(LOG, UNKNOWN)))
+    words = shlex.split(command(first_contact_of(LOG, UNKNOWN)))
     assert words[:3] == ["thrustmargin", "airframe", "new"]
     filled = [TRUTH.get(word, word) for word in words[1:]]
     assert run([*filled, "--out", str(tmp_path / "mine.toml")]) == 0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
+from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 from thrustmargin.models.errors import AirframeError
 
 QUAD = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}
