@@ -244,6 +244,11 @@ class FlightTrack:
         usual = min(float(np.median(steps)), LONGEST_ROW)
         return np.minimum(np.append(steps, 0.0), LONGEST_STEP * usual)
 
+    @property
+    def flying_s(self) -> float:
+        """s off the ground: each row counts until the next, pauses of the log do not."""
+        return float(self.row_seconds[self.flying].sum())
+
     def reports(self, channel: str) -> bool:
         """True when the channel has at least one number."""
         return bool(np.any(np.isfinite(getattr(self, channel))))

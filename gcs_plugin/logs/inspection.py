@@ -310,7 +310,7 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "withheld": list(inspection.claim.withheld),
         "rows": int(log.track.time_s.size),
         "duration_s": log.track.duration,
-        "flying_s": flying_seconds(log.track),
+        "flying_s": log.track.flying_s,
         "rotor_count": log.track.rotor_count,
         "start_unix_s": log.track.start_unix_s,
         "clock_start_s": log.clock_start_s,
@@ -335,8 +335,3 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         else {"verdict": scale.verdict, "words": scale.words, "ratio": to_json_values(scale.ratio)},
         "findings": to_json_values(inspection.findings),
     }
-
-
-def flying_seconds(track: FlightTrack) -> float:
-    """Time off the ground: each row counts until the next, pauses of the log do not."""
-    return float(np.sum(track.row_seconds[track.flying]))

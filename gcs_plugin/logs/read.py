@@ -86,7 +86,7 @@ def read_log(
         air_temperature=air_temperature,
     )
     logs = _sorties(Path(path), vehicle, options, any_vehicle=any_vehicle)
-    return max(logs, key=lambda log: float(log.track.row_seconds[log.track.flying].sum()))
+    return max(logs, key=lambda log: log.track.flying_s)
 
 
 def read_sorties(

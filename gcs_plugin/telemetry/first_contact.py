@@ -49,8 +49,7 @@ def first_contact(
     None where its aircraft is known, where less than LEAST_FLIGHT_S is in flight, or where neither
     outputs nor speeds are known.
     """
-    flown_s = float(track.row_seconds[track.flying].sum())
-    if claim.basis != "not known" or flown_s < LEAST_FLIGHT_S:
+    if claim.basis != "not known" or track.flying_s < LEAST_FLIGHT_S:
         return None
     values = track.throttle if track.reports("throttle") else track.measured("rotor_speed_rpm")
     values = np.where(track.flying[:, None], values, np.nan)

@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.wording.flight_words import restart_words
 from thrustmargin.models.checks.loss_of_control import loss_of_control
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.smoothing import known_median
 
 LONG_DOWN = 60.0  # s on the ground after which, armed or not, the next flight is another sortie
 SERVICE = 10.0  # s, the least in which a tank or battery is changed
@@ -145,8 +146,10 @@ def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> boo
     """Whether a stay from `down` to `up`, s of `clock_s` (T,), left more in tank or battery."""
     before = (clock_s > down - LOOK) & (clock_s < down)
     after = (clock_s >= up) & (clock_s < up + LOOK)
-    refilled = _median(track.tank_kg[after]) - _median(track.tank_kg[before]) >= REFILL_KG
-    fresh = _median(track.voltage[after]) >= (1.0 + FRESH) * _median(track.voltage[before])
+    refilled = known_median(track.tank_kg[after]) - known_median(track.tank_kg[before]) >= REFILL_KG
+    fresh = known_median(track.voltage[after]) >= (1.0 + FRESH) * known_median(
+        track.voltage[before]
+    )
     return up - down >= SERVICE and bool(refilled or fresh)
 
 
@@ -157,11 +160,6 @@ def _within(signals: Signals, channel: str, start: float, end: float) -> tuple[F
         return np.empty(0), np.empty(0)
     rows = (found.time_s >= start) & (found.time_s <= end) & np.isfinite(found.values)
     return found.time_s[rows], found.values[rows]
-
-
-def _median(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else float("nan")
 
 
 def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording, Signals]:

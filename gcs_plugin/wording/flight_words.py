@@ -105,7 +105,7 @@ def sortie_suffix(number: int, of: int) -> str:
 
 def sortie_words(number: int, track: FlightTrack) -> str:
     """Which one it is, when it began, and how long it flew."""
-    flown = f"{duration(float(track.row_seconds[track.flying].sum()))} in flight"
+    flown = f"{duration(track.flying_s)} in flight"
     unknown = float("nan")
     try:
         begun = datetime.fromtimestamp(

@@ -18,7 +18,7 @@ from thrustmargin.mission.ahead.plan_flight import PlanFlight
 from thrustmargin.mission.ahead.utilisation_along import worst_use
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.physics.smoothing import moving_mean
+from thrustmargin.models.physics.smoothing import known_mean, known_most, moving_mean
 
 NEAR = 2.0  # m by which a flight is usually off its way
 LATE, LATE_SHARE = 3.0, 0.2  # s, and share of a stretch, by which it is usually late
@@ -182,25 +182,15 @@ def _stretch(
             float(track.time_s[end] - track.time_s[span.first]),
             float(flown.time_s[done.stop] - flown.time_s[done.start]),
         ),
-        speed=Pair(_mean(planned.speed[rows]), _mean(flown.speed[done])),
-        utilisation=Pair(_mean(use), _mean(flown.utilisation[done])),
-        peak=Pair(peak, _most(flown.utilisation[done])),
+        speed=Pair(known_mean(planned.speed[rows]), known_mean(flown.speed[done])),
+        utilisation=Pair(known_mean(use), known_mean(flown.utilisation[done])),
+        peak=Pair(peak, known_most(flown.utilisation[done])),
         peak_interval=(peak - reach, peak + reach),
         tank_kg=Pair(float(track.tank_kg[end]), float(flown.tank_kg[last])),
-        voltage=Pair(_mean(track.voltage[rows]), _mean(flown.voltage[done])),
+        voltage=Pair(known_mean(track.voltage[rows]), known_mean(flown.voltage[done])),
     )
-
-
-def _mean(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.mean(known)) if known.size else float("nan")
-
-
-def _most(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.max(known)) if known.size else float("nan")
 
 
 def mean_off(pairs: Sequence[Pair]) -> float:
     """Mean of flown less forecast where both are known; NaN of none."""
-    return _mean(np.array([pair.off for pair in pairs]))
+    return known_mean(np.array([pair.off for pair in pairs]))

@@ -37,6 +37,7 @@ from thrustmargin.models.model.rotor_faults import (
 )
 from thrustmargin.models.model.thrust_use import ThrustUse, running_median, thrust_use
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.smoothing import known_least
 
 LEAST_FLIGHT_S = 3.0  # a flight with less in it has no verdict
 CELL = 3.7  # V, nominal, of the lithium cells that an airframe's nominal voltage counts
@@ -163,9 +164,9 @@ def advise(
     low = free * np.exp(-INTERVAL * error)
     high = free * np.exp(INTERVAL * (error - analysis.redundancy_beyond))
     lost = RotorLost(
-        least=_least(free),
-        least_low=_least(low),
-        least_high=_least(high),
+        least=known_least(free),
+        least_low=known_least(low),
+        least_high=known_least(high),
         not_survivable_s=float(seconds[track.flying][free < 1.0].sum()),
     )
     found = fault_history(analysis) if history is None else history
@@ -175,8 +176,7 @@ def advise(
     faults = () if analysis.withheld else faults
     faults = tuple(sorted([*stopped_episodes(track), *faults], key=lambda one: one.begin_s))
     battery = _battery(analysis)
-    airborne_s = float(seconds[track.flying].sum())
-    in_the_air = float(whole.track.row_seconds[whole.track.flying].sum())
+    airborne_s = track.flying_s
     shown_s = float(seconds[track.flying & analysis.any_measured].sum())
     predicted_alone = not planned and use.known_s > 0.0 and shown_s < 0.5 * airborne_s
     levels: list[FlightLevel] = []
@@ -184,7 +184,7 @@ def advise(
         levels.append(FlightLevel.DAMAGED)
     if losses:
         levels.append(FlightLevel.LOST)
-    elif use.known_s > 0.0 and in_the_air >= LEAST_FLIGHT_S:
+    elif use.known_s > 0.0 and whole.track.flying_s >= LEAST_FLIGHT_S:
         if battery.least_cell < COLLAPSED:
             levels.append(FlightLevel.BATTERY)
         if use.spent_s >= 1.0:
@@ -265,8 +265,3 @@ def _battery(analysis: FlightAnalysis) -> Battery:
     rate = max(1, round(1.0 / max(float(np.median(np.diff(time_s))), 1e-3)))
     held = running_median(track.voltage[rows][:, None], 2 * rate + 1)[:, 0] / count
     return Battery(least_cell=float(held.min()), at_s=float(time_s[np.argmin(held)]))
-
-
-def _least(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.min()) if known.size else NAN

@@ -47,7 +47,7 @@ from thrustmargin.models.network.validity import Range, TrainingDomain, calibrat
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.forward_flight import fit_forward_flight
-from thrustmargin.models.physics.smoothing import row_step
+from thrustmargin.models.physics.smoothing import known_median, row_step
 from thrustmargin.models.scores import Score, score
 
 #: R² of training, validation and test that the paper prints for its field flights, which are not
@@ -224,7 +224,7 @@ def _with_network(
         network=network,
         training_domain=training_domain(samples),
         reference_density=float(np.median(samples.density)),
-        reference_voltage=_median(samples.voltage),
+        reference_voltage=known_median(samples.voltage),
         forward_flight=fit_forward_flight(tracks, airframe),
     )
 
@@ -331,8 +331,3 @@ def training_domain(samples: Samples) -> TrainingDomain:
 def _range(values: Floats) -> Range:
     known = values[np.isfinite(values)]
     return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
-
-
-def _median(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else float("nan")

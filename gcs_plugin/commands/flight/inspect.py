@@ -144,7 +144,6 @@ def _inspect(
 
 
 def _print(console: Console, inspection: Inspection) -> None:
-    from thrustmargin.gcs_plugin.logs.inspection import flying_seconds
     from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 
     log, track = inspection.log, inspection.log.track
@@ -152,7 +151,7 @@ def _print(console: Console, inspection: Inspection) -> None:
     console.print(
         f"{log.name}: {log.format}, {log.autopilot}, vehicle {log.vehicle}"
         + (f" (also in the log: {', '.join(others)})" if others else "")
-        + f", {track.duration:.1f} s of which {flying_seconds(track):.1f} s in flight, "
+        + f", {track.duration:.1f} s of which {track.flying_s:.1f} s in flight, "
         f"{track.time_s.size} rows; " + inspection.claim.words,
         soft_wrap=True,
     )

@@ -16,7 +16,6 @@ from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import repeated
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
-from thrustmargin.gcs_plugin.reports.margin.data import mean, median, most
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.store.aircraft_identity import (
     aircraft_identity,
@@ -40,6 +39,7 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, for_verdict, worst_rotor
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.smoothing import known_mean, known_median, known_most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,7 +222,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "worst_rotor": worst.rotor if worst else None,
         "worst_time_s": worst.time_s if worst else nan,
         "worst_doing": ", ".join(worst.doing) if worst else None,
-        "mean_margin": 1.0 - mean(worst_rotor(use)[0]),
+        "mean_margin": 1.0 - known_mean(worst_rotor(use)[0]),
         "rows_above_limit_s": verdict.over_limit_s if worst else nan,
         "lasting_above_limit_s": verdict.lasting_over_limit_s if worst else nan,
         "measured_share": verdict.measured_share,
@@ -232,8 +232,8 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         else nan,
         "fill_kg": verdict.fill_kg,
         "fill_low_kg": verdict.fill_low_kg,
-        "margin_by_rotor": [1.0 - most(u) for u in use.T],
-        "speed_ratio": [median(r) for r in ratio.T],
+        "margin_by_rotor": [1.0 - known_most(u) for u in use.T],
+        "speed_ratio": [known_median(r) for r in ratio.T],
         "prediction_bias_rpm": overall.bias_rpm.value if overall else nan,
         "prediction_rmse_rpm": overall.rmse_rpm.value if overall else nan,
         "battery_ohm": ohm,

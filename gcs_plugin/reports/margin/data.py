@@ -10,7 +10,7 @@ report are JSON objects, made in the module of their name and shown as they are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,19 +116,6 @@ class Report:
 
 #: Share of the airborne rows that counts as the start and as the end of a flight.
 END_SHARE = 0.1
-
-
-def _of_known(figure: Callable[[Floats], Any]) -> Callable[[Floats], float]:
-    def of(values: Floats) -> float:
-        known = values[np.isfinite(values)]
-        return float(figure(known)) if known.size else float("nan")
-
-    return of
-
-
-# One by one: all four at once are more overloads than a type checker gets through in a minute.
-median, mean = _of_known(np.median), _of_known(np.mean)
-most, least = _of_known(np.max), _of_known(np.min)
 
 
 def share(part: float, whole: float) -> float:

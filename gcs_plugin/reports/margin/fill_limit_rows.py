@@ -6,11 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, end_rows, least, median, share
+from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, end_rows, share
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
+from thrustmargin.models.physics.smoothing import known_least, known_median
 
 
 def redundancy_rows(
@@ -28,19 +29,22 @@ def redundancy_rows(
     air_s = seconds[flying]
     fills = {name: rows[f"{name}_kg"] for name in ("fill_limit", "fill_one_rotor_out")}
     return {
-        "yaw_free_min": least(free),
+        "yaw_free_min": known_least(free),
         "yaw_free_min_time_s": float(track.time_s[flying][np.nanargmin(free)])
         if known.any()
         else np.nan,
-        "yaw_free_median": median(free),
-        "yaw_kept_min": least(kept),
-        "yaw_kept_median": median(kept),
+        "yaw_free_median": known_median(free),
+        "yaw_kept_min": known_least(kept),
+        "yaw_kept_median": known_median(kept),
         "below_one_share": share(float(air_s[free < 1.0].sum()), float(air_s[known].sum())),
-        "trimmable_loss_min": least(analysis.trimmable_loss[flying]),
+        "trimmable_loss_min": known_least(analysis.trimmable_loss[flying]),
         **{
             f"{name}_{when}_kg": value
             for name, fill in fills.items()
-            for when, value in (("start", median(fill[first])), ("min", least(fill[flying])))
+            for when, value in (
+                ("start", known_median(fill[first])),
+                ("min", known_least(fill[flying])),
+            )
         },
         "tank_capacity_kg": analysis.model.airframe.tank_capacity_kg,
     }

@@ -6,13 +6,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, end_rows, median
+from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, end_rows
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import Ceiling, hover_use
 from thrustmargin.models.physics.matching import Matching, match_airframe
+from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.physics.thrust import load_matching
 
 PAPER_AIRFRAME = "topxgun-f16"  # Han et al., Drones 2024, 8, 246
@@ -44,7 +45,9 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
     first, last = end_rows(track)
     paper = _paper()
     own = load_matching(airframe)
-    start, end = (median(analysis.weight[rows]) / rotors for rows in (first, last))  # N a rotor
+    start, end = (
+        known_median(analysis.weight[rows]) / rotors for rows in (first, last)
+    )  # N a rotor
     nameplate = airframe.nameplate_max_thrust * effectiveness
     full, empty, in_hover = (
         hover_use(airframe, limits, weight)
@@ -63,7 +66,7 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
             words.LIQUID,
             "kg",
             *(paper.airframe.tank_capacity_kg, 0.0, airframe.tank_capacity_kg, 0.0),
-            *(median(track.tank_kg[first]), median(track.tank_kg[last])),
+            *(known_median(track.tank_kg[first]), known_median(track.tank_kg[last])),
         ),
         row(
             words.LOAD,
@@ -86,13 +89,13 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
         row(
             words.IN_HOVER,
             "1",
-            *(PAPER_BENCH_USE_FULL, NAN, median(full[first]), median(empty[last])),
-            *(median(in_hover[first]), median(in_hover[last])),
+            *(PAPER_BENCH_USE_FULL, NAN, known_median(full[first]), known_median(empty[last])),
+            *(known_median(in_hover[first]), known_median(in_hover[last])),
             approximate=True,
         ),
         row(
             words.IN_FLIGHT,
             "1",
-            *(NAN, NAN, NAN, NAN, median(use[first]), median(use[last])),
+            *(NAN, NAN, NAN, NAN, known_median(use[first]), known_median(use[last])),
         ),
     )

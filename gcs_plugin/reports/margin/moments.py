@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
-from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, mean
+from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
 from thrustmargin.gcs_plugin.reports.shared.written import utc_text
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.gcs_plugin.wording.flight_words import NAMES_WRONG
@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.rotor_faults import FaultEpisode
+from thrustmargin.models.physics.smoothing import known_mean
 
 #: Moments closer than this are one moment, s: about the length of a turn at a line end.
 APART_S = 6.0
@@ -108,19 +109,19 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
         and flying[-1] + 1 < (time_s.size)
     ):
         words.append("landing")
-    yaw_rate = mean(track.angular_rate_frd[near, 2])
+    yaw_rate = known_mean(track.angular_rate_frd[near, 2])
     if abs(yaw_rate) > TURN_RATE:
         words.append(f"turning {'right' if yaw_rate > 0 else 'left'}")
-    climb = -mean(track.velocity_ned[near, 2])
+    climb = -known_mean(track.velocity_ned[near, 2])
     if abs(climb) > CLIMB_RATE:
         words.append("climbing" if climb > 0 else "descending")
     speed = np.hypot(track.velocity_ned[near, 0], track.velocity_ned[near, 1])
     change = _slope(time_s[near], speed)
     if abs(change) > SPEED_CHANGE:
         words.append("speeding up" if change > 0 else "braking")
-    elif mean(speed) < HOVER_SPEED and "taking off" not in words and "landing" not in words:
+    elif known_mean(speed) < HOVER_SPEED and "taking off" not in words and "landing" not in words:
         words.append("hovering")
-    roll, pitch = mean(track.attitude[near, 0]), mean(track.attitude[near, 1])
+    roll, pitch = known_mean(track.attitude[near, 0]), known_mean(track.attitude[near, 1])
     tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
     if tilt > BANK:
         words.append(say("tilted {angle}°", angle=f"{np.degrees(tilt):.0f}"))

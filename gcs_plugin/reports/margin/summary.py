@@ -17,9 +17,6 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     Overview,
     Report,
     end_rows,
-    least,
-    median,
-    most,
     share,
 )
 from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import (
@@ -70,6 +67,7 @@ from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.margin_check import margin_check
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.physics.margin import ceiling
+from thrustmargin.models.physics.smoothing import known_least, known_median, known_most
 
 
 def report_flight(
@@ -141,8 +139,8 @@ def report_flight(
 
 def _no_flight(track: FlightTrack) -> str:
     """Why there is no flight to check; empty where there is one."""
-    seconds = float(track.row_seconds[track.flying].sum())
-    return not_flown(track) or (too_short(seconds) if seconds < LEAST_FLIGHT_S else "")
+    short = track.flying_s < LEAST_FLIGHT_S
+    return not_flown(track) or (too_short(track.flying_s) if short else "")
 
 
 def _basis(made: Advised) -> tuple[str, float]:
@@ -219,29 +217,29 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> JsonObj
         "tank_end_kg": end_kg,
         "liquid_used_kg": start_kg - end_kg,
         "tank_source": track.source("tank_kg").words,
-        "tank_error_kg": median(track.standard_errors.get("tank_kg", np.empty(0))),
+        "tank_error_kg": known_median(track.standard_errors.get("tank_kg", np.empty(0))),
         "spraying_s": float(seconds[spraying].sum()) if knows_spraying else np.nan,
         "sprayed_distance": _path_length(speed, seconds, spraying) if knows_spraying else np.nan,
         "swath_width": sprayed.swath_width if sprayed else np.nan,
         "sprayed_area": sprayed.area if sprayed else np.nan,  # m²
-        "ground_speed_median": median(speed[flying]),
-        "ground_speed_max": most(speed[flying]),
-        "airspeed_median": median(track.airspeed[flying]),
-        "airspeed_max": most(track.airspeed[flying]),
-        "wind_speed_median": median(wind_speed),
-        "wind_speed_max": most(wind_speed),
+        "ground_speed_median": known_median(speed[flying]),
+        "ground_speed_max": known_most(speed[flying]),
+        "airspeed_median": known_median(track.airspeed[flying]),
+        "airspeed_max": known_most(track.airspeed[flying]),
+        "wind_speed_median": known_median(wind_speed),
+        "wind_speed_max": known_most(wind_speed),
         "wind_from_deg": float(np.degrees(np.arctan2(-mean_wind[1], -mean_wind[0])) % 360.0),
-        "height_agl_median": median(track.height_agl[flying]),
-        "height_agl_max": most(track.height_agl[flying]),
-        "altitude_median": median(track.altitude[flying]),
-        "density_median": median(analysis.density[flying]),  # kg/m³
-        "density_error": median(analysis.density_error[flying]),  # kg/m³, standard error
+        "height_agl_median": known_median(track.height_agl[flying]),
+        "height_agl_max": known_most(track.height_agl[flying]),
+        "altitude_median": known_median(track.altitude[flying]),
+        "density_median": known_median(analysis.density[flying]),  # kg/m³
+        "density_error": known_median(analysis.density_error[flying]),  # kg/m³, standard error
         "density_basis": analysis.density_basis,
-        "voltage_start": median(track.voltage[first]),
-        "voltage_end": median(track.voltage[last]),
-        "voltage_min": least(track.voltage[flying]),
+        "voltage_start": known_median(track.voltage[first]),
+        "voltage_end": known_median(track.voltage[last]),
+        "voltage_min": known_least(track.voltage[flying]),
         "voltage_basis": analysis.voltage_basis,
-        "current_median": median(track.current[flying]),
+        "current_median": known_median(track.current[flying]),
     }
 
 
@@ -263,10 +261,10 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[Js
         {
             "rotor": k + 1,
             "name": name,
-            "measured_max": most(measured[:, k]),
-            "measured_median": median(measured[:, k]),
-            "predicted_max": most(predicted[:, k]),
-            "predicted_median": median(predicted[:, k]),
+            "measured_max": known_most(measured[:, k]),
+            "measured_median": known_median(measured[:, k]),
+            "predicted_max": known_most(predicted[:, k]),
+            "predicted_median": known_median(predicted[:, k]),
             "over_limit_share": share(float(over_s[k]), float(known_s[k])),
         }
         for k, name in enumerate(analysis.model.airframe.rotor_names)

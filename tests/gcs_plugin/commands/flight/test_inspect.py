@@ -10,7 +10,7 @@ import pytest
 from tests.gcs_plugin.logs.csv_files import write_csv
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
-from thrustmargin.gcs_plugin.logs.inspection import as_json, flying_seconds, inspect_log
+from thrustmargin.gcs_plugin.logs.inspection import as_json, inspect_log
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
 
@@ -140,7 +140,7 @@ def test_damage_is_a_warning_and_a_torn_end_is_not(tmp_path):
 
 
 def test_flying_seconds_are_those_of_the_manifest(log):
-    assert flying_seconds(log.track) == pytest.approx(209.1, abs=12.0)
+    assert log.track.flying_s == pytest.approx(209.1, abs=12.0)
 
 
 def test_json_holds_the_same_and_no_nan(log):

@@ -7,20 +7,13 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import log, model
 from thrustmargin.gcs_plugin.reports.margin import report_flight
-from thrustmargin.gcs_plugin.reports.margin.data import (
-    FlightReport,
-    end_rows,
-    least,
-    mean,
-    median,
-    most,
-    share,
-)
+from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, end_rows, share
 from thrustmargin.gcs_plugin.wording.margin_verdict import Moment, estimate, moment_words
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.smoothing import known_least, known_mean, known_median, known_most
 from thrustmargin.models.scores import Estimate
 
 NAN = float("nan")
@@ -166,11 +159,14 @@ def test_the_largest_fill_counts_mass_that_the_model_knows_to_be_hidden():
         assert known[name] == pytest.approx(unknown[name] - 3.0)
 
 
+OF_KNOWN = known_median, known_mean, known_most, known_least
+
+
 def test_known_numbers_leave_nan_out():
     values = np.array([NAN, 3.0, 1.0, NAN, 8.0])
-    assert (median(values), mean(values), most(values), least(values)) == (3.0, 4.0, 8.0, 1.0)
+    assert [f(values) for f in OF_KNOWN] == [3.0, 4.0, 8.0, 1.0]
     nothing = np.full(3, NAN)
-    assert all(np.isnan(f(nothing)) for f in (median, mean, most, least))
+    assert all(np.isnan(f(nothing)) for f in OF_KNOWN)
     assert share(1.0, 4.0) == 0.25
     assert np.isnan(share(0.0, 0.0))
 
