@@ -6,13 +6,12 @@ text of logs arrives as characters, never as markup, and fonts are embedded.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from html.parser import HTMLParser
+from collections.abc import Iterator, Mapping
 
 from fpdf import FPDF
 from fpdf.enums import TableBordersLayout
 from fpdf.fonts import FontFace
+from lxml.html import HtmlElement, document_fromstring
 
 from thrustmargin.gcs_plugin.reports.paper.canvas import PIXEL, PdfCanvas, with_fonts
 from thrustmargin.gcs_plugin.reports.paper.drawn_figure import draw, size
@@ -32,56 +31,22 @@ LEVELS = {
     ),
     "unknown": ((68, 68, 68), (255, 255, 255)),
 }
-EMPTY = {"meta", "br", "img", "link", "input", "hr"}
 SILENT = {"script", "style", "noscript", "title"}
 
 
-@dataclass(eq=False)
-class Node:
-    """One element: its tag, classes, attributes, and texts and elements in order."""
-
-    tag: str
-    attributes: Mapping[str, str]
-    inside: list[Node | str] = field(default_factory=list)
-
-    @property
-    def classes(self) -> list[str]:
-        return self.attributes.get("class", "").split()
-
-    @property
-    def text(self) -> str:
-        parts = (one if isinstance(one, str) else f" {one.text} " for one in self.inside)
-        return " ".join("".join(parts).split(" ")).replace("\n", " ").strip()
-
-    def all(self, tag: str) -> list[Node]:
-        found = []
-        for one in self.inside:
-            if isinstance(one, Node):
-                found += [one] if one.tag == tag else one.all(tag)
-        return found
+def inside(node: HtmlElement) -> Iterator[HtmlElement | str]:
+    """Texts and elements in a node, in order, without the white space of the template's lines."""
+    for one in (node.text, *(part for child in node for part in (child, child.tail))):
+        if not isinstance(one, str) and one is not None:
+            yield one
+        elif one and (one.strip() or one == " "):
+            yield one
 
 
-class _Tree(HTMLParser):
-    def __init__(self) -> None:
-        super().__init__(convert_charrefs=True)
-        self.root = Node("html", {})
-        self._open = [self.root]
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        node = Node(tag, {name: value or "" for name, value in attrs})
-        self._open[-1].inside.append(node)
-        if tag not in EMPTY:
-            self._open.append(node)
-
-    def handle_endtag(self, tag: str) -> None:
-        for back in range(len(self._open) - 1, 0, -1):
-            if self._open[back].tag == tag:
-                del self._open[back:]
-                return
-
-    def handle_data(self, data: str) -> None:
-        if data.strip() or data == " ":
-            self._open[-1].inside.append(data)
+def text_of(node: HtmlElement) -> str:
+    """All text in a node on one line."""
+    parts = (one if isinstance(one, str) else f" {text_of(one)} " for one in inside(node))
+    return "".join(parts).replace("\n", " ").strip()
 
 
 def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) -> bytes:
@@ -89,10 +54,8 @@ def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) 
 
     `brief` leaves out what is of class "detail", and lets one flight follow another on a page.
     """
-    tree = _Tree()
-    tree.feed(html)
     paper = _Paper(figures, brief)
-    paper.block(tree.root)
+    paper.block(document_fromstring(html))
     return bytes(paper.pdf.output())
 
 
@@ -106,7 +69,7 @@ class _Paper:
         self._flights = 0
         self._left: tuple[int, float] | None = None  # page and top of a figure with room beside
 
-    def block(self, node: Node) -> None:
+    def block(self, node: HtmlElement) -> None:
         """Lay out one element and what is in it."""
         classes = node.classes
         hidden = {"aside", "bar", *(("detail",) if self._brief else ())}
@@ -117,17 +80,19 @@ class _Paper:
             if self._flights > 1 and (not self._brief or self.pdf.will_page_break(FLIGHT_MM)):
                 self.pdf.add_page()
             if self._brief:
-                self._heading(node.attributes.get("data-name", ""), 12)
+                self._heading(node.attrib.get("data-name", ""), 12)
         act = {
-            "h1": lambda: self._words(node.text, 13, bold=True),
-            "h2": lambda: self._heading(node.text, 12),
-            "h3": lambda: self._heading(node.text, 10),
-            "p": lambda: self._words(node.text, 8),
-            "ul": lambda: [self._words(f"• {item.text}", 8) for item in node.all("li")],
+            "h1": lambda: self._words(text_of(node), 13, bold=True),
+            "h2": lambda: self._heading(text_of(node), 12),
+            "h3": lambda: self._heading(text_of(node), 10),
+            "p": lambda: self._words(text_of(node), 8),
+            "ul": lambda: [
+                self._words(f"• {text_of(item)}", 8) for item in node.iterdescendants("li")
+            ],
             "summary": lambda: None,
             "table": lambda: self._table(node),
             "figure": lambda: self._figure(node),
-            "footer": lambda: self._words(node.text, 6.5),
+            "footer": lambda: self._words(text_of(node), 6.5),
         }.get(node.tag)
         if "verdict" in classes:
             self._verdict(node, next(c for c in classes if c in LEVELS))
@@ -136,8 +101,8 @@ class _Paper:
         elif act is not None:
             act()
         else:
-            for one in node.inside:
-                if isinstance(one, Node):
+            for one in inside(node):
+                if isinstance(one, HtmlElement):
                     self.block(one)
                 elif one.strip():
                     self._words(one.strip(), 8)
@@ -157,27 +122,29 @@ class _Paper:
         self.pdf.line(MARGIN, self.pdf.y, MARGIN + self.pdf.epw, self.pdf.y)
         self.pdf.ln(1.0)
 
-    def _verdict(self, node: Node, level: str) -> None:
+    def _verdict(self, node: HtmlElement, level: str) -> None:
         pdf, (paper, ink) = self.pdf, LEVELS[level]
         pdf.set_fill_color(*paper)
         pdf.set_text_color(*ink)
-        for one in node.inside:
-            if not isinstance(one, Node):
+        for one in inside(node):
+            if not isinstance(one, HtmlElement):
                 continue
             if one.tag == "dl":
-                for name, text in zip(one.all("dt"), one.all("dd"), strict=True):
-                    self._words(f"{name.text}: {text.text}", 8.5, fill=True)
+                for name, text in zip(
+                    one.iterdescendants("dt"), one.iterdescendants("dd"), strict=True
+                ):
+                    self._words(f"{text_of(name)}: {text_of(text)}", 8.5, fill=True)
             elif "figures" in one.classes:
-                joined = "   ·   ".join(part.text for part in one.all("div"))
+                joined = "   ·   ".join(text_of(part) for part in one.iterdescendants("div"))
                 self._words(joined, 14, bold=True, fill=True)
             elif one.tag == "p":
-                self._words(one.text, 19 if "call" in one.classes else 11, bold=True, fill=True)
+                self._words(text_of(one), 19 if "call" in one.classes else 11, bold=True, fill=True)
         pdf.set_text_color(0)
         pdf.set_fill_color(255)
         pdf.ln(2.0)
 
-    def _tiles(self, node: Node) -> None:
-        tiles = [one for one in node.inside if isinstance(one, Node)]
+    def _tiles(self, node: HtmlElement) -> None:
+        tiles = [one for one in inside(node) if isinstance(one, HtmlElement)]
         with self.pdf.table(
             borders_layout="NONE",
             first_row_as_headings=False,
@@ -190,20 +157,23 @@ class _Paper:
             for begin in range(0, len(tiles), TILES):
                 row = table.row()
                 for tile in tiles[begin : begin + TILES]:
-                    (value,) = tile.all("dd")
-                    small = " ".join(one.text for one in value.all("small"))
-                    main = "".join(o for o in value.inside if isinstance(o, str)).strip()
-                    (name,) = tile.all("dt")
-                    row.cell(f"{name.text}\n{main}" + (f"\n{small}" if small else ""))
+                    (value,) = tile.iterdescendants("dd")
+                    small = " ".join(text_of(one) for one in value.iterdescendants("small"))
+                    main = "".join(o for o in inside(value) if isinstance(o, str)).strip()
+                    (name,) = tile.iterdescendants("dt")
+                    row.cell(f"{text_of(name)}\n{main}" + (f"\n{small}" if small else ""))
                 for _ in range(TILES - len(tiles[begin : begin + TILES])):
                     row.cell("")
         self.pdf.ln(1.0)
 
-    def _table(self, node: Node) -> None:
+    def _table(self, node: HtmlElement) -> None:
         pdf = self.pdf
-        for caption in node.all("caption"):
-            self._words(caption.text, 7)
-        rows = [[cell for cell in row.inside if isinstance(cell, Node)] for row in node.all("tr")]
+        for caption in node.iterdescendants("caption"):
+            self._words(text_of(caption), 7)
+        rows = [
+            [cell for cell in inside(row) if isinstance(cell, HtmlElement)]
+            for row in node.iterdescendants("tr")
+        ]
         columns = max((len(row) for row in rows), default=0)
         if not columns:
             return
@@ -213,7 +183,7 @@ class _Paper:
             for k, cell in enumerate(row):
                 if len(row) != columns:
                     continue
-                whole = [cell.text] if cell.tag == "td" else cell.text.split()
+                whole = [text_of(cell)] if cell.tag == "td" else text_of(cell).split()
                 longest = max(whole, key=len, default="")
                 width[k] = max(width[k], min(pdf.get_string_width(longest) + 3.0, 55.0))
         with pdf.table(
@@ -223,18 +193,18 @@ class _Paper:
             line_height=3.4,
             padding=0.5,
             text_align="LEFT",
-            first_row_as_headings=bool(node.all("th")),
+            first_row_as_headings=node.find(".//th") is not None,
         ) as table:
             for row in rows:
                 made = table.row()
                 for cell in row:
                     strong = FontFace(emphasis="BOLD") if "strong" in cell.classes else None
-                    spread = int(cell.attributes.get("colspan", "1"))
-                    made.cell(cell.text, colspan=spread, style=strong)
+                    spread = int(cell.attrib.get("colspan", "1"))
+                    made.cell(text_of(cell), colspan=spread, style=strong)
         pdf.ln(1.5)
 
-    def _figure(self, node: Node) -> None:
-        name = next(one.attributes["data-figure"] for one in node.all("div"))
+    def _figure(self, node: HtmlElement) -> None:
+        name = next(one.attrib["data-figure"] for one in node.iterdescendants("div"))
         made = self._figures[name.removeprefix("figure-")]
         pdf, half = self.pdf, 0.5 * self.pdf.epw
         width, height = (PIXEL * pixels for pixels in size(made))
@@ -252,9 +222,9 @@ class _Paper:
             x = MARGIN
             self._left = (pdf.page, pdf.y) if beside else None
         pdf.set_font("body", "", 7)
-        for caption in node.all("figcaption"):
+        for caption in node.iterdescendants("figcaption"):
             pdf.set_x(x)
             wide = half - 2.0 if beside else pdf.epw
-            pdf.multi_cell(wide, 3.2, caption.text, align="L", new_x="LMARGIN", new_y="NEXT")
+            pdf.multi_cell(wide, 3.2, text_of(caption), align="L", new_x="LMARGIN", new_y="NEXT")
         draw(made, PdfCanvas(pdf, x, pdf.y, PIXEL * scale))
         pdf.y += height * scale
