@@ -17,7 +17,7 @@ import stat
 import string
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
@@ -79,21 +79,14 @@ class SigningCounts:
 class SigningFilter:
     """Lets in frames that are signed with `key`, new, and of a known id; counts the others.
 
-    `known_ids` are the message ids let in, without it every id that the listener can read.
     `clock` gives the present as `signing_time` does; None for a recording, whose first frames
     are as old as it is. Mutable and safe to call from several threads.
     Raises LinkError when the key has not 32 bytes.
     """
 
-    def __init__(
-        self,
-        key: bytes,
-        known_ids: Collection[int] | None = None,
-        *,
-        clock: Clock | None = signing_time,
-    ) -> None:
+    def __init__(self, key: bytes, *, clock: Clock | None = signing_time) -> None:
         self._digest = hashlib.sha256(_checked(key))
-        self._known = frozenset(layouts() if known_ids is None else known_ids)
+        self._known = frozenset(layouts())
         self._clock = clock
         self._lock = threading.Lock()
         self._last: dict[tuple[int, int, int], int] = {}  # (system, component, link id) -> stamp

@@ -74,7 +74,6 @@ class MonitorStatus:
     refused_why: str  # by signing, in words
     kernel_drops: int
     compute_drops: int
-    round_s: float  # how long the last round of computing took
     behind_s: float  # s since what waits to be analysed came; 0 when that is not worth a word
     recorder: RecorderStatus | None
 
@@ -109,7 +108,6 @@ class LiveMonitor:
         self.recorder: Recorder | None = None
         self._refused_why = refused_why
         self._stop = threading.Event()
-        self._round_s = 0.0
         self._newest_us = 0
         self._taken_us: int | None = None  # when the oldest frame of the running round came
         self._was_behind = False
@@ -196,7 +194,6 @@ class LiveMonitor:
             refused_why=self._refused_why(),
             kernel_drops=sum(link.transport.kernel_drops for link in links),
             compute_drops=self._queue.dropped,
-            round_s=self._round_s,
             behind_s=self._behind_s(),
             recorder=None if self.recorder is None else self.recorder.status(),
         )
@@ -235,14 +232,14 @@ class LiveMonitor:
                 frames = self._queue.take(0.1)
                 began = time.monotonic()
                 self._round(frames)
-                self._round_s = time.monotonic() - began
+                round_s = time.monotonic() - began
                 if self._queue.finished or (self.listener.finished and not frames):
                     for update in self.fleet.finish():
                         self._publish(update)
                     self._round_over()
                     return
-                self.fleet.every_s = spacing(self._round_s, len(self.fleet.vehicles))
-                pause = self.fleet.every_s - self._round_s
+                self.fleet.every_s = spacing(round_s, len(self.fleet.vehicles))
+                pause = self.fleet.every_s - round_s
                 if pause > 0.0 and not self.listener.finished:
                     self._stop.wait(pause)
         except BaseException as error:

@@ -13,14 +13,15 @@ folder, or `NAME.columns.toml` for `NAME.csv` alone:
 
 What is ours is column x unit x factor + offset. The quaternion turns vectors of the body (forward,
 right, down) into north, east, down; where both have x forward or north, y left or west, and z up,
-the factor of y and z is -1.
+the factor of y and z is -1. Where a channel comes from is its column, or what the table's comment
+line states of it.
 """
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,8 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.resample import plausible
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats
+from thrustmargin.models.json_values import from_json_values
+from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 from thrustmargin.models.units import UNITS, Scale
 from thrustmargin.models.whole_file import regular
 
@@ -125,6 +128,39 @@ def check_headings(path: Path, stated: Mapping[str, TheirColumn], names: Sequenc
         raise LogError(
             f"{path.name}: {FILE} has {parts[0]}, but not all of {', '.join(QUATERNION)}"
         )
+
+
+def column_source(name: str) -> Provenance:
+    """The source of a channel that is a column, or of which this is the first of several."""
+    return Provenance(kind=SourceKind.COLUMN, name=name)
+
+
+def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
+    """The sources that the file states of its channels."""
+    if not isinstance(written, dict):
+        return {}
+    try:
+        return {
+            clean(channel): _cleaned(from_json_values(Provenance, data, f"the source of {channel}"))
+            for channel, data in written.items()
+        }
+    except ValueError as error:
+        wanted = "leave `sources` out of it, or write the table with this version again"
+        raise LogError(f"{path.name}: in its comment line {error}; {wanted}") from error
+
+
+def _cleaned(source: Provenance) -> Provenance:
+    """The same without what could do harm on a screen."""
+    return replace(
+        source,
+        name=clean(source.name),
+        fields=tuple(map(clean, source.fields)),
+        instance=clean(source.instance),
+        unit=clean(source.unit),
+        parts=tuple(map(_cleaned, source.parts)),
+        rejected=tuple(Rejected(_cleaned(r.source), r.reason) for r in source.rejected),
+        remarks=tuple(map(clean, source.remarks)),
+    )
 
 
 def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[str]]:

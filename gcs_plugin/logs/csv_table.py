@@ -34,11 +34,12 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.csv_columns import (
     check_headings,
+    column_source,
     in_our_columns,
     plausible_channels,
     stated_columns,
+    written_sources,
 )
-from thrustmargin.gcs_plugin.logs.csv_sources import column_source, written_sources
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat, decoded
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track

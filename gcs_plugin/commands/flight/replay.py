@@ -124,14 +124,12 @@ def replay_view(
     of that number.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
-    from thrustmargin.gcs_plugin.logs.findings import names_known, names_wrong, repeated
-    from thrustmargin.gcs_plugin.logs.inspection import inspect_log
-    from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
+    from thrustmargin.gcs_plugin.logs.findings import names_wrong, repeated
+    from thrustmargin.gcs_plugin.logs.log_answer import answer_log
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
     from thrustmargin.gcs_plugin.wording.advice_words import headline
     from thrustmargin.gcs_plugin.wording.answer import answer_of
-    from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
     console = Terminal(stderr=True, soft_wrap=True)
@@ -140,20 +138,16 @@ def replay_view(
         if sortie is not None and not 1 <= sortie <= len(flights):
             raise DataError(f"--sortie {sortie}: {log.name} holds sorties 1 to {len(flights)}")
         analyses = [for_verdict(analyse(f.track, model, claim=claim)) for f, claim in flights]
-        findings = [inspect_log(f, model.airframe, claim).findings for f, claim in flights]
-        answers = [
-            advise(analysis, limit=limit, names_known=names_known(found)).advice
-            for analysis, found in zip(analyses, findings, strict=True)
-        ]
+        said = [answer_log(f, one, limit) for (f, _), one in zip(flights, analyses, strict=True)]
+        answers = [one.made.advice for one in said]
         order = sorted(
             range(len(flights)), key=lambda k: (answers[k].level.gravity, -answers[k].use.peak)
         )
         shown = order[0] if sortie is None else sortie - 1
         (flight, claim), analysis, answer = flights[shown], analyses[shown], answers[shown]
         older = None if before is None else analyse(analysis.track, before, claim=claim)
-        found = repeated(findings[shown])
-        contact = first_contact_of(flight, claim)
-        whole = answer_of(answer, contact)
+        found = repeated(said[shown].findings)
+        whole = answer_of(answer, said[shown].contact)
         words = ": ".join([whole.headline, *names_wrong(found)])
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):

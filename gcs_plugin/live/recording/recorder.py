@@ -57,7 +57,6 @@ class RecorderStatus:
     rows_lost: int
     frames_dropped: int  # that did not fit into the queue
     trouble: str  # what keeps it from writing now; empty when all is well
-    slowest_sync_s: float
 
 
 @cache
@@ -102,7 +101,6 @@ class Recorder:
         self._rows: list[pa.RecordBatch] = []
         self._later: dict[int, tuple[int, pa.RecordBatch]] = {}  # vehicle -> boot, rows
         self._lines: list[bytes] = []
-        self._slowest = 0.0
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
@@ -147,7 +145,6 @@ class Recorder:
             rows_lost=self._samples.rows_lost,
             frames_dropped=self._frames.dropped,
             trouble=self._telemetry.trouble or self._samples.trouble or self._events.trouble,
-            slowest_sync_s=self._slowest,
         )
 
     def close(self) -> RecorderStatus:
@@ -172,7 +169,6 @@ class Recorder:
                 self._write_events()
                 self._telemetry.sync()
                 synced = time.monotonic()
-                self._slowest = max(self._slowest, synced - now)
             if now - sampled >= SAMPLE_SYNC:
                 self._write_samples()
                 sampled = time.monotonic()

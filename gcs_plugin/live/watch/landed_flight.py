@@ -19,13 +19,10 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, OF_MISSIO
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.watch_settings import Later, WatchSettings
 from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
-from thrustmargin.gcs_plugin.logs.findings import names_known
-from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.gcs_plugin.logs.log_answer import answer_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
-from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
 from thrustmargin.models.errors import ThrustMarginError
-from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -86,11 +83,6 @@ def as_reported(
         except ThrustMarginError:
             return None
     log, claim = flights[-1]
-    found = inspect_log(log, model.airframe, claim).findings
-    made = advise(
-        analyse(log.track, model, claim=claim),
-        limit=settings.alarms.max_utilisation,
-        names_known=names_known(found),
-    )
-    of_the_link = replace(claim, source=settings.link)
-    return FlightAdvice(made.advice, first_contact_of(log, of_the_link))
+    analysis = analyse(log.track, model, claim=replace(claim, source=settings.link))
+    said = answer_log(log, analysis, settings.alarms.max_utilisation)
+    return FlightAdvice(said.made.advice, said.contact)

@@ -11,18 +11,19 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text,
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     BAND,
     INK,
-    OVER_FILL,
     PREDICTED,
-    SPRAYING,
     Panel,
+    above_limit,
     band,
+    in_tank,
+    limit_across,
     line,
     over_time,
 )
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, titled
 from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, percent_within
 from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
-from thrustmargin.gcs_plugin.wording.report_words import IN_USE, TANK_SPRAYING
+from thrustmargin.gcs_plugin.wording.report_words import IN_USE
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.mission.ahead.utilisation_along import LegForecast, worst_use
 
@@ -81,25 +82,20 @@ def hardest(legs: Sequence[LegForecast]) -> Sequence[LegForecast]:
 
 def _chart(made: PlanForecast) -> Figure:
     """Use of thrust over time above tank and battery."""
-    track, limit = made.flight.track, 100.0 * made.advised.advice.limit
+    track, limit = made.flight.track, made.advised.advice.limit
     time_s = track.time_s
     use, reach = (100.0 * part for part in worst_use(made.advised.analysis, slice(None)))
     traces = [
-        band(time_s, np.full(use.size, limit), np.maximum(use, limit), color=OVER_FILL),
+        above_limit(time_s, use, limit),
         band(time_s, use - reach, use + reach, color=BAND),
         line(time_s, use, color=PREDICTED, name="worst rotor"),
     ]
-    high = max(float(np.nanmax(use + reach, initial=0.0)) * 1.08, 1.3 * limit)
+    high = max(float(np.nanmax(use + reach, initial=0.0)) * 1.08, 130.0 * limit)
     axis = titled(IN_USE, ticksuffix=" %", range=[0.0, high])
-    across = (limit, f"{limit:.0f} %\nlimit")
-    sprayed = np.where(track.spraying > 0.5, track.tank_kg, np.nan)
-    tank = [
-        line(time_s, track.tank_kg, color=INK, name="tank", width=2),
-        line(time_s, sprayed, color=SPRAYING, name=TANK_SPRAYING, width=5),
-    ]
+    tank = in_tank(time_s, track.tank_kg, track.spraying, "tank")
     full = {**titled("tank, kg"), "range": [0.0, 1.1 * float(track.tank_kg.max()) + 0.1]}
     panels = [
-        Panel(traces=traces, axis=axis, height_px=180, limit=across),
+        Panel(traces=traces, axis=axis, height_px=180, limit=limit_across(limit)),
         Panel(traces=tank, axis=full, height_px=64),
     ]
     if np.isfinite(track.voltage).any():

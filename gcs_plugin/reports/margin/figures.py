@@ -13,11 +13,12 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     MEAN,
     MEASURED,
     OVER,
-    OVER_FILL,
     PREDICTED,
-    SPRAYING,
     Panel,
+    above_limit,
     band,
+    in_tank,
+    limit_across,
     line,
     milliseconds,
     over_time,
@@ -91,25 +92,22 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> F
     """Thrust in use of the worst rotor and of the mean rotor over time, above the tank level."""
     time_s, tank = rows["time_s"], rows["tank_kg"]
     top, mean = worst_rotor(use)[0] * 100, use.mean(axis=1) * 100
-    above = np.where(top > limit * 100, top, limit * 100)
     traces = [
-        band(time_s, np.full(top.size, limit * 100), above, color=OVER_FILL),
+        above_limit(time_s, top, limit),
         line(time_s, top, color=MEASURED, name="worst rotor"),
         line(time_s, mean, color=MEAN, name=words.MEAN_ROTOR, width=2),
     ]
     high = max(float(np.nanmax(top)) * 1.3, limit * 130)
     axis = titled(words.IN_USE, ticksuffix=" %", range=[0.0, high])
-    panels = [Panel(traces=traces, axis=axis, height_px=280, limit=_limit(limit))]
+    panels = [Panel(traces=traces, axis=axis, height_px=280, limit=limit_across(limit))]
     if np.any(np.isfinite(tank)):
-        sprayed = np.where(rows["spraying"] > 0.5, tank, np.nan)
         reach = INTERVAL * rows["tank_error_kg"]
         inferred = np.any(np.isfinite(reach))
         named = words.LOAD_INFERRED if inferred else "tank"
         within = [band(time_s, np.maximum(tank - reach, 0.0), tank + reach, color=BAND)]
         traces = [
             *(within if inferred else ()),
-            line(time_s, tank, color=INK, name=named, width=2),
-            line(time_s, sprayed, color=SPRAYING, name=words.TANK_SPRAYING, width=5),
+            *in_tank(time_s, tank, rows["spraying"], named),
         ]
         axis = titled("tank, kg", range=[0.0, float(np.nanmax(tank)) * 1.1 + 0.1])
         panels.append(Panel(traces=traces, axis=axis, height_px=80))
@@ -148,7 +146,7 @@ def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> Figure:
             line(time_s, predicted[:, k], legend=legend, **as_predicted),
         ],
         axis={"ticksuffix": " %", "range": [0.0, high]},
-        limit=_limit(limit),
+        limit=limit_across(limit),
     )
     return over_time(panels, end_s=float(time_s[-1]))
 
@@ -256,7 +254,3 @@ def airborne(rows: Rows) -> Rows:
             continue
         cut[key] = np.where(landed[:, None], np.nan, cut[key])
     return cut
-
-
-def _limit(limit: float) -> tuple[float, str]:
-    return limit * 100, f"{limit * 100:.0f} %\nlimit"

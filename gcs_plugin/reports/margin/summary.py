@@ -7,8 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.logs.findings import names_known
-from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.gcs_plugin.logs.log_answer import answer_log
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use, trained_on
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
 from thrustmargin.gcs_plugin.reports.margin.data import (
@@ -35,7 +34,6 @@ from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.reports.shared.written import utc_text
-from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
 from thrustmargin.gcs_plugin.wording.flight_words import (
     loss_words,
@@ -62,7 +60,7 @@ from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel, advise
+from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.margin_check import margin_check
 from thrustmargin.models.model.predict import flown_airframe
@@ -84,8 +82,8 @@ def report_flight(
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Raises
     PlanError when the plan flies nowhere.
     """
-    found = inspect_log(log, analysis.model.airframe, analysis.claim).findings
-    made = advise(analysis, limit=max_utilisation, names_known=names_known(found))
+    said = answer_log(log, analysis, max_utilisation)
+    found, made, contact = said.findings, said.made, said.contact
     advice, whole, analysis = made.advice, made.whole, made.analysis
     track, airframe = analysis.track, analysis.model.airframe
     limits = ceiling(flown_airframe(analysis.model), analysis.density, track.voltage)
@@ -98,7 +96,6 @@ def report_flight(
     moments = worst_moments(analysis, airframe.rotor_names)
     worst = moments[0] if moments else None
     basis, measured_share = _basis(made)
-    contact = first_contact_of(log, analysis.claim)
     answer = verdict_facts(worst, advice, analysis.claim, basis, _no_flight(whole.track))
     check = None if analysis.withheld else margin_check(analysis)
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""

@@ -91,10 +91,10 @@ class PdfCanvas:
             else:
                 pdf.text(left, low, words)
 
-    def width(self, words: str, size: float, *, bold: bool = False) -> float:
-        """How wide the words are."""
+    def width(self, words: str, size: float) -> float:
+        """How wide the words are in plain type."""
         with self._pdf.local_context():
-            self._set_type(size, bold)
+            self._set_type(size, bold=False)
             return self._pdf.get_string_width(words) / self._pixel
 
     def _set_type(self, size: float, bold: bool) -> None:
@@ -163,8 +163,8 @@ class SvgCanvas:
             f"{escape(words)}</text>"
         )
 
-    def width(self, words: str, size: float, *, bold: bool = False) -> float:
-        return (0.66 if bold else 0.58) * size * len(words)
+    def width(self, words: str, size: float) -> float:
+        return 0.58 * size * len(words)
 
     @contextmanager
     def clipped(self, box: Box) -> Iterator[None]:

@@ -37,9 +37,7 @@ SILENT = {"script", "style", "noscript", "title"}
 def inside(node: HtmlElement) -> Iterator[HtmlElement | str]:
     """Texts and elements in a node, in order, without the white space of the template's lines."""
     for one in (node.text, *(part for child in node for part in (child, child.tail))):
-        if not isinstance(one, str) and one is not None:
-            yield one
-        elif one and (one.strip() or one == " "):
+        if (not isinstance(one, str) and one is not None) or (one and (one.strip() or one == " ")):
             yield one
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter
 from thrustmargin.gcs_plugin.wording.fault_words import place_words
 from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.report_words import TANK_SPRAYING
 from thrustmargin.models.flight import Floats
 
 INK = "#000000"
@@ -194,6 +195,25 @@ def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown
         **{"mode": "none", "fill": "toself", "fillcolor": color, "hoverinfo": "skip"},
         **{"showlegend": False, **shown},
     )
+
+
+def above_limit(time_s: Floats, use: Floats, limit: float) -> Trace | None:
+    """Where `use` (T,) % of a rotor's maximum thrust is above the `limit`, a share, filled."""
+    return band(time_s, np.full(use.size, 100 * limit), np.fmax(use, 100 * limit), color=OVER_FILL)
+
+
+def limit_across(limit: float) -> tuple[float, str]:
+    """The limit, a share, as `Panel` draws it."""
+    return limit * 100, f"{limit * 100:.0f} %\nlimit"
+
+
+def in_tank(time_s: Floats, tank_kg: Floats, spraying: Floats, name: str) -> list[Trace | None]:
+    """What is on board over time, and in colour while it is sprayed."""
+    sprayed = np.where(spraying > 0.5, tank_kg, np.nan)
+    return [
+        line(time_s, tank_kg, color=INK, name=name, width=2),
+        line(time_s, sprayed, color=SPRAYING, name=TANK_SPRAYING, width=5),
+    ]
 
 
 def over_time(panels: Sequence[Panel], *, end_s: float) -> Figure:

@@ -32,10 +32,10 @@ def _rounded(value: Any, digits: int) -> Any:
     return float(f"{value:.{digits}g}") if isinstance(value, float) else value
 
 
-def csv_text(heads: Iterable[Any], rows: Iterable[Iterable[Any]], *, end: str = "\r\n") -> str:
+def csv_text(heads: Iterable[Any], rows: Iterable[Iterable[Any]]) -> str:
     """Rows under their heads; no text begins as a formula of a spreadsheet."""
     out = io.StringIO()
-    writer = csv.writer(out, lineterminator=end)
+    writer = csv.writer(out)
     writer.writerow(heads)
     for row in rows:
         writer.writerow(

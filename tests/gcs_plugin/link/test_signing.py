@@ -179,15 +179,6 @@ def test_pymavlinks_own_check_lets_an_unsigned_frame_of_unknown_id_pass():
     assert door.counts == counts(unsigned=1)
 
 
-def test_known_ids_can_be_narrowed():
-    door = guard(known_ids=[0])
-    vehicle = sender()
-    assert not door.accept(frame(vehicle))
-    heartbeat = dialect.MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3)
-    assert door.accept(bytes(heartbeat.pack(vehicle)))
-    assert door.counts == counts(accepted=1, unknown_id=1)
-
-
 GOOD = frame(sender())
 
 

@@ -1,0 +1,35 @@
+"""What is said of one log: its findings, the answer of its flight, and what an aircraft that is not
+known shows. Report, replay and live ask this one function.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from thrustmargin.gcs_plugin.logs.findings import Finding, names_known
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.wording.report_words import FirstContact
+from thrustmargin.models.model.advice import Advised, advise
+from thrustmargin.models.model.analysis import FlightAnalysis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LogAnswer:
+    """Of one sortie."""
+
+    findings: tuple[Finding, ...]  # the gravest first
+    made: Advised
+    contact: FirstContact | None  # None of an aircraft that is known
+
+
+def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAnswer:
+    """The answer of a log's analysed flight; `limit` is the share of a rotor's thrust that may
+    last."""
+    found = inspect_log(log, analysis.model.airframe, analysis.claim).findings
+    return LogAnswer(
+        findings=found,
+        made=advise(analysis, limit=limit, names_known=names_known(found)),
+        contact=first_contact_of(log, analysis.claim),
+    )
