@@ -54,12 +54,7 @@ class ColourScale:
         values = np.asarray(values, dtype=np.float64)
         at = np.array([s for s, _ in self.stops])
         rgb = np.array([c for _, c in self.stops], dtype=np.float64)
-        inside = np.clip(np.nan_to_num(values, nan=self.low), self.low, self.high)
-        upper = np.clip(np.searchsorted(at, inside, side="right"), 1, at.size - 1)
-        lower = upper - 1
-        span = np.where(at[upper] > at[lower], at[upper] - at[lower], 1.0)
-        share = np.clip((inside - at[lower]) / span, 0.0, 1.0)[..., None]
-        mixed = np.round(rgb[lower] * (1 - share) + rgb[upper] * share)
+        mixed = np.round(np.stack([np.interp(values, at, part) for part in rgb.T], axis=-1))
         return np.where(np.isfinite(values)[..., None], mixed, NO_DATA).astype(np.uint8)
 
     def number(self, value: float) -> str:
@@ -156,11 +151,15 @@ def css(colour: ArrayLike) -> str:
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
+def _linear(seen: ArrayLike) -> NDArray[np.float64]:
+    """Light of sRGB colours of 0 to 255."""
+    encoded = np.asarray(seen, dtype=np.float64) / 255
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
 def ink_on(paper: ArrayLike) -> str:
     """Black or white, whichever stands out more on `paper` (WCAG relative luminance)."""
-    share = np.asarray(paper, dtype=np.float64) / 255
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    luminance = float(linear @ np.array([0.2126, 0.7152, 0.0722]))
+    luminance = float(_linear(paper) @ np.array([0.2126, 0.7152, 0.0722]))
     # Pure black: with any lighter one some colour would have neither ink at a contrast of 4.5.
     return "#fff" if 1.05 / (luminance + 0.05) > (luminance + 0.05) / 0.05 else "#000"
 
@@ -200,9 +199,7 @@ _EXPOSURE = 1 / 0.6
 def sent_for(seen: ArrayLike) -> Colours:
     """(..., 3) line colours to send so that a browser shows `seen`, as near as 8 bits allow."""
     a, b, c, d, e = _CURVE
-    encoded = np.asarray(seen, dtype=np.float64) / 255
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    target = np.clip(linear @ np.linalg.inv(_OUTPUT).T, 0.0, None)
+    target = np.clip(_linear(seen) @ np.linalg.inv(_OUTPUT).T, 0.0, None)
     # (v² + a v - b) = target (c v² + d v + e), the positive root.
     quadratic, slope, constant = 1 - c * target, a - d * target, -b - e * target
     light = (-slope + np.sqrt(slope**2 - 4 * quadratic * constant)) / (2 * quadratic)

@@ -180,10 +180,5 @@ def json_text(table: FillTable) -> str:
 
 def html_text(table: FillTable) -> str:
     """One page to print: the recommendation, what it holds for, and the table."""
-    context = {"table": table, "conditions": conditions(table), "software": software_version()}
-    return page_text(
-        "thrustmargin.gcs_plugin.reports.fill",
-        context,
-        functions={"number": number, "temperatures": temperatures},
-        draws=False,
-    )
+    context = {"table": table, "conditions": conditions(table), "temperatures": temperatures}
+    return page_text("thrustmargin.gcs_plugin.reports.fill", context, draws=False)

@@ -126,31 +126,22 @@ def cells(one: AircraftSeason) -> tuple[str, ...]:
 
 def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
     """The page; of one aircraft `alone` with all its flights."""
-    return page_text(
-        "thrustmargin.gcs_plugin.reports.fleet",
-        {
-            "fleet": fleet,
-            "alone": alone,
-            "drawn": fleet.aircraft if alone else fleet.drawn,
-            "heads": HEADS,
-            "software": software_version(),
-            "colours": COLOURS,
-        },
-        functions={
-            "cells": cells,
-            "number": number,
-            "percent": percent,
-            "day": words.day,
-            "chart": chart,
-            "title": lambda trend: words.value_words(trend.name).title,
-            "now": now,
-            "least_loss": words.least_loss,
-            "listed": listed,
-            "finite": finite,
-        },
-        own_style=True,
-        draws=False,
-    )
+    context = {
+        "fleet": fleet,
+        "alone": alone,
+        "drawn": fleet.aircraft if alone else fleet.drawn,
+        "heads": HEADS,
+        "colours": COLOURS,
+        "cells": cells,
+        "day": words.day,
+        "chart": chart,
+        "title": lambda trend: words.value_words(trend.name).title,
+        "now": now,
+        "least_loss": words.least_loss,
+        "listed": listed,
+        "finite": finite,
+    }
+    return page_text("thrustmargin.gcs_plugin.reports.fleet", context, draws=False)
 
 
 def listed(one: AircraftSeason) -> list[Trend]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
-from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text, software_version
+from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     BAND,
     INK,
@@ -21,7 +21,6 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     over_time,
 )
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, titled
-from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, percent_within
 from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
 from thrustmargin.gcs_plugin.wording.report_words import IN_USE
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
@@ -29,7 +28,6 @@ from thrustmargin.mission.ahead.utilisation_along import LegForecast, worst_use
 
 SHOWN = 8  # stretches on the page itself, that it stays one on paper
 MOST = 500  # that are folded below it
-_WORDS = {f.__name__: f for f in (duration, number, percent, percent_within)}
 
 
 def html_text(made: PlanForecast, name: str) -> str:
@@ -65,10 +63,9 @@ def _page(made: PlanForecast, name: str, figures: Mapping[str, Markup]) -> str:
         "assumed": words.assumed_words(made),
         "faults": words.plan_faults(made),
         "model": made.advised.analysis.model.description,
-        "version": software_version(),
         "figures": figures,
     }
-    return page_text(__name__.rpartition(".")[0], context, functions=_WORDS)
+    return page_text(__name__.rpartition(".")[0], context)
 
 
 def hardest(legs: Sequence[LegForecast]) -> Sequence[LegForecast]:

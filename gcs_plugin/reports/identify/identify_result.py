@@ -14,16 +14,16 @@ from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     answer,
     excluded_rows,
+    rmse_words,
     set_words,
     where_from,
 )
-from thrustmargin.gcs_plugin.wording.numbers import chance, joined, number, shown_unit, within
+from thrustmargin.gcs_plugin.wording.numbers import chance, number, shown_unit, within
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.model_update import ModelUpdate, update_model
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.unseen_errors import (
-    Errors,
     RotorErrors,
     Unseen,
     rotor_errors,
@@ -174,16 +174,12 @@ def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
     return [
         (
             "all" if e.rotor is None else f"{e.rotor + 1} {names[e.rotor]}",
-            _rmse(e.before),
-            _rmse(e.after),
+            rmse_words(e.before, ""),
+            rmse_words(e.after, ""),
             number(e.after.bias_rpm, "", 1),
         )
         for e in result.errors
     ]
-
-
-def _rmse(errors: Errors) -> str:
-    return joined(within(errors.rmse_rpm, *errors.rmse_ci95_rpm, most=1))
 
 
 def printed_tables(result: Result) -> list[Table]:

@@ -15,11 +15,7 @@ from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
     per_flight,
     rows_of,
 )
-from thrustmargin.gcs_plugin.reports.shared.page_shell import (
-    packed,
-    page_text,
-    software_version,
-)
+from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
@@ -27,24 +23,8 @@ from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     margin_words,
     where_from,
 )
-from thrustmargin.gcs_plugin.wording.numbers import chance, number
 
 MOST_FLIGHTS = 6  # that are drawn over time and on the route
-#: What the template may call.
-_WORDS = {
-    function.__name__: function
-    for function in (
-        number,
-        chance,
-        effect_rows,
-        error_rows,
-        set_rows,
-        effect_thing,
-        excluded_rows,
-        margin_words,
-        where_from,
-    )
-}
 
 
 def html_text(result: Result) -> str:
@@ -59,10 +39,15 @@ def html_text(result: Result) -> str:
         "rows": rows,
         "shown": shown,
         "figures": made,
-        "version": software_version(),
+        "effect_rows": effect_rows,
+        "error_rows": error_rows,
+        "set_rows": set_rows,
+        "effect_thing": effect_thing,
+        "excluded_rows": excluded_rows,
+        "margin_words": margin_words,
+        "where_from": where_from,
     }
-    package = __name__.rpartition(".")[0]
-    return page_text(package, context, functions=_WORDS, own_style=True)
+    return page_text(__name__.rpartition(".")[0], context)
 
 
 def figures(rows: Rows, shown: list[int]) -> dict[str, Figure]:

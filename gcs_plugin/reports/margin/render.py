@@ -16,7 +16,6 @@ from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared import written
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
-from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fault_words import (
     DESCENDED,
@@ -29,27 +28,6 @@ from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
 from thrustmargin.gcs_plugin.wording.report_words import TO_COPY
 from thrustmargin.models.whole_file import whole_file
-
-#: What the template may call.
-_WORDS = {
-    function.__name__: function
-    for function in (
-        words.number,
-        words.percent,
-        words.percent_within,
-        words.significant,
-        words.more,
-        words.clock,
-        words.duration,
-        words.area,
-        estimate,
-        words.place,
-        words.from_direction,
-        words.within,
-        moment_words,
-        place_words,
-    )
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,5 +137,8 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
         "maximum_fill": MAXIMUM_FILL,
         "fill": amount,
         "several": SEVERAL,
+        "estimate": estimate,
+        "moment_words": moment_words,
+        "place_words": place_words,
     }
-    return page_text(__name__.rpartition(".")[0], context, functions=_WORDS)
+    return page_text(__name__.rpartition(".")[0], context)

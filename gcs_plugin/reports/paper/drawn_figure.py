@@ -320,11 +320,7 @@ def _shades(stops: Sequence[Sequence[Any]], shares: Floats) -> list[Colour]:
     """Colours at shares (N,) of a scale whose stops are pairs of 0..1 and a colour."""
     at = np.array([float(place) for place, _ in stops])
     rgb = np.array([colour_of(colour) for _, colour in stops])
-    shares = np.clip(shares, 0.0, 1.0)
-    upper = np.clip(np.searchsorted(at, shares, side="right"), 1, at.size - 1)
-    span = np.maximum(at[upper] - at[upper - 1], 1e-12)
-    share = np.clip((shares - at[upper - 1]) / span, 0.0, 1.0)[:, None]
-    return [tuple(c) for c in (rgb[upper - 1] * (1.0 - share) + rgb[upper] * share).tolist()]
+    return list(zip(*(np.interp(shares, at, part).tolist() for part in rgb.T), strict=True))
 
 
 def colour_of(css: str) -> Colour:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
@@ -26,25 +26,21 @@ from thrustmargin.gcs_plugin.wording.language import say, sentence, spoken
 _SHELL = "thrustmargin.gcs_plugin.reports.shared"
 
 
-def page_text(
-    package: str,
-    context: Mapping[str, Any],
-    *,
-    functions: Mapping[str, Callable[..., Any]],
-    own_style: bool = False,
-    draws: bool = True,
-) -> str:
+def page_text(package: str, context: Mapping[str, Any], *, draws: bool = True) -> str:
     """The page.html of `package` in the shell, its figures drawn when they come into view.
 
-    `context` and `functions` are what the template may name; with `own_style` the package's
-    page.css follows that of all pages. A page that draws nothing holds no script.
+    `context` is what the template may name, beside the functions of `wording.numbers` and the
+    version of the software. The package's page.css, if it has one, follows that of all pages. A
+    page that draws nothing holds no script.
     """
     library, draw = b"", ""
     if draws:
         library, draw = _bytes(_SHELL, "plotly-basic.min.js.gz"), _text(_SHELL, "draw.js")
+    own_style = (resources.files(package) / "page.css").is_file()
     style = _text(_SHELL, "page.css") + (_text(package, "page.css") if own_style else "")
     return _template(package, spoken()).render(
-        {**functions, **context},
+        context,
+        software=software_version(),
         policy=content_policy(gzip.decompress(library).decode() if draws else "", draw),
         style=Markup(style),
         library=_in_base64(library),
@@ -68,6 +64,11 @@ def _template(package: str, _language: str) -> jinja2.Template:
     environment.filters["sentence"] = sentence
     environment.filters["spoken"] = environment.globals["say"] = say
     environment.globals["language"] = spoken
+    environment.globals |= {
+        name: function
+        for name, function in vars(words).items()
+        if getattr(function, "__module__", "") == words.__name__ and not name.startswith("_")
+    }
     return environment.get_template("page.html")
 
 

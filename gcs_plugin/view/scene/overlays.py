@@ -34,13 +34,15 @@ class Overlay:
     values: Floats  # (T,) NaN where unknown
     scale: ColourScale
     worst: Worst
-    rotor: Floats  # (T,) index of the rotor that the value belongs to; NaN for the vehicle's own
+    #: (T,) index of the rotor that the value belongs to; None, or NaN in a row: the vehicle's own.
+    rotor: Floats | None = None
     note: str = ""  # what the values rest on, shown with the legend
     extreme: str = "worst"  # what its worst value is called
 
     def at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> dict[str, Any]:
         """The value of a row for the page: 53 %, of rotor 1, which is front right, at 2:31."""
-        rotor = int(self.rotor[row]) if np.isfinite(self.rotor[row]) else None
+        whose = np.nan if self.rotor is None else self.rotor[row]
+        rotor = int(whose) if np.isfinite(whose) else None
         return {
             "extreme": self.extreme,
             "value": self.scale.number(float(self.values[row])),
@@ -64,9 +66,6 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
     use = analysis.known_utilisation
     load, rotor = worst_rotor(use)
     note = _basis_note(analysis, np.isfinite(load))
-    residual, residual_rotor = worst_rotor(analysis.residual_rpm, np.abs(analysis.residual_rpm))
-    limit = residual_limit(residual, analysis.track.flying)
-    vehicle = np.full(load.size, np.nan)
     return (
         Overlay(
             name=words.THRUST_LEFT,
@@ -81,16 +80,9 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
             values=analysis.redundancy_yaw_uncontrolled,
             scale=colours.REDUNDANCY,
             worst="min",
-            rotor=vehicle,
             note=SPINS,
         ),
-        Overlay(
-            name="Residual",
-            values=residual,
-            scale=colours.residual_scale(limit),
-            worst="abs",
-            rotor=residual_rotor,
-        ),
+        _residual("Residual", analysis),
     )
 
 
@@ -114,7 +106,6 @@ def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, .
             values=tank,
             scale=colours.tank_scale(float(np.nanmax(tank, initial=0.0))),
             worst="max",
-            rotor=np.full(tank.size, np.nan),
             extreme="fullest",
         ),
     )
@@ -128,7 +119,6 @@ def speed_overlay(track: FlightTrack) -> Overlay:
         values=speed,
         scale=colours.GROUND_SPEED,
         worst="max",
-        rotor=np.full(speed.size, np.nan),
         extreme="fastest",
     )
 
@@ -144,22 +134,16 @@ def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Ove
             f"{before.track.name} and {after.track.name} are two flights; the residual before and "
             "after is of one"
         )
-    worst = [worst_rotor(a.residual_rpm, np.abs(a.residual_rpm)) for a in (before, after)]
-    limit = residual_limit(worst[0][0], before.track.flying)
-    first, second = (
-        Overlay(
-            name=name,
-            values=values,
-            scale=colours.residual_scale(limit),
-            worst="abs",
-            rotor=rotor,
-            note=_model_note(analysis),
-        )
-        for name, analysis, (values, rotor) in zip(
-            (words.RESIDUAL_BEFORE, words.RESIDUAL_AFTER), (before, after), worst, strict=True
-        )
-    )
-    return first, second
+    first = _residual(words.RESIDUAL_BEFORE, before, _model_note(before))
+    second = _residual(words.RESIDUAL_AFTER, after, _model_note(after))
+    return first, replace(second, scale=first.scale)
+
+
+def _residual(name: str, analysis: FlightAnalysis, note: str = "") -> Overlay:
+    values, rotor = worst_rotor(analysis.residual_rpm, np.abs(analysis.residual_rpm))
+    limit = residual_limit(values, analysis.track.flying)
+    scale = colours.residual_scale(limit)
+    return Overlay(name=name, values=values, scale=scale, worst="abs", rotor=rotor, note=note)
 
 
 def residual_limit(residual_rpm: Floats, flying: Bools) -> float:

@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.view.scene.camera import (
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, distinct_legs, enu
 from thrustmargin.gcs_plugin.view.scene.surroundings import Surroundings
 from thrustmargin.gcs_plugin.wording import view_words as words
-from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, line_colours, sent_for
+from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, sent_for
 from thrustmargin.mission.field import Field
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -314,13 +314,7 @@ class Scene:
 
     def _lines(self, name: str, polylines: Sequence[Floats], colour: Rgb, pixels: float):
         points = np.concatenate([np.stack([p[:-1], p[1:]], axis=1) for p in polylines])
-        self._api.add_line_segments(
-            name,
-            points,
-            line_colours(len(points), colour),
-            thickness=pixels,
-            thickness_units="screen",
-        )
+        self.surroundings.lines(name, points, colour, pixels)
 
 
 def row_hit(points_enu: Floats, among: Bools, origin: Floats, ray: Floats) -> int | None:

@@ -67,7 +67,7 @@ class Surroundings:
         self._homes[key] = position_enu
         side = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
         ring = np.column_stack([side, np.zeros(5)]) + position_enu
-        self._lines(f"/world/home_{key}", np.stack([ring[:-1], ring[1:]], axis=1), INK, 4.0)
+        self.lines(f"/world/home_{key}", np.stack([ring[:-1], ring[1:]], axis=1), INK, 4.0)
         self._api.add_label(
             f"/world/home_name_{key}", words.HOME, position=position_enu, anchor="top-center"
         )
@@ -75,7 +75,7 @@ class Surroundings:
     def sprayed(self, key: str, points_enu: Floats) -> None:
         """Draw (S, 2, 3) m of ground that an aircraft sprayed."""
         if len(points_enu):
-            self._lines(f"/world/sprayed_{key}", points_enu, SPRAYED, 14.0)
+            self.lines(f"/world/sprayed_{key}", points_enu, SPRAYED, 14.0)
 
     def wind(self, wind_ned: Floats, place_enu: Floats, length: float) -> None:
         """An arrow `length` m long the way that the air moves, (3,) m/s; none for NaN."""
@@ -96,14 +96,15 @@ class Surroundings:
             self._arrow.remove()
             self._arrow = None
         if speed >= LEAST_WIND:
-            self._arrow = self._lines("/world/wind_arrow", arrow(way, place_enu, length), INK, 6.0)
+            self._arrow = self.lines("/world/wind_arrow", arrow(way, place_enu, length), INK, 6.0)
 
     def _show(self, visible: bool) -> None:
         self._label.visible = visible
         if self._arrow is not None:
             self._arrow.visible = visible
 
-    def _lines(self, name: str, points: Floats, colour: Rgb, pixels: float):
+    def lines(self, name: str, points: Floats, colour: Rgb, pixels: float):
+        """Draw (S, 2, 3) m in one colour; the node."""
         return self._api.add_line_segments(
             name,
             points.astype(np.float32),

@@ -240,7 +240,7 @@ def next_flight_words(
 
 def error_words(found: Identification, margin: MarginChange) -> str:
     """Rotor speed error before and after, on which rows, its floor, and the margin."""
-    error = _with_interval(found.after)
+    error = rmse_words(found.after)
     if found.found:
         error = f"{number(found.before.rmse_rpm, '', 0)} -> {error}"
     floor = f"at best {number(found.floor_rpm, 'rpm', 0)} with these channels"
@@ -248,9 +248,9 @@ def error_words(found: Identification, margin: MarginChange) -> str:
     return f"Rotor speed error (RMSE) {error} on {where_from(found)}, {floor}{moved}"
 
 
-def _with_interval(errors: Errors) -> str:
-    low, high = errors.rmse_ci95_rpm
-    return joined(within(errors.rmse_rpm, low, high, "rpm", most=1))
+def rmse_words(errors: Errors, unit: str = "rpm") -> str:
+    """`12.9 rpm (12.5 to 13.4)`."""
+    return joined(within(errors.rmse_rpm, *errors.rmse_ci95_rpm, unit, most=1))
 
 
 def where_from(found: Identification) -> str:
