@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +43,8 @@ class SerialPort(Transport):
     def __init__(self, path: str, baud: int) -> None:
         import serial
 
-        self._serial = serial
-        self._path, self._baud = path, baud
-        self._port: Any = serial.Serial(path, baud, timeout=0.1, write_timeout=1.0)
+        self._open = partial(serial.Serial, path, baud, timeout=0.1, write_timeout=1.0)
+        self._port: Any = self._open()
 
     @property
     def ready(self) -> bool:
@@ -53,9 +53,7 @@ class SerialPort(Transport):
     def receive(self, timeout: float) -> list[Chunk]:
         if self._port is None:
             try:
-                self._port = self._serial.Serial(
-                    self._path, self._baud, timeout=0.1, write_timeout=1.0
-                )
+                self._port = self._open()
             except OSError:
                 time.sleep(min(timeout, AGAIN))
                 return []

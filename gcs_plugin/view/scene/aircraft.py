@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow
+from thrustmargin.gcs_plugin.view.scene.surroundings import screen_lines
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording.live_words import BEYOND
-from thrustmargin.gcs_plugin.wording.palette import line_colours, sent_for
+from thrustmargin.gcs_plugin.wording.palette import sent_for
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -81,14 +82,9 @@ class VehicleNode:
         """Arms, discs and arrows of the rotors; the discs."""
         airframe, rotors = self._airframe, self._rotors
         radius = disc_radius(airframe)
-        body = scene.add_line_segments(
-            f"{self._root}/arms",
-            # Under the discs, which would hide half of each line's thickness.
-            np.stack([np.zeros_like(rotors), rotors], axis=1) - [0, 0, 0.05 * self._arm],
-            line_colours(len(rotors), DARK),
-            thickness=ARM_PIXELS,
-            thickness_units="screen",
-        )
+        # Under the discs, which would hide half of each line's thickness.
+        arms = np.stack([np.zeros_like(rotors), rotors], axis=1) - [0, 0, 0.05 * self._arm]
+        body = screen_lines(scene, f"{self._root}/arms", arms, DARK, ARM_PIXELS)
         vertices, faces = unit_disc()
         discs = scene.add_batched_meshes_simple(
             f"{self._root}/discs",
@@ -103,13 +99,7 @@ class VehicleNode:
             receive_shadow=False,
         )
         arrows = spin_segments(rotors, radius, airframe.rotor_spin)
-        spin = scene.add_line_segments(
-            f"{self._root}/spin",
-            arrows,
-            line_colours(len(arrows), DARK),
-            thickness=SPIN_PIXELS,
-            thickness_units="screen",
-        )
+        spin = screen_lines(scene, f"{self._root}/spin", arrows, DARK, SPIN_PIXELS)
         self._parts += [body, discs, spin]
         return discs
 
@@ -117,16 +107,10 @@ class VehicleNode:
         """A red ring about each rotor, which is shown while an alarm is of it."""
         ring = 1.05 * disc_radius(self._airframe) * unit_disc()[0][1:] + [0.0, 0.0, 0.03]
         sides = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
+        names = [f"{self._root}/fault_{i + 1}" for i in range(len(self._rotors))]
         return [
-            scene.add_line_segments(
-                f"{self._root}/fault_{i + 1}",
-                rotor + sides,
-                line_colours(len(sides), colours.ALARM),
-                thickness=FAULT_PIXELS,
-                thickness_units="screen",
-                visible=False,
-            )
-            for i, rotor in enumerate(self._rotors)
+            screen_lines(scene, name, rotor + sides, colours.ALARM, FAULT_PIXELS, visible=False)
+            for name, rotor in zip(names, self._rotors, strict=True)
         ]
 
     @property

@@ -12,12 +12,26 @@ from thrustmargin.gcs_plugin.wording.palette import Rgb, line_colours
 from thrustmargin.models.flight import Floats
 
 if TYPE_CHECKING:
-    from viser import SceneApi
+    from viser import LineSegmentsHandle, SceneApi
 
 LEAST_WIND = 0.5  # m/s, below which its direction says nothing
 STEP = 1.0  # m between two points of the sprayed ground
 MOST = 6000  # stretches of sprayed ground that are kept
 INK, SPRAYED = (17, 17, 17), (0, 119, 187)
+
+
+def screen_lines(
+    api: SceneApi, name: str, points: Floats, colour: Rgb, pixels: float, *, visible: bool = True
+) -> LineSegmentsHandle:
+    """A node of lines (S, 2, 3), m, in one colour, as wide on the screen from near and far."""
+    return api.add_line_segments(
+        name,
+        points.astype(np.float32),
+        line_colours(len(points), colour),
+        thickness=pixels,
+        thickness_units="screen",
+        visible=visible,
+    )
 
 
 class SprayedGround:
@@ -105,13 +119,7 @@ class Surroundings:
 
     def lines(self, name: str, points: Floats, colour: Rgb, pixels: float):
         """Draw (S, 2, 3) m in one colour; the node."""
-        return self._api.add_line_segments(
-            name,
-            points.astype(np.float32),
-            line_colours(len(points), colour),
-            thickness=pixels,
-            thickness_units="screen",
-        )
+        return screen_lines(self._api, name, points, colour, pixels)
 
 
 def arrow(way: Floats, place_enu: Floats, length: float) -> Floats:
