@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
     FirstContact,
     contact_facts,
     contact_headline,
-    contact_shown,
+    contact_use,
     first_line,
 )
 from thrustmargin.models.model.advice import Advice, FlightLevel
@@ -46,12 +46,13 @@ class FlightAnswer:
 
     @property
     def contact_lines(self) -> tuple[str, ...]:
-        """What the rows of an aircraft that is not known show; once it has landed also what its
-        owner is asked."""
-        if self.contact is None:
+        """How hard the motors of an aircraft that is not known worked; once it has landed also what
+        else is in the log, and what its owner is asked."""
+        contact, whole = self.contact, math.isnan(self.until_s)
+        if contact is None:
             return ()
-        found = contact_facts if math.isnan(self.until_s) else contact_shown
-        return tuple(f"{say(fact.label)}: {fact.text}" for fact in found(self.contact))
+        found = contact_facts(contact) if whole else (contact_use(contact),)
+        return tuple(f"{say(fact.label)}: {fact.text}" for fact in found)
 
     @property
     def gravity(self) -> float:

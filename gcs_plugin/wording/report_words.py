@@ -242,18 +242,16 @@ def first_line(advice: Advice, contact: FirstContact | None) -> str:
     return contact_headline(contact) if contact and unknown else headline(advice)
 
 
-def contact_shown(contact: FirstContact) -> tuple[Fact, ...]:
-    """What was found."""
-    return (
-        Fact(contact.basis, _use_words(contact)),
-        Fact("in the log", found_words(contact)),
-    )
+def contact_use(contact: FirstContact) -> Fact:
+    """How hard its motors worked: all that helps while it flies."""
+    return Fact(contact.basis, _use_words(contact))
 
 
 def contact_facts(contact: FirstContact) -> tuple[Fact, ...]:
     """What was found, what is asked, and the line to copy."""
     return (
-        *contact_shown(contact),
+        contact_use(contact),
+        Fact("in the log", found_words(contact)),
         Fact("thrust", say("not known yet: only the owner can say these")),
         *(Fact(option, words) for option, words in option_words(contact.asked)),
         Fact(TO_COPY[0], command(contact)),

@@ -23,7 +23,6 @@ from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, serviced
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
-from thrustmargin.models.checks.frozen import without_frozen
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
@@ -109,8 +108,7 @@ class FlightSoFar:
             goes_on=self.goes_on,
         )
         pilot = AUTOPILOTS.get(state.autopilot, "unknown")
-        whole = without_frozen(self.track, flown_airframe(self.model), state.parameters)
-        known = whole, self.claim, state.parameters, state.facts
+        known = self.track, self.claim, state.parameters, state.facts
         return FlightAdvice(made.advice, first_contact(*known, autopilot=pilot))
 
     @property
