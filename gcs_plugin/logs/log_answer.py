@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.logs.findings import Finding, names_known
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
-from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
+from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.model.advice import Advised, advise
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
 
 
@@ -33,3 +34,10 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
         made=advise(analysis, limit=limit, names_known=names_known(found)),
         contact=first_contact_of(log, analysis.claim),
     )
+
+
+def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
+    """What the whole log of an aircraft that is not known shows."""
+    texts = [text for _, text in log.messages]
+    options = {"texts": texts, "autopilot": log.autopilot}
+    return first_contact(log.track, claim, log.parameters, log.facts, **options)

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import (
     CELL,
     ReportedAirframe,
@@ -26,13 +25,6 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 #: Sources of a load that nothing on board reported.
 NO_GAUGE = (SourceKind.STATED, SourceKind.AIRFRAME, SourceKind.INFERRED)
-
-
-def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
-    """What a whole log shows."""
-    texts = [text for _, text in log.messages]
-    options = {"texts": texts, "autopilot": log.autopilot}
-    return first_contact(log.track, claim, log.parameters, log.facts, **options)
 
 
 def first_contact(

@@ -101,6 +101,7 @@ def test_streamed_over_udp_a_flight_gives_the_samples_and_margins_of_its_file(
     sent = list(stamped_frames(path))
     assert [data for _, data in stamped_frames(session / "telemetry.tlog")] == [d for _, d in sent]
     assert f"{len(sent)} messages" in told
+    assert re.search(r"^vehicle 1: (Flight to \d+:\d\d|Last flight): \S", told, re.MULTILINE)
     live = read_samples(session, 1)
     # The recorded telemetry, read as a file, says the same.
     read = read_log(session / "telemetry.tlog", airframe=AIRFRAME, sampling="hold").track

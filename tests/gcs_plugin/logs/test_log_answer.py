@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact_of
+from thrustmargin.gcs_plugin.logs.log_answer import first_contact_of
 from thrustmargin.gcs_plugin.wording.report_words import (
     command,
     contact_facts,
