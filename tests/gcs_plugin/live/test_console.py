@@ -196,7 +196,6 @@ def test_a_recording_that_does_not_go_on_is_told_first(monitor, tmp_path):
         rows_lost=0,
         frames_dropped=0,
         trouble="",
-        slowest_sync_s=0.0,
     )
     status = replace(monitor.status(), recorder=fine)
     assert f"recording to {tmp_path}: 10 messages, 5 samples" in status_lines(status)
