@@ -72,9 +72,10 @@ class _Shared:
     def __init__(self) -> None:
         from playwright.sync_api import sync_playwright
 
+        path = require_chromium()  # before playwright's loop runs: a skip would leave it running
         self._playwright = sync_playwright().start()
         self.browser = self._playwright.chromium.launch(
-            executable_path=require_chromium(), headless=True, args=[*FLAGS]
+            executable_path=path, headless=True, args=[*FLAGS]
         )
         self._loop = asyncio.get_running_loop()
         atexit.register(self._end)
