@@ -19,7 +19,7 @@ ROTORS = 4
 def px4_log(
     *, functions: bool = True, repeat: bool = False, tank: bool = True, ticks: int = 60
 ) -> bytes:
-    """Tenths of a second: two seconds on the ground, the rest in the air; ESC places 2 to 5 drive motors 1 to 4."""
+    """Tenths of a second, two seconds on the ground; ESC places 2 to 5 drive motors 1 to 4."""
     log = UlogWriter()
     log.parameter("CA_ROTOR_COUNT", ROTORS)
     log.parameter("MAV_SYS_ID", 3)
