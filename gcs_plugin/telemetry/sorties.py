@@ -190,9 +190,9 @@ def _cut_signals(
     for channel, found in signals.items():
         start, end = span_of = (-np.inf if channel in _LASTING else span[0]), span[1]
         kept: list[Signal] = []
-        whole = rows = None
+        whole, time_s, rows = None, np.empty(0), slice(0)
         for signal in found:
-            if rows is None or signal.time_s is not whole:
+            if signal.time_s is not whole:
                 whole = signal.time_s
                 if id(whole) in ordered:
                     rows = slice(*whole.searchsorted(span_of))
