@@ -31,7 +31,7 @@ check: $(VENV)/.test
 	$(BIN)/pyright -p tests
 
 bench: $(VENV)/.test
-	$(BIN)/python -m pytest tests/lab/bench --benchmark-only -o python_files='bench_*.py' -s
+	$(BIN)/python -m pytest tests/lab/bench --benchmark-only -o python_files='bench_*.py' -s -v
 
 # make measured DATA=../shared/measured [ONLY="px4_ulog ..."]
 measured: $(VENV)/.test

@@ -78,7 +78,7 @@ def tlog_boots(
     again = copies(frames) & (frames.systems() == chosen)
     came_twice = int(np.count_nonzero(again))
     if came_twice:
-        frames = replace(frames, start=frames.start[~again], id=frames.id[~again])
+        frames = frames.among(~again)
         notes.append(copies_words(came_twice))
     system, component = frames.systems(), frames.components()
     mine = system == chosen

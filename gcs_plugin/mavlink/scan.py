@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +50,8 @@ class Frames:
     data: Bytes  # the file followed by PADDING zeros
     start: Index  # (n,) offset of the magic byte
     id: NDArray[np.uint16]  # (n,)
+    length: NDArray[np.uint16]  # (n,) bytes of the whole frame
+    sender: Bytes  # (n, 3) sequence number, system, component
     skipped: tuple[tuple[int, int], ...]  # (offset, length) of stretches with no frame kept
     bad_checksum: int
     unverified: tuple[tuple[int, int], ...]  # (offset of the magic byte, unknown id)
@@ -59,29 +61,29 @@ class Frames:
         """Frames of each id that is not known."""
         return dict(Counter(number for _, number in self.unverified))
 
-    def byte(self, version1: int, version2: int) -> Bytes:
-        """(n,) one byte of the frames' headers: its offset in MAVLink 1 and in MAVLink 2."""
-        place = np.where(self.data[self.start] == V2, version2, version1)
-        return self.data[self.start + place]
+    def among(self, kept: Bools) -> Frames:
+        """Those of the frames that are `kept` (n,)."""
+        names = ("start", "id", "length", "sender")
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
     def unstamped(self) -> bool:
         """True when most frames begin where the one before ends, with no room for a stamp."""
         if self.start.size < 2:
             return False
-        room = self.start[1:] - _ends(self.data, self.start[:-1])
+        room = np.diff(self.start) - self.length[:-1]
         return bool(np.mean(room < STAMP) > 0.5)
 
     def systems(self) -> Bytes:
         """(n,) system id of each frame."""
-        return self.byte(3, 5)
+        return self.sender[:, 1]
 
     def components(self) -> Bytes:
         """(n,) component id of each frame."""
-        return self.byte(4, 6)
+        return self.sender[:, 2]
 
     def sequences(self) -> Bytes:
         """(n,) sequence number of each frame."""
-        return self.byte(2, 4)
+        return self.sender[:, 0]
 
     def stamps_s(self) -> NDArray[np.float64]:
         """(n,) Unix seconds written before each frame."""
@@ -139,7 +141,7 @@ def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
         raise LogError(f"{path.name}: no MAVLink frame in it; is it a telemetry log (.tlog)?")
     start = np.concatenate([frames.start, [at for at, _ in frames.unverified]]).astype(np.int64)
     start.sort()
-    end = _ends(data, start)
+    end = start + header(data, start, layout_table().size).length
     boot_ms, system = np.full(start.size, np.nan), np.zeros(start.size, dtype=np.uint8)
     place = np.searchsorted(start, frames.start)
     system[place] = frames.systems()
@@ -159,26 +161,23 @@ def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
     `stamp` is the number of bytes before each frame: 0 for the bytes of a raw link.
     """
     parts = [_good_in_chunk(data, size, low, stamp) for low in range(0, size, _CHUNK)]
-    start = np.concatenate([p[0] for p in parts]) if parts else np.empty(0, np.int64)
-    ids = np.concatenate([p[1] for p in parts]) if parts else np.empty(0, np.uint16)
+    parts = parts or [_good_in_chunk(data, 0, 0, stamp)]
+    start, ids, length = (np.concatenate(one) for one in zip(*parts, strict=True))
     del parts
-    end = _ends(data, start)
+    end = start + length
     keep = _without_overlap(start, end)
     if keep is not None:
-        start, ids, end = start[keep], ids[keep], end[keep]
+        start, ids, length, end = start[keep], ids[keep], length[keep], end[keep]
+    sender = gather(data, start + np.where(data[start] == V2, 4, 2), 3)
     gaps = gaps_between(start, end, size, stamp)
     skipped, bad, unverified = _explain_gaps(data, gaps, size, stamp) if gaps else ([], 0, [])
-    return Frames(data, start, ids, tuple(skipped), bad, tuple(unverified))
-
-
-def _ends(data: Bytes, start: Index) -> Index:
-    """(n,) offset behind each frame."""
-    return start + header(data, start, layout_table().size).length
+    return Frames(data, start, ids, length, sender, tuple(skipped), bad, tuple(unverified))
 
 
 def _good_in_chunk(
     data: Bytes, size: int, low: int, stamp: int
-) -> tuple[Index, NDArray[np.uint16]]:
+) -> tuple[Index, NDArray[np.uint16], NDArray[np.uint16]]:
+    """Offsets, ids and lengths of the good frames that begin in a chunk."""
     part = data[low : min(low + _CHUNK, size)]
     start = np.flatnonzero((part == V1) | (part == V2)).astype(np.int64) + low
     start = start[start >= stamp]
@@ -186,7 +185,7 @@ def _good_in_chunk(
     possible = head.possible & (head.largest >= 0) & (start + head.length <= size)
     start, ids = start[possible], head.id[possible].astype(np.uint16)
     good = _checked(data, start, head.covered[possible], layout_table().crc_extra[ids])
-    return start[good], ids[good]
+    return start[good], ids[good], head.length[possible][good].astype(np.uint16)
 
 
 def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray[np.bool_]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.gcs_plugin.telemetry.motors import motor_map
+from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
 from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets, stated_battery
 from thrustmargin.gcs_plugin.telemetry.recording import (
     ChannelReport,
@@ -49,7 +50,20 @@ _REPORTED_AS = {
 _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
 
 
+class Table(NamedTuple):
+    """A flight as rows, and what a log of it is made of."""
+
+    track: FlightTrack
+    rows: FlightRows
+    motors: MotorMap
+
+
 def assemble(recording: Recording, signals: Signals, options: Options) -> FlightLog:
+    """The flight of one vehicle as a log. Raises what `tabulate` does."""
+    return log_of_table(tabulate(recording, signals, options), recording, signals)
+
+
+def tabulate(recording: Recording, signals: Signals, options: Options) -> Table:
     """The flight of one vehicle as a table; without rotors where it is no multirotor.
 
     Raises LogError when nothing in it makes a flight, AirframeError when the airframe given has
@@ -88,6 +102,13 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         start_unix_s=None if unix is None else float(unix + start_s),
         notes=(*recording.notes, *motors.notes, *rows.notes),
     )
+    return Table(track, rows, motors)
+
+
+def log_of_table(table: Table, recording: Recording, signals: Signals) -> FlightLog:
+    """What is known of a flight besides its table."""
+    track, rows, motors = table
+    start_s = float(rows.clock_s[0])
     # What is reported and not in the table, then what a reader met and could not use.
     unused = {
         name: f"in the log ({silent[0].source.words}), not used: "

@@ -254,10 +254,10 @@ def row_times(
     """
     reported = [s for s in rotors if s is not None]
     if sampling == "hold" and reported:
-        first = _known_times(reported[:1])
+        first = increasing(_known_times(reported[:1]))
         if _covers(first, carried.heard_s, signals):
             return thinned(first[first > carried.heard_s], carried.row_s)
-    speeds = [_known_times([s]) for s in reported]
+    speeds = [increasing(_known_times([s])) for s in reported]
     if sampling == "linear":
         speeds.sort(key=lambda times: -times.size)
     direct = [name for name, column in TRACK_CHANNELS.items() if column.direct]
@@ -269,16 +269,16 @@ def row_times(
     ]
     rows = np.empty(0)
     for times in triggers:
-        rows = np.union1d(rows, times[_silent(rows, times)])
+        rows = increasing(np.concatenate([rows, times[_silent(rows, times)]]))
     if sampling == "linear" and speeds:
         rows = rows[rows >= speeds[0][0]]
     return thinned(rows[rows > carried.heard_s], carried.row_s)
 
 
 def _known_times(signals: Iterable[Signal]) -> Floats:
-    """Times of all known reports of the signals, sorted."""
+    """Times of all known reports of the signals, those of one after those of another."""
     times = [s.time_s[known_rows(s.values) & np.isfinite(s.time_s)] for s in signals]
-    return increasing(np.concatenate(times)) if times else np.empty(0)
+    return np.concatenate(times) if times else np.empty(0)
 
 
 def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:

@@ -219,9 +219,9 @@ class SuddenChange:
         age, shares = self._of[1:], self._shares[1:]
         rate = sound / np.minimum(self._seen[age], 1.0 / (1.0 - self._keep) / SETTLE)[:, None]
         self._seen[age] += sound
-        weight = np.repeat(rate * (1.0 - shares[:, -1:]), shares.shape[1], axis=1)
-        weight[:, -1:] = rate
-        self._q[age] += weight * (shares - self._q[age])
+        moved = shares - self._q[age]
+        moved[:, :-1] *= 1.0 - shares[:, -1:]
+        self._q[age] += rate * moved
 
     def change(self, steps: Floats, widths: Floats, least: float) -> Change | None:
         """The likeliest start of a change by `steps` (H, M) +- `widths`, one of H hypotheses.

@@ -41,11 +41,13 @@ def slowed_yaw_rate(
     step = np.maximum(np.diff(time_s), 1e-6)[:, None]
     keep = np.exp(-step / SPIN_UPS)
     rise = (1.0 - (1.0 - keep) * SPIN_UPS / step) * np.diff(held)[:, None]
-    added = (1.0 - keep) * held[:-1, None] + rise
-    slowed = np.empty((time_s.size, SPIN_UPS.size))
-    slowed[0] = held[0] if start is None else start
-    for t in range(time_s.size - 1):
-        slowed[t + 1] = keep[t] * slowed[t] + added[t]
+    first = np.full((1, SPIN_UPS.size), held[0]) if start is None else start[None]
+    slowed = np.concatenate([first, (1.0 - keep) * held[:-1, None] + rise])
+    kept, span = np.concatenate([np.zeros_like(first), keep]), 1
+    while span < time_s.size:  # each row holds what the rows of a span before it add; spans double
+        slowed[span:] += kept[span:] * slowed[:-span]
+        kept[span:] *= kept[:-span]
+        span *= 2
     last = slowed[-1].copy()
     slowed[~known] = np.nan
     return slowed, last

@@ -137,8 +137,10 @@ class RotorFaults:
             self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
             self.tested["propeller"] = self._tests[0].current
         if np.isfinite(motors).all():
-            moves = np.stack([mean, slope], axis=1)[2 * rotors : 3 * rotors]
-            self._tests[1].add(self._begun_s, motors - _median(motors), moves - _median(moves))
+            outputs = slice(2 * rotors, 3 * rotors)
+            moves = np.column_stack([motors, mean[outputs], slope[outputs]])
+            moves -= _median(moves)
+            self._tests[1].add(self._begun_s, moves[:, 0], moves[:, 1:])
             self.tested["motor"] = self._tests[1].current
 
 

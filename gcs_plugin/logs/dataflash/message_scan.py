@@ -104,14 +104,16 @@ def make_format(number: int, length: int, name: str, letters: str, columns: str)
 
 def scan(data: Bytes, size: int) -> FoundMessages:
     """All messages in the first `size` bytes of `data`, which ends with PADDING more."""
-    formats = _formats(data, size)
+    heads = [_heads(data, size, low) for low in range(0, size, _CHUNK)]
+    start = np.concatenate(heads) if heads else np.empty(0, np.int64)
+    del heads
+    kinds = data[start + 2]
+    formats = _formats(data, start[(kinds == FMT_TYPE) & (start + FMT_LENGTH <= size)])
     lengths = np.zeros(256, dtype=np.int64)
     for number, form in formats.items():
         lengths[number] = form.length
-    parts = [_candidates(data, size, low, lengths) for low in range(0, size, _CHUNK)]
-    start = np.concatenate([p[0] for p in parts]) if parts else np.empty(0, np.int64)
-    kinds = np.concatenate([p[1] for p in parts]) if parts else np.empty(0, np.uint8)
-    del parts
+    fits = (lengths[kinds] > 0) & (start + lengths[kinds] <= size)
+    start, kinds = start[fits], kinds[fits]
     end = start + lengths[kinds]
     keep = _chain(start, end, size, torn=_torn_tail(data, size, lengths))
     if not keep.all():
@@ -127,42 +129,23 @@ def _heads(data: Bytes, size: int, low: int) -> Index:
     return found.astype(np.int64) + low
 
 
-def _candidates(
-    data: Bytes, size: int, low: int, lengths: NDArray[np.int64]
-) -> tuple[Index, NDArray[np.uint8]]:
-    """Offsets and types of everything in one chunk that may be a whole message."""
-    start = _heads(data, size, low)
-    kinds = data[start + 2]
-    length = lengths[kinds]
-    fits = (length > 0) & (start + length <= size)
-    return (start, kinds) if fits.all() else (start[fits], kinds[fits])
-
-
-def _formats(data: Bytes, size: int) -> dict[int, Format]:
-    """Message types by number, from every intact FMT message in the file."""
+def _formats(data: Bytes, start: Index) -> dict[int, Format]:
+    """Message types by number, from every intact FMT message, which begin at `start` (n,)."""
     own = make_format(FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
     assert own is not None
     formats: dict[int, Format] = {}
-    seen: set[bytes] = set()
-    for low in range(0, size, _CHUNK):
-        part = data[low : min(low + _CHUNK + FMT_LENGTH - 1, size)].tobytes()
-        at = -1
-        while (at := part.find(FMT_HEAD, at + 1)) >= 0:
-            body = part[at : at + FMT_LENGTH]
-            if body in seen or len(body) < FMT_LENGTH:
-                continue
-            seen.add(body)
-            row = np.frombuffer(body, own.dtype)[0]
-            form = make_format(
-                int(row["Type"]),
-                int(row["Length"]),
-                printable(row["Name"]),
-                printable(row["Format"]),
-                printable(row["Columns"]),
-            )
-            # The first intact description counts: repeats are equal unless damaged.
-            if form is not None:
-                formats.setdefault(form.type, form)
+    for body in dict.fromkeys(data[at : at + FMT_LENGTH].tobytes() for at in start.tolist()):
+        row = np.frombuffer(body, own.dtype)[0]
+        form = make_format(
+            int(row["Type"]),
+            int(row["Length"]),
+            printable(row["Name"]),
+            printable(row["Format"]),
+            printable(row["Columns"]),
+        )
+        # The first intact description counts: repeats are equal unless damaged.
+        if form is not None:
+            formats.setdefault(form.type, form)
     if formats:
         formats[FMT_TYPE] = own
     return formats

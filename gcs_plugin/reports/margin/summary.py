@@ -30,7 +30,6 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
     utc_words,
     worst_moments,
 )
-from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.reports.shared.written import utc_text
@@ -101,6 +100,8 @@ def report_flight(
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
     against = None
     if plan and not analysis.withheld:
+        from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
+
         against = plan_beside(analysis, log, plan, assumed)
     lines = (
         *((Fact("control", loss_words(advice.losses)),) if advice.losses else ()),

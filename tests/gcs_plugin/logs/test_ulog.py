@@ -16,8 +16,10 @@ from thrustmargin.models.physics.airframe import load_airframe
 ROTORS = 4
 
 
-def px4_log(*, functions: bool = True, repeat: bool = False, tank: bool = True) -> bytes:
-    """Six seconds: two on the ground, four in the air; ESC places 2 to 5 drive motors 1 to 4."""
+def px4_log(
+    *, functions: bool = True, repeat: bool = False, tank: bool = True, ticks: int = 60
+) -> bytes:
+    """Tenths of a second, two seconds on the ground; ESC places 2 to 5 drive motors 1 to 4."""
     log = UlogWriter()
     log.parameter("CA_ROTOR_COUNT", ROTORS)
     log.parameter("MAV_SYS_ID", 3)
@@ -48,7 +50,7 @@ def px4_log(*, functions: bool = True, repeat: bool = False, tank: bool = True) 
         "BB" + "ifB" * 8,
     )
     log.part("esc_report:int32_t esc_rpm;float esc_voltage;uint8_t actuator_function;")
-    for tick in range(60):
+    for tick in range(ticks):
         t = 100.0 + tick / 10
         log.row("vehicle_attitude", t, 1.0, 0.0, 0.0, 0.0)
         log.row("vehicle_angular_velocity", t, 0.1, 0.2, 0.3)

@@ -17,6 +17,7 @@ prove none in ten.
 Losses of a propeller are put into the healthy flights: the autopilot holds the thrust, so that the
 rotor turns faster by 1/sqrt(1 - loss). That the others answer is only in the recorded faults.
 
+Each third flight is taken; THRUSTMARGIN_EVERY=1 takes all.
 THRUSTMARGIN_SITL names a folder of recorded flights other than the project's: the hexacopter and
 the hard turns are not among those. Other layouts: bench_rotor_faults.py.
 """
@@ -47,6 +48,7 @@ from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, weight
 
 LIMIT = 0.5
+EVERY = int(os.environ.get("THRUSTMARGIN_EVERY", "3"))
 GROUPS = {
     "campaign": ("campaign/*.tlog",),
     "other conditions": (
@@ -173,9 +175,8 @@ def test_false_alarms(benchmark, recorded):
 
     def measure() -> None:
         for name, patterns in GROUPS.items():
-            found = counted(
-                [path for pattern in patterns for path in sorted(recorded.glob(pattern))]
-            )
+            paths = [path for pattern in patterns for path in sorted(recorded.glob(pattern))]
+            found = counted(paths[::EVERY])
             if found.flights:
                 counts[name] = found
 
@@ -210,7 +211,7 @@ def test_seconds_until_a_bad_propeller_is_named(benchmark, sitl_logs, loss):
 
     def measure() -> None:
         nonlocal wrong
-        for path in sorted((sitl_logs / "campaign").glob("*.tlog")):
+        for path in sorted((sitl_logs / "campaign").glob("*.tlog"))[::EVERY]:
             track = read_log(path, airframe=model.airframe, sampling="hold").track
             flying = track.time_s[track.flying]
             for rotor in range(4):

@@ -16,7 +16,7 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import ROOT
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
 
-SETTLED_S, SECONDS = 60.0, 60.0  # the aircraft is recognised before; measured after that
+SETTLED_S, SECONDS = 40.0, 20.0  # the aircraft is recognised before; measured after that
 TICK_S = 0.01
 
 

@@ -23,6 +23,7 @@ from tests.gcs_plugin.logs.log_files import other_flight
 from tests.import_graph import ROOT
 
 AIRCRAFT, DAY_US, DAYS = 12, 86_400_000_000, 180
+MODULE = (sys.executable, "-m", "thrustmargin.gcs_plugin.cli")
 QUERIES = {
     "fleet": "select aircraft, count(*), sum(flying_s), min(worst_margin), sum(hectares) "
     "from read_parquet('{store}/flights/**/*.parquet') group by aircraft order by 4",
@@ -81,8 +82,7 @@ def main(flights: int, folder: Path) -> None:
     logs.mkdir()
     made = make_logs(logs, flights)
     megabytes = sum(path.stat().st_size for path in made) * 1e-6
-    module = [sys.executable, "-m", "thrustmargin.gcs_plugin.cli"]
-    words = [*module, "ingest", str(logs), "--store", str(store), "--quiet"]
+    words = [*MODULE, "ingest", str(logs), "--store", str(store), "--quiet"]
     whole, wall, core = timed(words)
     largest = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     if whole:
@@ -96,7 +96,7 @@ def main(flights: int, folder: Path) -> None:
         table: sum(p.stat().st_size for p in (store / table).rglob("*.parquet"))
         for table in ("flights", "sums", "rows")
     }
-    page = [*module, "fleet", str(store), "--quiet", "--out", str(folder / "fleet.html")]
+    page = [*MODULE, "fleet", str(store), "--quiet", "--out", str(folder / "fleet.html")]
     print(
         json.dumps(
             {
@@ -127,7 +127,7 @@ def timed(words: list[str]) -> tuple[int, float, float]:
     code = subprocess.run(words, check=False).returncode
     after, wall = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - begun
     core = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return code, round(wall, 1), round(core, 1)
+    return code, round(wall, 2), round(core, 2)
 
 
 def count_of(store: Path) -> int:

@@ -1,9 +1,9 @@
-"""How fast and how lean the log readers are, beside pymavlink's own reader in the same run.
+"""How fast and how lean the log readers are, beside pymavlink's and pyulog's in the same run.
 
 Speeds are of reading the messages that a FlightTrack needs (checksums tried in a .tlog), and of
 `read_log` with the finished table. pymavlink reads the recorded flight once with `recv_match()`,
 as ground tools do. Times are of the processor, so that a busy machine does not tilt the ratio. The
-long logs are the recorded flight many times over.
+long logs are the recorded flight many times over; the .ulg is made, and pyulog reads all of it.
 """
 
 import time
@@ -13,10 +13,12 @@ from pathlib import Path
 import pytest
 
 from tests.gcs_plugin.logs.log_files import long_bin, long_tlog
+from tests.gcs_plugin.logs.test_ulog import px4_log
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.dataflash.binary import dataflash_boots
 from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
 
+TICKS = 6000  # tenths of a second of the made .ulg
 RECORDED = {"tlog": "campaign/v4_m10_q2.5.tlog", "BIN": "formats/v4_m10_q2.5.BIN"}
 READERS = {
     "tlog": lambda path: list(tlog_boots(path)),
@@ -46,6 +48,21 @@ def logs(request, sitl_logs, tmp_path) -> tuple[str, Path, Path]:
     make = long_tlog if kind == "tlog" else long_bin
     longer.write_bytes(make(recorded, TIMES[kind]))
     return kind, recorded, longer
+
+
+@pytest.mark.benchmark(timer=time.process_time)
+def test_reading_a_ulg(benchmark, tmp_path):
+    from pyulog import ULog
+
+    path = tmp_path / "made.ulg"
+    path.write_bytes(px4_log(ticks=TICKS))
+    ULog(str(path))
+    begin = time.process_time()
+    ULog(str(path))
+    theirs = _megabytes(path) / (time.process_time() - begin)
+    benchmark.pedantic(read_log, args=(path,), rounds=3, warmup_rounds=1)
+    ours = _megabytes(path) / benchmark.stats.stats.min
+    print(f"\n.ulg: read_log at {ours:.0f} MB/s, pyulog {theirs:.0f} MB/s: {ours / theirs:.2f} x")
 
 
 def _megabytes(path: Path) -> float:

@@ -1,0 +1,44 @@
+"""Processor seconds of `ingest` a flight and of `report`, beside pymavlink's reading of the logs.
+
+Each command is a process of its own, imports and all. What a flight adds to `ingest` is the
+difference of two runs, one of many flights and one of few.
+"""
+
+from pathlib import Path
+
+from tests.lab.bench.bench_ingest import MODULE, make_logs, seconds_of_pymavlink, timed
+
+FEW, MANY = 4, 34
+
+
+def test_ingest(benchmark, tmp_path):
+    logs = make_logs(tmp_path, FEW + MANY)
+    store = ["--store", str(tmp_path / "store"), "--workers", "1", "--quiet"]
+    spent: list[float] = []
+
+    def measure() -> None:
+        for some in (logs[:FEW], logs[FEW:]):
+            code, _, core = timed([*MODULE, "ingest", *map(str, some), *store])
+            assert code == 0
+            spent.append(core)
+
+    benchmark.pedantic(measure, rounds=1)
+    each = (spent[1] - spent[0]) / (MANY - FEW)
+    theirs = seconds_of_pymavlink(logs[:FEW]) / FEW
+    print(
+        f"\ningest: {each:.3f} s of processor a flight beside {spent[0] - FEW * each:.1f} s a run; "
+        f"pymavlink reads such a log in {theirs:.3f} s: {each / theirs:.2f} x"
+    )
+
+
+def test_report(benchmark, sitl_logs: Path, tmp_path):
+    log = sitl_logs / "campaign" / "v4_m16_q2.5.tlog"
+    words = [*MODULE, "report", str(log), "--out", str(tmp_path / "report.html"), "--quiet"]
+    runs = []
+    benchmark.pedantic(lambda: runs.append(timed(words)), rounds=3)
+    assert not any(code for code, _, _ in runs)
+    ours, theirs = min(core for _, _, core in runs), seconds_of_pymavlink([log])
+    print(
+        f"\nreport of a flight of 4 minutes: {ours:.2f} s of processor; pymavlink reads its log in "
+        f"{theirs:.2f} s: {ours / theirs:.1f} x"
+    )
