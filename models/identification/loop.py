@@ -58,7 +58,7 @@ def identify(
         >>> found = identify(read_log("sitl_logs/dev/worn_prop_1.tlog"))
         >>> print(found)
         topxgun-f16-sitl, 1 flight: rotor speed error 41.3 -> 10.8 rpm, each fifth left out in turn
-        rotor_degradation of rotor 1: loss 0.08 (0.073 to 0.087)
+        rotor_degradation of rotor 1: loss 0.079 (0.072 to 0.087)
     """
     flights = flights if isinstance(flights, Sequence) else [flights]
     fit, unused_tracks = _tracks(flights), _tracks(held_out)

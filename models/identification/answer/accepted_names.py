@@ -20,6 +20,7 @@ from thrustmargin.models.identification.answer.left_out import LeftOut
 from thrustmargin.models.identification.answer.posterior import (
     EffectEstimate,
     Posterior,
+    known_to_its_law,
     posterior_of,
 )
 from thrustmargin.models.identification.answer.result import Mentioned, OneOf
@@ -89,7 +90,7 @@ def accepted_names(
         answer=answer,
         left_out=left_out,
         named=tuple(named),
-        estimates=tuple(estimates),
+        estimates=tuple(known_to_its_law(search, one) for one in estimates),
         one_of=one_of,
         open_members=tuple(open_),
         left=left,

@@ -63,7 +63,7 @@ class LeftOutPart:
                     key=key,
                     held=tuple(linear.held[c] for c in sorted(key)),
                     scored=scored,
-                    total=scored.log_evidence + linear.marginalised,
+                    total=scored.log_evidence,
                     residual=linear.about.residual,
                 )
             )

@@ -17,7 +17,14 @@ from thrustmargin.models.effects.unnamed import KNOTS
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.certainty import DOUBT, ERRORS, SURE
-from thrustmargin.models.identification.rows.candidates import Candidate, Term
+from thrustmargin.models.identification.rows.candidates import (
+    Candidate,
+    Held,
+    Term,
+    derivatives,
+    predicted,
+)
+from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear
 from thrustmargin.models.identification.sets.set_search import Search
 
@@ -257,7 +264,7 @@ class Posterior:
             at = sum(len(self.search.candidates[k].free) for k in sorted(key) if k < c) + main[0]
             p = candidate.parameters[main[0]]
             value = linear.held[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
-            error = float(np.sqrt(scored.variance[at]))
+            error = float(np.hypot(np.sqrt(scored.variance[at]), linear.law_error(c, main[0])))
             above = float(abs(value) + ndtri(SURE) * error)
             absent = p.absent or 0.0
             if above >= max(p.upper - absent, absent - p.lower):
@@ -305,3 +312,18 @@ def _clear(estimate: EffectEstimate) -> bool:
 def posterior_of(search: Search, steepness: float = 0.0) -> Posterior:
     """The sets that a search has fitted, with their weights."""
     return Posterior.of(search, search.fitted.values(), steepness)
+
+
+def known_to_its_law(search: Search, estimate: EffectEstimate) -> EffectEstimate:
+    """The estimate with the error of its law beside its own: a law is good to FORM of what it
+    changes, so a value to what alone would have to differ for that."""
+    reduced, one = search.reduced, search.candidates[estimate.candidate]
+    held = [Held(candidate=one, values=estimate.value)]
+    change = np.nan_to_num(predicted(reduced, held) - predicted(reduced, ()))
+    by_value = np.nan_to_num(derivatives(reduced, held, 0))
+    size, whole = np.sqrt(np.mean(by_value**2, axis=(0, 1))), np.sqrt(np.mean(change**2))
+    of_law = np.zeros(estimate.value.shape[1])
+    for (k, flight), per_value, p in zip(one.free, size, one.parameters, strict=True):
+        if flight is None and not p.detail and per_value > 0.0 and not one.unnamed:
+            of_law[k] = FORM * whole / per_value
+    return replace(estimate, error=np.hypot(estimate.error, of_law))

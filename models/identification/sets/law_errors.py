@@ -11,8 +11,8 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import predicted
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.sets.discrepancy import FORM, form_columns, slowly
-from thrustmargin.models.identification.sets.effect_forms import LEAST_CHANGE
 
+LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
 SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
 ANSWER = 0.3  # of an output's answer to a turn: what a third less thrust would make of it
 
@@ -38,6 +38,7 @@ def what_laws_leave(reduced: Reduced) -> Floats:
     columns += _shapes(reduced, base)
     columns += [_answers_to_load(reduced, base)]
     columns += _answers(reduced, base) if reduced.of_outputs else []
+    columns += [] if reduced.model.taught else [_of_rotors(reduced, base)]
     return np.concatenate(columns, axis=2)
 
 
@@ -53,6 +54,19 @@ def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
                 change = reduced.in_modes(reduced.speeds((moved,), without=k)) - base
                 columns.append(np.nan_to_num(change)[:, :, None])
     return columns
+
+
+def _of_rotors(reduced: Reduced, base: Floats) -> Floats:
+    """(N, R, R) rpm: FORM of what each rotor's predicted speed does within its flight.
+
+    Where no flight has shown how the rotors of this aircraft answer to load, that is known no
+    better than the laws that load them, and by that alone none is a weak one.
+    """
+    directions = reduced.modes.directions
+    speed = np.nan_to_num(base) @ directions.T
+    for f in np.unique(reduced.flight):
+        speed[reduced.flight == f] -= speed[reduced.flight == f].mean(axis=0)
+    return FORM * speed[:, None, :] * directions.T
 
 
 def _answers_to_load(reduced: Reduced, base: Floats) -> Floats:

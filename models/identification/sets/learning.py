@@ -61,13 +61,13 @@ def learn(
         taken, moved, spread = [], [], []
         for one, seen in zip(sums.flights, sums.seen, strict=True):
             own = scatter[one.acts, None]
-            root, _ = root_of(np.eye(one.acts.size) + own * one.gram * own.T)
+            root = root_of(np.eye(one.acts.size) + own * one.gram * own.T)
             taken.append(root @ (own * np.concatenate([one.crossed * size, seen], axis=1)))
             moved.append(root.T @ taken[-1])
             spread.append(np.sum(root**2, axis=0))
         crossed, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
         left = size[:, None] * sums.shared * size - crossed.T @ crossed
-        root, _ = root_of_shared(left, known, hats, factor)
+        root = root_of_shared(left, known, hats, factor)
         mean = root.T @ (root @ (size[:, None] * sums.along - crossed.T @ drawn))
         square = (mean[:, 0] ** 2 + np.sum(root**2, axis=0))[known:].reshape(modes, hats)
         for g in range(len(names)):
@@ -114,7 +114,7 @@ def _of_draws_alone(sums: _Sums, factor: float) -> _Sums:
     """A single flight, what flights share marginalised once, for it keeps its size: the steps then
     solve for the draws alone, a fifth of all."""
     (one,), (seen,) = sums.flights, sums.seen
-    root, _ = root_of_shared(sums.shared, sums.known, sums.hats, factor)
+    root = root_of_shared(sums.shared, sums.known, sums.hats, factor)
     moved = one.crossed @ root.T
     alone = replace(one, gram=one.gram - moved @ moved.T, crossed=one.crossed[:, :0])
     return _Sums(

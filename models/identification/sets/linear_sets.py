@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
-from thrustmargin.models.identification.sets.column_sums import Remainder
+from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.evidence import (
     Scored,
     is_shape,
@@ -36,7 +36,7 @@ class FittedSet:
     key: Key
     held: tuple[Held, ...]
     scored: Scored
-    total: float  # log evidence, with that of what was marginalised
+    total: float  # log evidence
     residual: Floats  # (N, R) rpm in modes
 
     @property
@@ -63,7 +63,6 @@ class Linear:
     held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
     columns: tuple[slice, ...]
     gram: Floats
-    marginalised: float  # its log evidence
     temperature: float  # times the noise, that sets are weighed with
 
     def score(self, key: Iterable[int]) -> Scored:
@@ -120,6 +119,15 @@ class Linear:
         gram = self.gram[np.ix_(kept, kept)]
         return replace(self, held=tuple(held), columns=tuple(columns), gram=gram)
 
+    def law_error(self, c: int, k: int) -> float:
+        """The standard error of value k of a candidate c out of the set, as the laws of those in
+        it are good to FORM of what these change."""
+        place = self.columns[c].start + k
+        first = self.columns[-1].stop if self.columns else 0
+        changes = [first + c for c in self.about.key]
+        along = float(np.abs(self.gram[place, changes]).sum())
+        return FORM * along / max(float(self.gram[place, place]), TINY)
+
     def _where(self, members: Sequence[int]) -> NDArray[np.intp]:
         """Places of the values of some candidates."""
         places = [k for c in members for k in range(self.columns[c].start, self.columns[c].stop)]
@@ -137,23 +145,20 @@ class Linear:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ColumnsAbout:
-    """What makes a `Linear`: q + Q columns of rpm in modes, of which Q are the forms."""
+    """What makes a `Linear`: q columns of rpm in modes."""
 
     about: FittedSet
     held: tuple[Held, ...]
     columns: tuple[slice, ...]
-    asked: int  # q
     whole: ValueColumns
     temperature: float
 
     def linear(self, solved: Solved, sums: Sums) -> Linear:
         """By the sums of the flights that are `solved`."""
-        gram, marginalised = Remainder.of(solved, sums, range(self.asked)).marginalised()
         return Linear(
             about=self.about,
             held=self.held,
             columns=self.columns,
-            gram=gram,
-            marginalised=marginalised,
+            gram=solved.reduce(sums),
             temperature=self.temperature,
         )

@@ -33,29 +33,27 @@ CONSTANT_FACTOR = 2.0
 _factored, _inverted = get_lapack_funcs(("potrf", "trtri"))
 
 
-def root_of(system: Floats) -> tuple[Floats, float]:
-    """Of I + X'X = L L' the inverse of L, and ln of its determinant; NaN where not finite."""
+def root_of(system: Floats) -> Floats:
+    """Of I + X'X = L L' the inverse of L; NaN where not finite."""
     if not system.size:
-        return system, 0.0
+        return system
     factor, failed = _factored(system, lower=True)
     if failed:
-        return np.full(system.shape, np.nan), float("nan")
-    root = np.tril(_inverted(factor, lower=True)[0])
-    return root.astype(np.float64), 2.0 * float(np.log(factor.diagonal()).sum())
+        return np.full(system.shape, np.nan)
+    return np.tril(_inverted(factor, lower=True)[0]).astype(np.float64)
 
 
-def root_of_shared(gram: Floats, known: int, hats: int, factor: float) -> tuple[Floats, float]:
-    """(X, X) the root G of the covariance G'G of the shared columns with the `gram` (X, X), and ln
-    of the determinant; of X the first are `known`, then come so many `hats` a mode, which are
-    `factor` times their size on a sound aircraft.
+def root_of_shared(gram: Floats, known: int, hats: int, factor: float) -> Floats:
+    """(X, X) the root G of the covariance G'G of the shared columns with the `gram` (X, X); of X
+    the first are `known`, then come so many `hats` a mode, which are `factor` times their size on
+    a sound aircraft.
 
     The first hat of a mode is its constant.
     """
     size = np.full(gram.shape[0], factor)
     size[:known] = 1.0
     size[known :: max(hats, 1)] = CONSTANT_FACTOR
-    root, determinant = root_of(np.eye(size.size) + size[:, None] * gram * size)
-    return root * size, determinant
+    return root_of(np.eye(size.size) + size[:, None] * gram * size) * size
 
 
 #: times the size that the discrepancy has on a sound aircraft: what noise is learnt beside
@@ -76,58 +74,24 @@ class Solved:
     known: int  # of X, those before the hats of the discrepancy
     hats: int  # of each mode
     factor: float  # times the size that the discrepancy has on a sound aircraft
-    of_draws: float  # ln of the scatter's determinant
 
     @cached_property
-    def _of_known(self) -> tuple[Floats, float]:
-        """The root of I + B'B, and ln of the determinant."""
-        return root_of(np.eye(self.known) + self.gram[: self.known, : self.known])
-
-    @cached_property
-    def crossed(self) -> Floats:
-        """(D, X - D): L^-1 B'F, as `less_known` has of columns."""
-        return self._of_known[0] @ self.gram[: self.known, self.known :]
-
-    @cached_property
-    def free_gram(self) -> Floats:
-        """(X - D, X - D) F'F of the discrepancy, what is known marginalised."""
-        return self.gram[self.known :, self.known :] - self.crossed.T @ self.crossed
-
-    def root_of_free(self, gram: Floats | None = None) -> tuple[Floats, float]:
-        """`root_of_shared` of the discrepancy alone; `gram` in place of its own."""
-        return root_of_shared(self.free_gram if gram is None else gram, 0, self.hats, self.factor)
-
-    @cached_property
-    def _root(self) -> tuple[Floats, float]:
-        return self.root_of_free()
-
-    @cached_property
-    def of_known(self) -> float:
-        """Log evidence of what is known and of the scatter."""
-        return -0.5 * (self.of_draws + self._of_known[1])
-
-    @cached_property
-    def log_evidence(self) -> float:
-        """Of the determinants."""
-        return self.of_known - 0.5 * self._root[1]
+    def _root(self) -> Floats:
+        return root_of_shared(self.gram, self.known, self.hats, self.factor)
 
     @cached_property
     def shared(self) -> Floats:
         """(X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c."""
-        root, _ = root_of_shared(self.gram, self.known, self.hats, self.factor)
-        return root.T @ root
+        return self._root.T @ self._root
 
-    def less_known(self, shared: Floats) -> tuple[Floats, Floats]:
-        """Of X'z (X, q): the root (D, q) of what is known of z, and F'z (X - D, q) without it."""
-        known = self._of_known[0] @ shared[: self.known]
-        return known, shared[self.known :] - self.crossed.T @ known
+    def taken(self, shared: Floats) -> Floats:
+        """(X, q) of X'z (X, q), the square of which is what b and c take of z'z."""
+        return self._root @ shared
 
     def reduce(self, sums: Sums) -> Floats:
         """(q, q): z'z with the nuisances marginalised."""
-        known, free = self.less_known(sums[0])
-        own = sums[1] - known.T @ known
-        moved = self._root[0] @ free
-        return own - moved.T @ moved
+        taken = self.taken(sums[0])
+        return sums[1] - taken.T @ taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -176,15 +140,15 @@ class Nuisance:
         return _acting(self.uncertainty.transpose(1, 2, 0))
 
     @cached_property
-    def _roots(self) -> tuple[tuple[Floats, float], ...]:
-        """(F,) the root of I + S'S of each flight, and ln of the determinant."""
+    def _roots(self) -> tuple[Floats, ...]:
+        """(F,) the root of I + S'S of each flight."""
         return tuple(root_of(np.eye(of.acts.size) + of.gram) for of in self.by_flight)
 
     @cached_property
     def crossed(self) -> Floats:
         """(draws of all flights, X): L^-1 S'X, as `drawn` is of columns."""
         pairs = zip(self._roots, self.by_flight, strict=True)
-        return np.concatenate([root @ of.crossed for (root, _), of in pairs])
+        return np.concatenate([root @ of.crossed for root, of in pairs])
 
     @cached_property
     def shared_gram(self) -> Floats:
@@ -204,16 +168,13 @@ class Nuisance:
     def solved(self, factor: float = 1.0, less: Nuisance | None = None) -> Solved:
         """The nuisances eliminated from all flights but those of `less`."""
         left = self.shared_gram - self.crossed.T @ self.crossed
-        own = sum(determinant for _, determinant in self._roots)
         if less is not None:
             left = left - (less.shared_gram - less.crossed.T @ less.crossed)
-            own -= sum(determinant for _, determinant in less._roots)
         return Solved(
             gram=left,
             known=self.uncertainty.shape[2],
             hats=self.free.shape[2],
             factor=factor,
-            of_draws=own,
         )
 
     def of_means(self, kept: Bools) -> Nuisance:
@@ -256,7 +217,7 @@ class Nuisance:
             sums = _times(of.of_modes, of.acts.size, z.values[rows].swapaxes(0, 1))
             along = _by_mode(sums)[z.mode, :, z.source].T
             along[:, (z.flight != ALL_FLIGHTS) & (z.flight != f)] = 0.0
-            found.append(self._roots[f][0] @ along)
+            found.append(self._roots[f] @ along)
         return np.concatenate(found)
 
     def products(self, z: ValueColumns) -> Sums:

@@ -26,8 +26,6 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.column_sums import Prepared
-from thrustmargin.models.identification.sets.discrepancy import form_columns
-from thrustmargin.models.identification.sets.effect_forms import cancel, forms_of
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
     TEMPERATURE,
@@ -58,11 +56,7 @@ Progress = Callable[[str, float], None]
 
 
 class Search:
-    """Sets fitted so far, about which the search goes on.
-
-    A large effect is not known to the last part: what it does is good to FORM of itself, in each
-    mode and along the slow channels. Every set is scored with that uncertainty of its own effects.
-    """
+    """Sets fitted so far, about which the search goes on."""
 
     def __init__(
         self,
@@ -75,7 +69,6 @@ class Search:
         self.temperature = 1.0 if reduced.of_outputs else TEMPERATURE
         tempered = replace(filter_, scale=self.temperature * filter_.scale)
         self.reduced, self.nuisance = reduced, replace(nuisance, whitening=tempered)
-        self.slow = form_columns(reduced.channels)
         self.candidates = list(candidates)
         self.solved = self.nuisance.solved()
         self.fitted: dict[Key, FittedSet] = {}
@@ -120,7 +113,7 @@ class Search:
         best = self.fitted[linear.about.key]
         for key in self.possible:
             found = self.fitted[key]
-            promised = linear.score(key).log_evidence + linear.marginalised
+            promised = linear.score(key).log_evidence
             if promised > max(found.total + STALE, best.total - NEAR):
                 other = self._fit(key, [linear.held[c] for c in sorted(key)], 8, best.total)
                 self.fitted[key] = max(found, other, key=lambda one: one.total)
@@ -199,13 +192,11 @@ class Search:
             first = places[-1].stop
         residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
         both = np.stack([*changes, residual], axis=2)
-        forms = forms_of(self.reduced, self.slow, about.held)
-        whole = side_by_side([*columns, ValueColumns.of_all(both), forms])
+        whole = side_by_side([*columns, ValueColumns.of_all(both)])
         return ColumnsAbout(
             about=about,
             held=tuple(held),
             columns=tuple(places),
-            asked=first + both.shape[2],
             whole=whole.without_nan(),
             temperature=self.temperature,
         )
@@ -217,7 +208,7 @@ class Search:
 
         @cache
         def look(key: Key) -> float:
-            found[key] = linear.score(key).log_evidence + linear.marginalised
+            found[key] = linear.score(key).log_evidence
             return found[key]
 
         about = linear.about.key
@@ -273,12 +264,8 @@ class Search:
         )
 
     def fit(self, key: Key, near: Sequence[Held], steps: int = 8) -> FittedSet:
-        """Fit a set in full from the values in `near` (of all candidates) or from the starts.
-
-        How uncertain a form is goes with its values, which steps do not see: a bad rotor is
-        also tried in its usual shape where the set has weight. One far from the best is left where
-        it stands.
-        """
+        """Fit a set in full from the values in `near` (of all candidates) or from the starts. One
+        far from the best is left where it stands."""
         if key in self.fitted:
             return self.fitted[key]
         best = self.best.total if self.fitted else -np.inf
@@ -290,8 +277,6 @@ class Search:
         if changed and found.total > best - NEAR:
             other = self._fit(key, usual, 0)
             found = other if other.total > found.total + STALE else found
-        if found.total > best - FAR and cancel(self.reduced, found.held):
-            found = replace(found, total=IMPOSSIBLE)
         self.fitted[key] = found
         if found.possible != key:
             self.fit(found.possible, near)  # what cannot be may hide what is beside it
@@ -346,7 +331,7 @@ class Search:
     ) -> FittedSet:
         """A set as it stands, with all that the derivatives promise."""
         scored = score(prior_of(held), columns.gram(residual), self.temperature)
-        total = scored.log_evidence + columns.marginalised
+        total = scored.log_evidence
         return FittedSet(key=key, held=tuple(held), scored=scored, total=total, residual=residual)
 
     def stepped(self, best: FittedSet) -> Floats:
@@ -361,8 +346,8 @@ class Search:
         return moved
 
     def _prepared(self, held: Sequence[Held]) -> Prepared:
-        """Derivatives by the free values of a set, and its forms."""
+        """Derivatives by the free values of a set."""
+        nothing = ValueColumns.of_all(np.zeros((*self.reduced.measured_rpm.shape, 0)))
         parts = [value_columns(self.reduced, held, k) for k in range(len(held))]
-        whole = side_by_side([*parts, forms_of(self.reduced, self.slow, held)]).without_nan()
-        asked = sum(p.count for p in parts)
-        return Prepared.of(self.nuisance, self.solved, whole, asked)
+        whole = side_by_side([nothing, *parts]).without_nan()
+        return Prepared.of(self.nuisance, self.solved, whole)

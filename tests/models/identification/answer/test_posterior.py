@@ -224,6 +224,11 @@ def test_a_twentieth_of_the_weight_is_mentioned(weight, listed):
     assert len(found.alternatives()) == 1 + listed
 
 
+def law_error(c: int, k: int) -> float:
+    """0.03 kg of a mass alone."""
+    return 0.03 if (c, k) == (0, 0) else 0.0
+
+
 def excluded(value: float, error: float, *sets: FittedSet, named=()):
     """What is excluded where each effect alone beside the best set would have this value."""
 
@@ -239,14 +244,14 @@ def excluded(value: float, error: float, *sets: FittedSet, named=()):
         for k, p in enumerate(one.parameters):
             absent[:, k] = p.start if p.absent is None else p.absent
         held.append(Held(candidate=one, values=absent))
-    linear: Any = SimpleNamespace(score=score, held=held)
+    linear: Any = SimpleNamespace(score=score, held=held, law_error=law_error)
     return {e.term.effect.name: e for e in answer_of(*sets).excluded(linear, named)}
 
 
 def test_a_size_is_excluded_above_its_value_and_1_645_standard_errors():
     for value in (0.3, -0.3):
         found = excluded(value, 0.2, a_set(1.0))["extra_mass"]
-        assert found.above == pytest.approx(0.3 + norm.ppf(0.95) * 0.2)
+        assert found.above == pytest.approx(0.3 + norm.ppf(0.95) * np.hypot(0.2, 0.03))
         assert (found.parameter, found.unit) == ("mass", "kg")
     # A gauge that is right has 1: what is excluded is how far from it.
     assert excluded(0.1, 0.02, a_set(1.0))["tank_scale"].above == pytest.approx(
@@ -268,10 +273,15 @@ def test_a_detail_is_no_size_and_a_value_that_is_never_absent_neither():
     scored = Scored(log_evidence=0.0, step=np.array([0.3, 9.0, 9.0]), variance=np.full(3, 0.04))
     search: Any = SimpleNamespace(fitted={frozenset(): a_set(1.0)}, candidates=[made])
     linear: Any = SimpleNamespace(
-        score=lambda *_: scored, held=[Held(candidate=made, values=np.zeros((1, 3)))]
+        law_error=law_error,
+        score=lambda *_: scored,
+        held=[Held(candidate=made, values=np.zeros((1, 3)))],
     )
     (one,) = posterior_of(search).excluded(linear, [])
-    assert (one.parameter, one.above) == ("mass", pytest.approx(0.3 + norm.ppf(0.95) * 0.2))
+    assert (one.parameter, one.above) == (
+        "mass",
+        pytest.approx(0.3 + norm.ppf(0.95) * np.hypot(0.2, 0.03)),
+    )
     held = Held(candidate=made, values=np.array([[0.1, 9.0, 9.0]]))
     still = replace(scored, step=np.zeros(3))
     sure = replace(a_set(1.0), key=frozenset({0}), held=(held,), scored=still)
@@ -362,7 +372,7 @@ def test_what_is_excluded_beside_a_set_is_read_at_its_own_place():
         return Scored(log_evidence=0.0, step=0.01 * places, variance=(0.001 * places) ** 2)
 
     held = [Held(candidate=one, values=one.start) for one in ALL]
-    linear: Any = SimpleNamespace(score=score, held=held)
+    linear: Any = SimpleNamespace(score=score, held=held, law_error=law_error)
     best = a_set(1.0, mass=(1.0, 0.1), cg=(0.02, 0.001))
     found = answer_of(best).excluded(linear, [0, 2])
     loss = next(e for e in found if e.term.rotor == 2)

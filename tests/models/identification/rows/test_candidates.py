@@ -174,21 +174,6 @@ def test_values_move_within_their_bounds_each_where_it_belongs():
     np.testing.assert_allclose(mass.moved(np.array([1.5])).values, [[1.5], [1.5]])
 
 
-def test_a_bad_rotor_goes_back_to_its_usual_share_of_the_torque():
-    one = candidate(Term(effect=LOSS, rotor=0), 2)
-    names = [p.name for p in LOSS.parameters]
-    share = names.index("torque_share")
-    values = one.start.copy()
-    usual = Held(candidate=one, values=values)
-    assert usual.usually_shaped() is usual
-    other = values.copy()
-    other[:, share] += 0.3
-    other[:, 0] = 0.1
-    back = Held(candidate=one, values=other).usually_shaped().values
-    np.testing.assert_allclose(back[:, share], values[:, share])
-    np.testing.assert_allclose(back[:, 0], 0.1)
-
-
 def test_values_that_differ_between_flights_go_to_their_rows(reduced):
     wind = candidate(Term(effect=BY_KEY["wind"]), 3)
     same = Held(candidate=wind, values=np.full((3, 2), 2.0))

@@ -23,6 +23,7 @@ from thrustmargin.models.identification.rows.output_shares import (
     spread_of_flights,
     steepness_of,
 )
+from thrustmargin.models.network.records import GoodFlights
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 STEEPNESS_ASSUMED = 0.3
@@ -48,7 +49,8 @@ def names(found):
 
 
 def test_a_weak_rotor_is_named_by_its_share_whatever_the_battery_does():
-    found = identify([by_outputs(k, loss=0.2) for k in range(4)], curve_model())
+    model = replace(curve_model(), good_flights=GoodFlights(flights=6))
+    found = identify([by_outputs(k, loss=0.2) for k in range(4)], model)
     assert names(found) == [("rotor_degradation", 2)]
     (loss,) = found.found
     assert loss.lower[0, 0] < 0.2 < loss.upper[0, 0]

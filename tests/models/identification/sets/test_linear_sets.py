@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from tests.models.identification.sets.test_evidence import MAIN, SHAPE, held, score
-from thrustmargin.models.identification.sets.column_sums import Remainder
 from thrustmargin.models.identification.sets.evidence import prior_of
 from thrustmargin.models.identification.sets.linear_sets import Linear
-from thrustmargin.models.identification.sets.nuisance import Solved
 
 RNG = np.random.default_rng(8)
 #: Of a main value; of a main value and a shape that is off its start; of a shape.
@@ -28,9 +26,7 @@ COLUMNS[:, -1] += 3.0
 def linear(about: set[int]) -> Linear:
     gram = COLUMNS.T @ COLUMNS
     fitted: Any = SimpleNamespace(key=frozenset(about))
-    return Linear(
-        about=fitted, held=HELD, columns=PLACES, gram=gram, marginalised=0.0, temperature=1.25
-    )
+    return Linear(about=fitted, held=HELD, columns=PLACES, gram=gram, temperature=1.25)
 
 
 def parts(about: set[int], key: set[int]) -> tuple[np.ndarray, np.ndarray]:
@@ -91,14 +87,10 @@ def test_values_of_some_candidates_alone_keep_their_places():
     assert both.only({0, 1}, {2}).held[1].candidate.free == of_flights.candidate.free
 
 
-@pytest.mark.parametrize("forms", [0, 2])
-def test_what_forms_may_do_is_marginalised_as_noise_of_size_one(forms):
-    columns = RNG.normal(size=(30, 5))
-    asked = [4, 0, 2] if forms else [0, 1, 2, 3, 4]
-    noise = np.delete(columns, asked, axis=1)
-    nothing = Solved(gram=np.zeros((0, 0)), known=0, hats=0, factor=1.0, of_draws=3.0)
-    sums = np.zeros((0, 5)), columns.T @ columns
-    gram, evidence = Remainder.of(nothing, sums, asked).marginalised()
-    covariance, wanted = np.eye(30) + noise @ noise.T, columns[:, asked]
-    np.testing.assert_allclose(gram, wanted.T @ np.linalg.solve(covariance, wanted))
-    assert evidence == pytest.approx(-0.5 * (3.0 + np.linalg.slogdet(covariance)[1]))
+def test_a_value_out_of_the_set_is_known_no_better_than_the_laws_of_those_in_it():
+    """A twentieth of what each that is in the set changes, as the value would make it up."""
+    found = linear({0, 2}).law_error(1, 1)  # the second value of the second candidate
+    own = COLUMNS[:, 2]
+    by_hand = 0.05 * sum(abs(own @ COLUMNS[:, 4 + c]) for c in (0, 2)) / (own @ own)
+    assert found == pytest.approx(by_hand)
+    assert linear(set()).law_error(1, 1) == 0.0

@@ -65,7 +65,7 @@ def columns_of(rng, count=3, rows=ROWS):
 
 
 @pytest.mark.parametrize("factor", [1.0, 4.0, 16.0])
-def test_the_gram_matrix_and_the_evidence_are_those_of_the_dense_model(factor):
+def test_the_gram_matrix_is_that_of_the_dense_model(factor):
     nuisance, rng = made()
     z = columns_of(rng)
     solved = nuisance.solved(factor)
@@ -73,8 +73,6 @@ def test_the_gram_matrix_and_the_evidence_are_those_of_the_dense_model(factor):
     covariance = dense(nuisance, factor)
     flat = z[2:].reshape(-1, 3)
     assert gram == pytest.approx(flat.T @ np.linalg.solve(covariance, flat), rel=1e-9)
-    determinant = -0.5 * np.linalg.slogdet(covariance)[1]
-    assert solved.log_evidence == pytest.approx(determinant, rel=1e-9)
 
 
 def test_a_flight_left_out_is_not_in_the_answer():
@@ -92,7 +90,6 @@ def test_a_flight_left_out_is_not_in_the_answer():
     expected = rest.solved().reduce(rest.sums(z))
     for shared, own in left:
         assert one.reduce((shared, own)) == pytest.approx(expected)
-    assert one.log_evidence == pytest.approx(rest.solved().log_evidence)
 
 
 def test_without_doubt_or_hats_nothing_breaks():
@@ -160,17 +157,12 @@ def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
         columns_of(rng, 2), np.array([0, 1, 1]), mode=np.array([0, 0, 1])
     )
     columns = side_by_side([columns, of_modes])
-    asked = 5
     both = side_by_side([columns, ValueColumns.of_all(residual)])
     flight = np.repeat([0, 0, 1], [2, ROWS, ROWS])
     flat = both.wide(flight)[2:].reshape(-1, columns.count + 1)
-    kept, uncertainty = flat[:, [*range(asked), -1]], flat[:, asked:-1]
     for factor in (1.0, 4.0):
-        covariance = dense(nuisance, factor) + uncertainty @ uncertainty.T
-        expected = kept.T @ np.linalg.solve(covariance, kept)
-        prepared = Prepared.of(nuisance, nuisance.solved(factor), columns, asked)
-        by_hand = -0.5 * np.linalg.slogdet(covariance)[1]
-        assert prepared.marginalised == pytest.approx(by_hand, rel=1e-9)
+        expected = flat.T @ np.linalg.solve(dense(nuisance, factor), flat)
+        prepared = Prepared.of(nuisance, nuisance.solved(factor), columns)
         np.testing.assert_allclose(prepared.gram(residual[:, :, 0]), expected, rtol=1e-8, atol=1e-9)
 
 

@@ -15,7 +15,7 @@ from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.discrepancy import form_columns, slowly
-from thrustmargin.models.identification.sets.law_errors import _answers
+from thrustmargin.models.identification.sets.law_errors import _answers, what_laws_leave
 from thrustmargin.models.identification.sets.search_space import (
     _left_noise,
     main_values,
@@ -182,3 +182,22 @@ def test_an_output_may_answer_a_turn_by_a_third_more_or_less_than_the_others():
         expected = np.zeros((2, 4))
         expected[:, rotor] = 0.3 * turning[:, rotor]
         np.testing.assert_allclose(column[:, :, 0] @ turn.T, expected, atol=1e-9)
+
+
+def test_how_a_rotor_answers_to_load_is_uncertain_where_no_flight_has_taught_the_model():
+    """A column a rotor: a twentieth of what it is predicted to do about the mean of its flight."""
+    reduced = space_of(made_flights(2, duration=60.0, hidden_mass=2.0)).reduced
+    taught = replace(reduced.model, good_flights=GoodFlights(flights=3))
+    of_laws = what_laws_leave(replace(reduced, model=taught))
+    found = what_laws_leave(reduced)
+    assert found.shape[2] == of_laws.shape[2] + 4
+    np.testing.assert_array_equal(found[:, :, :-4], of_laws)
+    directions = reduced.modes.directions
+    speed = predicted(reduced, []) @ directions.T
+    each = [speed[reduced.flight == f] for f in range(2)]
+    about = np.concatenate([of - of.mean(axis=0) for of in each])
+    for rotor in range(4):
+        own = np.zeros_like(about)
+        own[:, rotor] = 0.05 * about[:, rotor]
+        np.testing.assert_allclose(found[:, :, rotor - 4], own @ directions, atol=1e-9)
+    assert found[:, :, -4:].std() > 0.05

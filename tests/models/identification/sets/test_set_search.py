@@ -57,14 +57,12 @@ def all_sets(search: Search, most: int = 9) -> list[frozenset[int]]:
     "names", [("extra_mass", "yaw_trim"), ("extra_mass", "rotor_degradation@1")]
 )
 def test_a_set_is_fitted_to_where_scipy_has_the_least_squares(names):
-    """Of all that measurements leave, with the nuisances and forms of effects taken out, and of
-    shapes about their start."""
+    """Of all that measurements leave, with the nuisances taken out, and of shapes about their
+    start."""
     search = searched(MORE, hidden_mass=2.0, loss=0.06)
     found = search.fit(place(search, *names), ())
-    x, about = search.reduced, search.columns_about(found)
+    x = search.reduced
     measured = x.in_modes(x.measured_rpm)
-    forms = about.whole.wide(x.flight)[:, :, about.asked :]
-    count = forms.shape[2]
     values = np.concatenate([h.free_values for h in found.held])
     prior = prior_of(found.held)
     ends = np.cumsum([len(h.candidate.free) for h in found.held])[:-1]
@@ -73,10 +71,7 @@ def test_a_set_is_fitted_to_where_scipy_has_the_least_squares(names):
     def squares(off: Floats) -> float:
         parts = zip(found.held, np.split(off * error, ends), strict=True)
         residual = np.nan_to_num(measured - predicted(x, [h.moved(part) for h, part in parts]))
-        columns = np.concatenate([forms, residual[:, :, None]], axis=2)
-        gram = search.solved.reduce(search.nuisance.sums(columns))
-        system = np.eye(count) + gram[:count, :count]
-        left = gram[-1, -1] - gram[-1, :count] @ np.linalg.solve(system, gram[:count, -1])
+        left = search.solved.reduce(search.nuisance.sums(residual[:, :, None]))[0, 0]
         return left + float(np.sum(prior.weight * (values + off * error - prior.centre) ** 2))
 
     best = minimize(squares, np.full(values.size, 0.5), method="Powell", options={"xtol": 1e-3})
@@ -97,7 +92,7 @@ def test_a_fitted_set_has_the_evidence_that_all_columns_about_it_give():
     found = search.fit(place(search, "extra_mass", "rotor_degradation@1"), ())
     linear = search.linearise(found)
     scored = linear.score(found.key)
-    assert found.total == pytest.approx(scored.log_evidence + linear.marginalised, abs=0.1)
+    assert found.total == pytest.approx(scored.log_evidence, abs=0.1)
     np.testing.assert_allclose(found.scored.variance, scored.variance, rtol=0.05)
 
 
@@ -125,7 +120,7 @@ def test_what_is_promising_is_what_every_subset_tried_has_on_top(about):
     found = search.fit(place(search, *about), ()) if about else nothing
     search.fit(place(search, "tank_scale", "rotor_degradation@1"), ())
     linear = search.linearise(found)
-    value = {key: linear.score(key).log_evidence + linear.marginalised for key in all_sets(search)}
+    value = {key: linear.score(key).log_evidence for key in all_sets(search)}
     ranked = sorted(value, key=lambda key: -value[key])
     top = max(value[ranked[0]], found.total)
     new = [key for key in ranked if key not in search.fitted]
@@ -146,7 +141,7 @@ def test_sets_at_most_9_less_likely_than_the_best_are_near(monkeypatch):
     search = searched([*FEW, "air_density"], hidden_mass=2.4)
     nothing = search.fit(frozenset(), ())
     linear = search.linearise(nothing)
-    value = {key: linear.score(key).log_evidence + linear.marginalised for key in all_sets(search)}
+    value = {key: linear.score(key).log_evidence for key in all_sets(search)}
     below = {key: max(value.values()) - one for key, one in value.items()}
     near = sorted((key for key in below if below[key] < 9.0), key=lambda key: below[key])
     assert below[near[-1]] > 8.0  # so that a limit of 8 would not do
@@ -237,83 +232,17 @@ def test_a_neighbour_is_fitted_from_values_nearby_and_takes_no_place_among_the_s
     assert search.fit(key, ()) is search.fitted[key]
 
 
-def forms_of(search: Search, *held: Held) -> Floats:
-    """(N, R, Q) by which the effects of a set may be others than their forms say, rpm in modes."""
-    key = place(search, *(h.candidate.key for h in held))
-    nothing = search.fit(frozenset(), ())
-    about = search.columns_about(replace(nothing, key=key, held=tuple(held)))
-    return about.whole.wide(search.reduced.flight)[:, :, about.asked :]
-
-
-def test_an_effect_may_differ_in_each_mode_by_a_twentieth_of_its_change_along_slow_curves():
-    search = searched(["cg_offset"])
-    shifted = at(search, "cg_offset", 0.05, 0.02)
-    change = predicted(search.reduced, [shifted]) - predicted(search.reduced, [])
-    forms = forms_of(search, shifted)
-    modes, curves = change.shape[1], search.slow.shape[1]
-    side = [m for m in range(modes) if 0.5 < rms(change[:, m]) < 0.2 * max(map(rms, change.T))]
-    assert side  # a shift of 5 cm also takes some rpm in all rotors together
-    assert forms.shape[2] == len(side) + modes * curves
-    for k, mode in enumerate(side):  # half of what it does by the way, from 0.5 rpm on
-        share = np.sqrt(1.0 - (0.5 / rms(change[:, mode])) ** 2)
-        np.testing.assert_allclose(forms[:, mode, k], 0.5 * share * change[:, mode])
-        assert not np.delete(forms[:, :, k], mode, axis=1).any()
-    # The change along the direction in which it is largest, by a singular value decomposition.
-    main = change @ np.linalg.svd(change, full_matrices=False)[2][0]
-    for mode in range(modes):
-        own = forms[:, :, len(side) + mode * curves + np.arange(curves)]
-        expected = 0.05 * main[:, None] * search.slow
-        np.testing.assert_allclose(
-            own[:, mode] * np.sign(own[0, mode, 0] * expected[0, 0]), expected, atol=1e-6
-        )
-        assert not np.delete(own, mode, axis=1).any()
-
-
 def test_a_set_that_was_found_from_elsewhere_is_fitted_again_from_the_values_of_the_best():
     search = searched(FEW, hidden_mass=2.0)
     mass, both = place(search, "extra_mass"), place(search, "extra_mass", "yaw_trim")
     right = search.fit(both, ()).total
     far = [at(search, "extra_mass", 9.0), at(search, "yaw_trim", 0.0)]
-    search.fitted[both] = search._fit(both, far, 0)
-    assert search.fitted[both].total < right - 5.0
+    search.fitted[both] = replace(search._fit(both, far, 0), total=right - 8.0)
     search.fit(frozenset(), ())
     search.fit(mass, ())
     search.run()
     assert search.best.key == mass
     assert search.fitted[both].total == pytest.approx(right, abs=0.05)
-
-
-def sizes(search: Search, held: Held) -> list[float]:
-    """rpm RMS of what an effect does in each mode."""
-    change = predicted(search.reduced, [held]) - predicted(search.reduced, [])
-    return [rms(mode) for mode in change.T]
-
-
-def test_speeds_that_come_late_have_no_form_of_their_own():
-    """What is late is what the model says, some time ago; here a mass in its place shows it."""
-    search = searched(["extra_mass"])
-    mass = at(search, "extra_mass", 4.0)
-    effect = mass.candidate.term.effect
-    late = replace(
-        effect,
-        delays=True,
-        parameters=(replace(effect.parameters[0], name="lag"),),
-        apply=lambda p, x, *rest: effect.apply({"mass": p["lag"]}, x, *rest),
-    )
-    term = replace(mass.candidate.term, effect=late)
-    held = replace(mass, candidate=replace(mass.candidate, term=term))
-    assert forms_of(search, mass).shape[2] > 0
-    assert forms_of(search, held).shape[2] == 0
-
-
-def test_a_change_of_what_the_model_has_is_as_uncertain_in_form_as_the_model_and_no_more():
-    search = searched(["extra_mass"])
-    mass = at(search, "extra_mass", 4.0)
-    changed = replace(mass.candidate.term.effect, kept_as=lambda p: p)
-    term = replace(mass.candidate.term, effect=changed)
-    held = replace(mass, candidate=replace(mass.candidate, term=term))
-    assert forms_of(search, mass).shape[2] > 0
-    assert forms_of(search, held).shape[2] == 0
 
 
 def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect(monkeypatch):
@@ -330,45 +259,3 @@ def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect(monkeypatc
     monkeypatch.setattr(search, "promising", lambda _: [both])
     search.run()
     assert search.best.key == mass
-
-
-def test_what_an_effect_does_by_the_way_comes_in_from_nothing():
-    search = searched(["cg_offset"])
-    many = len(sizes(search, at(search, "cg_offset", 0.05, 0.02))) * search.slow.shape[1]
-    for x in np.linspace(0.02, 0.06, 41):
-        forms = forms_of(search, at(search, "cg_offset", x, 0.0))
-        for k in range(forms.shape[2] - many):
-            size = rms(forms[:, :, k].sum(axis=1))
-            # half of s sqrt(1 - 0.25/s²): 0.02 rpm where s is 0.5016
-            assert size <= 0.5 * max(sizes(search, at(search, "cg_offset", x, 0.0)))
-            if size < 0.1:
-                return
-    raise AssertionError("no size at which it only just comes in was tried")
-
-
-def test_of_several_effects_each_may_differ_in_what_it_does_beside_the_others():
-    search = searched(["extra_mass", "tank_scale", "thrust_drift"])
-    held = [at(search, "tank_scale", 1.2), at(search, "extra_mass", 4.0)]
-    held.append(at(search, "thrust_drift", 5e-4))
-    forms, curves = forms_of(search, *held), 4 * search.slow.shape[1]
-    whole = predicted(search.reduced, held)
-    of_each = np.split(forms, 3, axis=2)  # each acts in the collective alone
-    for k, own in enumerate(of_each):
-        assert own.shape[2] == curves
-        rest = [h for j, h in enumerate(held) if j != k]
-        change = whole - predicted(search.reduced, rest)
-        size = 0.05 * np.linalg.norm(change, axis=1)
-        np.testing.assert_allclose(np.abs(own[:, 0, 0]), size, atol=1e-3)
-
-
-def rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def test_the_form_of_an_effect_that_moves_less_than_half_an_rpm_does_not_matter():
-    search = searched(["extra_mass"])
-    one = predicted(search.reduced, [at(search, "extra_mass", 0.01)])
-    per_kg = rms(one - predicted(search.reduced, [])) / 0.01
-    assert forms_of(search, at(search, "extra_mass", 0.49 / per_kg)).shape[2] == 0
-    assert forms_of(search, at(search, "extra_mass", -0.49 / per_kg)).shape[2] == 0
-    assert forms_of(search, at(search, "extra_mass", 1.02 / per_kg)).shape[2] > 0
