@@ -53,9 +53,8 @@ class RecorderStatus:
     frames: int  # written
     bytes: int
     rows: int  # of samples, on the disk
-    frames_lost: int  # that the disk did not take
+    frames_lost: int  # that the disk did not take, or that came faster than it writes
     rows_lost: int
-    frames_dropped: int  # that did not fit into the queue
     trouble: str  # what keeps it from writing now; empty when all is well
 
 
@@ -141,9 +140,8 @@ class Recorder:
             frames=self._telemetry.items,
             bytes=self._telemetry.size,
             rows=self._samples.rows,
-            frames_lost=self._telemetry.lost,
+            frames_lost=self._telemetry.lost + self._frames.dropped,
             rows_lost=self._samples.rows_lost,
-            frames_dropped=self._frames.dropped,
             trouble=self._telemetry.trouble or self._samples.trouble or self._events.trouble,
         )
 

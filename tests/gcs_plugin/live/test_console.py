@@ -194,7 +194,6 @@ def test_a_recording_that_does_not_go_on_is_told_first(monitor, tmp_path):
         rows=5,
         frames_lost=0,
         rows_lost=0,
-        frames_dropped=0,
         trouble="",
     )
     status = replace(monitor.status(), recorder=fine)

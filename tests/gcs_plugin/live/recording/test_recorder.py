@@ -189,6 +189,16 @@ def test_a_full_disk_is_told_and_recording_goes_on_when_there_is_room(tmp_path):
     assert not list((tmp_path / "session" / "samples").glob(".*"))
 
 
+def test_frames_that_come_faster_than_it_writes_are_counted_as_lost(tmp_path, monkeypatch):
+    monkeypatch.setattr("thrustmargin.gcs_plugin.live.recording.recorder.QUEUE", 100)
+    recorder = Recorder(tmp_path, "session")
+    sent = flight(20)
+    recorder.frames(sent)
+    status = recorder.close()
+    assert status.frames + status.frames_lost == len(sent)
+    assert status.frames_lost >= len(sent) - 200 > 0
+
+
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="mounts need root")
 def test_a_file_system_without_room_is_survived(tmp_path):
     small = tmp_path / "small"
