@@ -41,6 +41,7 @@ def test_before_and_after_share_one_scale_and_differ_in_their_values(closed):
     usual = np.median(np.abs(before.values))
     assert usual < before.scale.high < 2 * usual
     assert np.median(np.abs(after.values)) < 0.3 * usual
+    assert before.rotor is not None
     assert np.median(before.rotor) == 0.0
     by_name = {o.name: o for o in overlays_of(new)}
     np.testing.assert_array_equal(after.values, by_name["Residual"].values)

@@ -12,7 +12,6 @@ from thrustmargin.models.model import training
 from thrustmargin.models.model.training import (
     TrainSettings,
     _left_out_speeds,
-    _median,
     _range,
     _split_score,
     condition_scores,
@@ -127,8 +126,6 @@ def test_the_training_domain_is_from_the_lowest_to_the_highest_known():
     assert np.isnan(domain.height_agl).all()
     assert domain.flights == ("a", "b", "c")
     assert _range(np.array([NAN, 7.0])) == (7.0, 7.0)
-    assert _median(TABLE.voltage) == 50.0
-    assert np.isnan(_median(TABLE.height_agl))
 
 
 def test_what_the_paper_prints_and_the_usual_settings():

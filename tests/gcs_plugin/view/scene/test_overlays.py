@@ -39,6 +39,7 @@ def test_residual_is_the_rotor_furthest_off_with_its_sign():
     row = int(np.argmin(residual.min(axis=1)))
     furthest = int(np.argmax(np.abs(residual[row])))
     assert overlay.values[row] == residual[row, furthest] < 0
+    assert overlay.rotor is not None
     assert overlay.rotor[row] == furthest
     assert overlay.worst == "abs"
 
@@ -97,6 +98,7 @@ def test_with_one_esc_silent_view_and_report_count_the_same_rows_above_the_limit
     np.testing.assert_array_equal(shown, analysis.above_limit(0.5))
     seconds = report_flight(analysis, log, max_utilisation=0.5).verdict.over_limit_s
     assert seconds == pytest.approx(0.1 * shown.sum(), rel=0.01)
+    assert left.rotor is not None
     assert 1 not in left.rotor[analysis.any_measured]
 
 
