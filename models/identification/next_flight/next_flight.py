@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -23,17 +23,20 @@ from scipy.linalg import block_diag
 from scipy.special import ndtr, ndtri
 
 from thrustmargin.models.effects import effects_for
+from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.effects.compose import filled
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.answer.explanations import (
-    Explanation,
-    ModePrediction,
-    fitted_explanation,
-    second_noise_rpm,
-)
 from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.certainty import SURE
+from thrustmargin.models.identification.next_flight.explanations import (
+    Explanation,
+    fitted_explanation,
+    over_noise,
+    scatter,
+    second_noise_rpm,
+)
 from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     Manoeuvre,
@@ -41,7 +44,9 @@ from thrustmargin.models.identification.next_flight.manoeuvres import (
     lightest,
     manoeuvres,
 )
-from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.identification.rows.candidates import Term, derivatives, predicted
+from thrustmargin.models.identification.rows.modes import modes
+from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -89,6 +94,7 @@ def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> Ne
         limits=limits,
         noise_rpm=noise,
         background_rpm=found.problem.background_rpm,
+        of_outputs=found.problem.of_outputs,
     )
     return best if best.certainty > CHANCE else None
 
@@ -119,18 +125,19 @@ def next_flight(
     limits: FlownLimits,
     noise_rpm: Floats,
     background_rpm: Floats | float = 0.0,
+    of_outputs: bool = False,
 ) -> NextFlight:
     """The shortest flight that distinguishes two explanations, else the one that does most.
 
     Where one of them has a bad rotor, only what is flown with the least fill counts.
     `noise_rpm` (R,) is that of a mean over one second, of each mode; `background_rpm` (R,) that of
-    a flight's mean.
+    a flight's mean. With `of_outputs` only each rotor's share is seen.
     """
 
     @cache
     def flown_at(name: str, fill_kg: float) -> _Flown:
         track = flown_track(library[name], model, limits, fill_kg)
-        return _flown_once(model, explanations, track, noise_rpm, background_rpm)
+        return _flown_once(model, explanations, track, noise_rpm, background_rpm, of_outputs)
 
     every = manoeuvres(limits)
     if any(t.rotor is not None for one in explanations for t in one.terms):
@@ -176,22 +183,47 @@ def _flown_once(
     track: FlightTrack,
     noise_rpm: Floats,
     background_rpm: Floats | float,
+    of_outputs: bool,
 ) -> _Flown:
-    used = [p.effect for p in model.placed]
-    used += [*effects_for(model.airframe), *(t.effect for r in explanations for t in r.terms)]
-    x = model_channels(model, track, effects=used)
-    every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
-    x = x.rows(np.arange(0, track.time_s.size, every))
-    predict = ModePrediction.of(model, table_of(model), x, noise_rpm / np.sqrt(ROW_S))
-    ours, theirs = (
-        predict.modes(explanation.terms, explanation.values) for explanation in explanations
-    )
-    columns = [predict.columns(r.terms, r.values) @ _root(r.covariance) for r in explanations]
+    rows = rows_of(model, track, [t.effect for one in explanations for t in one.terms], of_outputs)
+    noise = noise_rpm / np.sqrt(ROW_S)
+    ours, theirs = (np.nan_to_num(predicted(rows, one.held)) for one in explanations)
+    columns = [
+        np.nan_to_num(derivatives(rows, one.held, k))
+        for one in explanations
+        for k in range(len(one.held))
+    ]
+    open_ = np.concatenate([np.zeros((*ours.shape, 0)), *columns], axis=2)
+    covariance = np.asarray(block_diag(*(one.covariance for one in explanations)))
     return _Flown(
-        shared=np.concatenate(columns, axis=1),
-        apart=predict.scatter(background_rpm),
-        difference=(ours - theirs).ravel(),
+        shared=over_noise(open_, noise) @ _root(covariance),
+        apart=over_noise(scatter(rows, background_rpm), noise),
+        difference=over_noise((ours - theirs)[:, :, None], noise)[:, 0],
     )
+
+
+def rows_of(
+    model: RotorModel, track: FlightTrack, effects: Sequence[Effect], of_outputs: bool
+) -> RowsToFit:
+    """A manoeuvre's rows, each ROW_S; of motor outputs shares of what the model predicts."""
+    used = [*(p.effect for p in model.placed), *effects_for(model.airframe), *effects]
+    every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
+    which = np.arange(0, track.time_s.size, every)
+    x = model_channels(model, track, effects=used).rows(which)
+    for item in model.placed:
+        x = filled(item.effect, item.values, x)
+    rows = RowsToFit(
+        model=model,
+        base=table_of(model),
+        modes=modes(model.airframe),
+        channels=x,
+        measured_rpm=np.zeros((which.size, model.airframe.rotor_count)),
+        flight=np.zeros(which.size, dtype=np.intp),
+        follows=which > 0,
+        names=(track.name,),
+        of_outputs=False,
+    )
+    return replace(rows, measured_rpm=rows.speeds(), of_outputs=of_outputs)
 
 
 def _gram(flown: Sequence[_Flown]) -> Floats:

@@ -149,7 +149,7 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
     return found
 
 
-def unnamed_candidates(reduced: Reduced) -> list[Candidate]:
+def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
     """Causes without a name: each mode, and the loss of each rotor, along each channel that the
     flights report and that varies.
 

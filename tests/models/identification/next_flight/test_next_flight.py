@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tests.models.identification.answer.test_explanations import (
+from tests.models.identification.next_flight.test_explanations import (
     FLIGHTS,
     GAUGE,
     LOSS,
@@ -17,13 +17,10 @@ from tests.models.identification.answer.test_explanations import (
     PROBLEM,
     explanations,
 )
-from thrustmargin.models.effects import BY_KEY, effects_for
-from thrustmargin.models.identification.answer.explanations import (
-    Explanation,
-    ModePrediction,
-)
+from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.answer.result import Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.next_flight import next_flight as module
+from thrustmargin.models.identification.next_flight.explanations import scatter
 from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     flown_track,
@@ -33,9 +30,9 @@ from thrustmargin.models.identification.next_flight.next_flight import (
     explanations_of,
     following_flight,
     next_flight,
+    rows_of,
 )
-from thrustmargin.models.identification.rows.candidates import Term
-from thrustmargin.models.model.predict import model_channels, table_of
+from thrustmargin.models.identification.rows.candidates import Term, derivatives, predicted
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 CHANCE = 0.6
@@ -62,23 +59,20 @@ def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
     hover = manoeuvres(LIMITS)[1]
     monkeypatch.setattr(module, "ROW_S", 2.0)
     first, second = (
-        Explanation(terms=r.terms, values=r.values, covariance=0.04 * np.eye(r.values.size))
-        for r in explanations((MASS,), (GAUGE, LOSS))
+        replace(one, covariance=0.04 * np.eye(len(one.covariance)))
+        for one in explanations((MASS,), (GAUGE, LOSS))
     )
-    pair = (first, second)
     track = flown_track(hover, MODEL, LIMITS, hover.fills_kg[0])
-    gram = module._gram([module._flown_once(MODEL, pair, track, NOISE, 3.0)])
-    x = model_channels(MODEL, track, effects=effects_for(MODEL.airframe))
-    x = x.rows(slice(None, None, 20))
-    predict = ModePrediction.of(MODEL, table_of(MODEL), x, NOISE / np.sqrt(2.0))
-    d = (
-        predict.modes(pair[0].terms, pair[0].values) - predict.modes(pair[1].terms, pair[1].values)
-    ).ravel()
+    gram = module._gram([module._flown_once(MODEL, (first, second), track, NOISE, 3.0, False)])
+    rows = rows_of(MODEL, track, [t.effect for t in (MASS, GAUGE, LOSS)], False)
+    noise = (NOISE / np.sqrt(2.0))[None, :]
+    d = ((predicted(rows, first.held) - predicted(rows, second.held)) / noise).ravel()
     whole = np.eye(d.size)
-    for explanation in pair:
-        j = predict.columns(explanation.terms, explanation.values)
-        whole += j @ explanation.covariance @ j.T
-    n = predict.scatter(3.0)
+    for held in (first.held, second.held):
+        for k in range(len(held)):
+            j = (derivatives(rows, held, k)[:, :, 0] / noise).ravel()
+            whole += 0.04 * np.outer(j, j)
+    n = (scatter(rows, 3.0) / noise[:, :, None]).reshape(d.size, -1)
     whole += n @ n.T
     assert module._distance_square(gram, 1) == pytest.approx(
         d @ np.linalg.solve(whole, d), rel=1e-6
@@ -105,8 +99,9 @@ def test_values_are_shared_by_fills_and_scatter_is_each_flight_s_own():
 
 def test_nothing_is_an_explanation_too():
     nothing, loss = explanations((), (LOSS,))
-    assert nothing.values.size == 0
-    far = Explanation(terms=loss.terms, values=np.array([1.0]), covariance=0.01 * np.eye(1))
+    assert (nothing.held, nothing.covariance.size) == ((), 0)
+    strong = replace(loss.held[0], values=np.array([[1.0]]))
+    far = replace(loss, held=(strong,), covariance=0.01 * np.eye(1))
     chosen = next_flight(MODEL, (nothing, far), limits=LIMITS, noise_rpm=NOISE)
     assert chosen.certainty > 0.9
 
@@ -200,7 +195,7 @@ def test_two_fills_are_two_flights_each_as_long_as_any():
 def test_a_manoeuvre_is_predicted_every_fifth_of_a_second():
     hover = manoeuvres(LIMITS)[0]  # 30 s
     track = flown_track(hover, MODEL, LIMITS, hover.fills_kg[0])
-    flown = module._flown_once(MODEL, explanations((MASS,), (GAUGE,)), track, NOISE, 0.0)
+    flown = module._flown_once(MODEL, explanations((MASS,), (GAUGE,)), track, NOISE, 0.0, False)
     assert flown.difference.size == 150 * 4
 
 
@@ -214,3 +209,17 @@ def test_a_flight_is_worth_it_from_60_percent_on(louder, asked_for):
     )
     told = following_flight(found, FLIGHTS)  # type: ignore[arg-type]
     assert (told is not None) == asked_for
+
+
+def test_outputs_show_shares_alone_so_that_what_all_rotors_have_in_common_tells_nothing():
+    pair = explanations((MASS,), (LOSS,))
+    of = {
+        outputs: module._flown_once(
+            MODEL, pair, flown_track(h, MODEL, LIMITS, 8.0), NOISE, 0.0, outputs
+        )
+        for h in manoeuvres(LIMITS)[:1]
+        for outputs in (False, True)
+    }
+    collective = {outputs: one.difference.reshape(-1, 4)[:, 0] for outputs, one in of.items()}
+    assert np.abs(collective[False]).min() > 1.0
+    assert np.abs(collective[True]).max() < 0.02 * np.abs(collective[False]).min()
