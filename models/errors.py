@@ -43,9 +43,7 @@ class InstallError(ThrustMarginError):
 EXTRAS = {
     "torch": "train",
     "mavsdk": "vehicle",
-    **dict.fromkeys(
-        ("pyarrow", "duckdb", "fsspec", "filelock", "ruptures", "distributed", "s3fs"), "fleet"
-    ),
+    **dict.fromkeys(("pyarrow", "duckdb", "fsspec", "filelock", "distributed", "s3fs"), "fleet"),
     "mcap": "streams",
     "prometheus_client": "streams",
     "shapefile": "field",

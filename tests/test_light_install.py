@@ -46,7 +46,7 @@ BLOCKED = """
 import sys
 
 HIDDEN = {
-    "torch", "mavsdk", "pyarrow", "duckdb", "fsspec", "filelock", "ruptures", "distributed",
+    "torch", "mavsdk", "pyarrow", "duckdb", "fsspec", "filelock", "distributed",
     "dask", "s3fs", "shapefile", "pyproj", "pandas", "plotly", "matplotlib", "cattrs",
 }
 

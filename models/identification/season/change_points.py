@@ -1,9 +1,9 @@
 """When a value that each flight shows changed: by a step, or by so much a flight.
 
-Flights are cut into segments by binary segmentation (`ruptures`); in a segment the value stays or
-goes along a line. A cut, and a slope, must each bring more than a penalty in the sum of squares
-over the flights' variances. The penalty follows from the wanted rate of false entries: under "no
-change" each of them is the largest of many squared normal numbers.
+Flights are cut into segments; in a segment the value stays or goes along a line. A cut, and a
+slope, must each bring more than a penalty in the sum of squares over the flights' variances. The
+penalty follows from the wanted rate of false entries: under "no change" each of them is the largest
+of many squared normal numbers.
 """
 
 from __future__ import annotations
@@ -110,26 +110,15 @@ class _ConstantOrLine:
         w, t = errors**-2.0, np.arange(values.size, dtype=np.float64)
         rows = [w, w * t, w * t * t, w * values, w * t * values, w * values**2]
         self.sums = np.concatenate([np.zeros((6, 1)), np.cumsum(rows, axis=1)], axis=1)
-        self.rows = self.sums.T.tolist()
         self.penalty = penalty
 
-    def cost(self, start: int, end: int) -> float:
-        """Of one segment, as `fitted` has it; asked hundreds of thousands of times."""
-        a, b = self.rows[start], self.rows[end]
-        w, wt, wy = b[0] - a[0], b[1] - a[1], b[3] - a[3]
-        squares = b[5] - a[5] - wy * wy / w
-        if end - start < LEAST_LINE:
-            return squares
-        across, along = b[4] - a[4] - wy * wt / w, b[2] - a[2] - wt * wt / w
-        return squares - max(0.0, across * across / along - self.penalty)
-
     def costs(self, start: Any, end: Any) -> Floats:
-        """(N,) of segments, as `fitted` has them."""
+        """(N,) of segments, as `fitted` has them; one of the two may be the same for all."""
+        start, end = np.atleast_1d(start), np.atleast_1d(end)
         w, wt, wtt, wy, wty, wyy = self.sums[:, end] - self.sums[:, start]
         across, along = wty - wy * wt / w, wtt - wt * wt / w
-        gained = across**2 / along - self.penalty
-        worth = (np.asarray(end) - start >= LEAST_LINE) & (gained > 0.0)
-        return wyy - wy**2 / w - np.where(worth, gained, 0.0)
+        gained = np.maximum(across * across / along - self.penalty, 0.0)
+        return wyy - wy * wy / w - np.where(end - start >= LEAST_LINE, gained, 0.0)
 
     def fitted(self, start: int, end: int) -> _Piece:
         """The line of a segment; its slope is 0 unless it is worth the penalty."""
@@ -153,43 +142,21 @@ def placed(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
 
 
 def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, int]]:
-    """(start, end) of each segment, one after the other."""
-    from ruptures import Binseg  # it takes a while to load
-    from ruptures.base import BaseCost
-
-    sums = _ConstantOrLine(values, errors, penalty)
-
-    class Cost(BaseCost):
-        min_size = LEAST_FLIGHTS
-
-        @property
-        def model(self) -> str:
-            return "constant or line"
-
-        def fit(self, *args: Any, **_: Any) -> Any:
-            self.signal = args[0]
-            return self
-
-        def error(self, start: int, end: int) -> float:
-            return sums.cost(start, end)
-
-    search = Binseg(custom_cost=Cost(), min_size=LEAST_FLIGHTS, jump=1)
-    cuts = [0, *(int(end) for end in search.fit_predict(values[:, None], pen=penalty))]
-
-    k = 1
-    while k < len(cuts) - 1:  # a cut that came before its neighbours: to its place, or away
-        left, right = cuts[k - 1], cuts[k + 1]
-        tried = np.arange(left + LEAST_FLIGHTS, right - LEAST_FLIGHTS + 1)
-        costs = sums.costs(np.full_like(tried, left), tried)
-        costs += sums.costs(tried, np.full_like(tried, right))
-        best = int(tried[np.argmin(costs)])
-        if sums.cost(left, right) - costs.min() <= penalty:
-            del cuts[k]
-            k = max(1, k - 1)
-            continue
-        moved, cuts[k] = best != cuts[k], best
-        k = max(1, k - 1) if moved else k + 1
-    return list(pairwise(cuts))
+    """(start, end) of each segment, one after the other: those of which the costs, with a penalty
+    for each cut, are least (Jackson et al. 2005, optimal partitioning)."""
+    flights = values.size
+    start, end = np.triu_indices(flights + 1, LEAST_FLIGHTS)
+    costs = np.full((flights + 1, flights + 1), np.inf)
+    costs[end, start] = _ConstantOrLine(values, errors, penalty).costs(start, end) + penalty
+    least, begins = np.zeros(flights + 1), np.zeros(flights + 1, dtype=np.intp)
+    for stop in range(1, flights + 1):
+        whole = least[:stop] + costs[stop, :stop]
+        begins[stop] = np.argmin(whole)
+        least[stop] = whole[begins[stop]]
+    cuts = [flights]
+    while cuts[-1]:
+        cuts.append(int(begins[cuts[-1]]))
+    return list(pairwise(cuts[::-1]))
 
 
 def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[SeasonEntry], Floats]:
@@ -262,8 +229,8 @@ def _step(values: Floats, errors: Floats, began: int, end: int) -> tuple[int, in
     """Earliest and latest flight of the step in a stretch, each side with its own line."""
     sums = _ConstantOrLine(values, errors, 0.0)
     tried = np.arange(began + LEAST_FLIGHTS, end - LEAST_FLIGHTS + 1)
-    costs = sums.costs(np.full_like(tried, began), tried)
-    costs += sums.costs(tried, np.full_like(tried, end))
+    costs = sums.costs(began, tried)
+    costs += sums.costs(tried, end)
     return _profile(costs, int(tried[0]))[1:]
 
 

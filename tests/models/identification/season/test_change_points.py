@@ -46,12 +46,11 @@ def test_the_error_of_a_slope_is_that_of_a_regression():
     assert found.slope_error == pytest.approx(linregress(np.arange(20), noisy)[4], rel=0.5)
 
 
-def test_one_cost_is_asked_for_in_three_ways_with_one_answer():
+def test_one_cost_is_asked_for_in_two_ways_with_one_answer():
     rng = np.random.default_rng(3)
     sums = _ConstantOrLine(rng.normal(0, 1, 40) + 2.0 * np.arange(40), rng.uniform(1, 2, 40), 1.0)
     for start, end in ((0, 40), (3, 6), (3, 7), (10, 30), (35, 40), (34, 40)):
         one = sums.costs(np.array([start]), np.array([end]))[0]
-        assert sums.cost(start, end) == pytest.approx(one)
         assert sums.fitted(start, end).cost == pytest.approx(one)
 
 
@@ -59,7 +58,6 @@ def test_one_cost_is_asked_for_in_three_ways_with_one_answer():
 def test_a_line_is_worth_no_more_than_its_penalty(penalty, cost):
     """0 to 4 about their mean have 10 squares, of which a line takes all."""
     sums = _ConstantOrLine(np.arange(9.0), np.ones(9), penalty)
-    assert sums.cost(2, 7) == pytest.approx(cost)
     assert sums.costs(np.array([2]), np.array([7])) == pytest.approx([cost])
     assert sums.fitted(2, 7).cost == pytest.approx(cost)
 

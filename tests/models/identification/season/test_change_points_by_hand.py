@@ -89,31 +89,6 @@ def test_no_other_segments_cost_less(name, seed):
     assert cost(segments(values, errors, 9.0)) == pytest.approx(best)
 
 
-@pytest.mark.parametrize("seed", [230, 235, 1094, 1802, 4778])
-def test_no_cut_is_better_elsewhere_between_its_neighbours_and_each_is_worth_the_penalty(seed):
-    """Of series drawn at random, ones of which binary segmentation alone misses a cut."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(int(rng.integers(10, 31)))
-    values = np.zeros(t.size)
-    for _ in range(int(rng.integers(1, 4))):
-        at = rng.integers(2, t.size - 2)
-        if rng.random() < 0.7:
-            values += rng.normal(0.0, 1.5) * (t >= at)
-        else:
-            values += rng.normal(0.0, 0.3) * np.maximum(t - at, 0)
-    values, errors = values + 0.5 * rng.normal(size=t.size), np.full(t.size, 0.5)
-
-    def cost(start: int, end: int) -> float:
-        return piece_cost(values[start:end], errors[start:end], 9.0)
-
-    parts = segments(values, errors, 9.0)
-    assert all(end - start >= 3 for start, end in parts)
-    for (left, cut), (_, right) in pairwise(parts):
-        costs = {c: cost(left, c) + cost(c, right) for c in range(left + 3, right - 2)}
-        assert costs[cut] == pytest.approx(min(costs.values()))
-        assert cost(left, right) > costs[cut] + 9.0
-
-
 def entries(name: str, seed: int = 0) -> tuple[list[SeasonEntry], Floats, Floats, list]:
     values, errors = made(SHAPES[name], 22, seed)
     drawn = drawn_in(values, errors)
