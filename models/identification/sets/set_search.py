@@ -219,7 +219,7 @@ class Search:
         top = max(found[ranked[0]], best.total)
         near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
         more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
-        return list(dict.fromkeys([*near[:FITTED], *more[:NEXT], *self._other_rotors(best.key)]))
+        return list(dict.fromkeys([*near[:FITTED], *more[:NEXT]]))
 
     def _grow(self, linear: Linear, starts: Sequence[Key], look: Callable[[Key], float]) -> None:
         """Look at sets that grow from some, the likeliest of each size, until they get no
@@ -240,18 +240,6 @@ class Search:
             if not grown or max(grown.values()) < max(beam.values()) - NEAR:
                 break
             beam = grown
-
-    def _other_rotors(self, key: Key) -> list[Key]:
-        """A set with another rotor in the place of each bad one, as far as not fitted yet."""
-        found = []
-        for c in key:
-            term = self.candidates[c].term
-            for other, one in enumerate(self.candidates):
-                same = one.term.rotor is not None and one.term.effect is term.effect
-                new = (key - {c}) | {other}
-                if same and len(new) == len(key) and new not in self.fitted:
-                    found.append(new)
-        return found
 
     def _twice(self, key: Key, c: int) -> bool:
         """True where the same effect of the same rotor, or the only load on a cable, is in a set in

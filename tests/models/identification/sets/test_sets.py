@@ -203,17 +203,6 @@ def test_slow_noise_is_no_less_than_good_flights_had():
     assert (wander[1:] < 10.0).all()
 
 
-def test_a_set_is_also_tried_with_another_rotor_in_the_place_of_a_bad_one():
-    space = search_space(curve_model(), [made_flight(1, loss=0.08)], CATALOGUE)
-    search = Search(space.reduced, space.nuisance, space.candidates)
-    search.run()
-    keys = [c.key for c in search.candidates]
-    bad = search.best.key
-    (rotor,) = (c for c in bad if keys[c].startswith("rotor_degradation"))
-    others = [keys.index(f"rotor_degradation@{k}") for k in (1, 2, 3, 4)]
-    assert all((bad - {rotor}) | {c} in search.fitted for c in others)
-
-
 def test_a_set_that_is_far_below_the_best_is_left_soon_and_ranks_as_if_fitted_to_the_end():
     flights = made_flights(2, loss=0.08, hidden_mass=4.0)
     space = search_space(curve_model(), flights, effects_for(F16, table(SOME)))
