@@ -24,7 +24,6 @@ from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_f
 from thrustmargin.models.identification.answer.open_causes import change_on, open_causes
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
-from thrustmargin.models.identification.answer.row_values import by_rows
 from thrustmargin.models.identification.answer.unexplained import open_cause
 from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
@@ -98,7 +97,7 @@ def identify_checked(
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
     accepted = accepted_names(space, search, problem, steepness=steepness)
     answer = accepted.answer
-    left_out, estimates = by_rows(accepted.left_out, accepted.estimates)
+    left_out, estimates = accepted.left_out, accepted.estimates
     if progress:
         progress("errors on flights not used", 1.0)
     values = {e.candidate: e.value for e in estimates}

@@ -16,8 +16,10 @@ from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.loop import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import DescribedEffect, rotor_words
+from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.inputs.wind import FOLLOWED_WIND
+from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
 from thrustmargin.models.model.rotor_model import RotorModel
 
 if TYPE_CHECKING:
@@ -58,7 +60,16 @@ def action_of(found: Found) -> Action | None:
 def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:
     """What an effect is called in a list: `a weak rotor 1 (front right)`."""
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
-    return words_of(term).thing.format(rotor=rotor)
+    where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
+    return words_of(term).thing.format(rotor=rotor, where=where)
+
+
+def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
+    """Where a cause without a name acts: `pitch along speed forward`, `yaw all along`."""
+    mode, channel = place_of(term.effect)
+    if term.rotor is not None:
+        mode = f"the loss of {rotor_words(term.rotor, tuple(rotor_names))}"
+    return f"{mode} all along" if channel == CONSTANT else f"{mode} along {ALONG_WORDS[channel][0]}"
 
 
 def effect_things(model: RotorModel) -> tuple[str, ...]:
@@ -74,6 +85,18 @@ def words_of(term: Term | Placed) -> EffectWords:
     spelt = name.replace("_", " ") + ("" if term.rotor is None else " of {rotor}")
     return WORDS.get(key) or WORDS.get(name) or EffectWords(spelt, amounts.by_parameters, None)
 
+
+#: What only causes without a name go along, beside the channels of the figures.
+ALONG_WORDS = MappingProxyType(
+    {
+        **CHANNEL_WORDS,
+        "forward_speed": ("speed forward", "m/s", 1.0),
+        "side_speed": ("speed to the right", "m/s", 1.0),
+        "along_acceleration": ("speeding up", "m/s²", 1.0),
+        "air_temperature": ("air temperature", "K", 1.0),
+        "load": ("the thrust that all rotors make", "kg", 1.0),
+    }
+)
 
 WEAK = "a weak {rotor}"
 #: key of the effect, or its name where all variants are described alike -> its words
@@ -159,7 +182,7 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
         ),
         "wind": EffectWords("wind", amounts.wind, actions.CHECK_WIND),
         "unnamed_cause": EffectWords(
-            "a cause without a name", amounts.by_parameters, actions.KEEP_AS_SEEN
+            "a cause without a name in {where}", amounts.by_parameters, actions.KEEP_AS_SEEN
         ),
         FOLLOWED_WIND.key: EffectWords("wind", amounts.followed_wind, None),
     }

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import amount_of, effect_thing
-from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, chance, number
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
+    ALONG_WORDS,
+    amount_of,
+    effect_thing,
+    unnamed_place,
+)
+from thrustmargin.gcs_plugin.wording.numbers import chance, number
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
 from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.rows.candidates import Term
-
-#: What only causes without a name go along, beside the channels of the figures.
-ALONG_WORDS = MappingProxyType(
-    {
-        **CHANNEL_WORDS,
-        "forward_speed": ("speed forward", "m/s", 1.0),
-        "side_speed": ("speed to the right", "m/s", 1.0),
-        "along_acceleration": ("speeding up", "m/s²", 1.0),
-        "air_temperature": ("air temperature", "K", 1.0),
-        "load": ("the thrust that all rotors make", "kg", 1.0),
-    }
-)
 
 
 def unexplained(found: Identification) -> str:
@@ -71,17 +63,16 @@ def unnamed_causes(found: Identification) -> str:
                 f"{words[0].lower()}{words[1:]}, {chance(one.found.probability)} likely{until}"
             )
             continue
-        mode, channel = one.place
-        where = mode if rotor is None else f"the loss of {rotor_words(rotor, names)}"
+        where = unnamed_place(one.found.term, names)
         if one.range is None:
-            each.append(f"{where} all along {size}{until}")
+            each.append(f"{where} {size}{until}")
             continue
-        name, unit, factor = ALONG_WORDS[channel]
+        _, unit, factor = ALONG_WORDS[one.place[1]]
         low, high = (end * factor for end in one.range)
         seen = f"{number(low, '', 1)} to {number(high, unit, 1)}"
         as_well = [ALONG_WORDS[other][0] for other in one.alike if other != CONSTANT]
         others = f" (or {', '.join(as_well)})" if as_well else ""
-        each.append(f"{where} along {name}{others}, {seen} {size}{until}")
+        each.append(f"{where}{others}, {seen} {size}{until}")
         curves = True
     beyond = ", held at its edge beyond that range, with twice the interval" if curves else ""
     return f"Without a name, as it was seen: {'; '.join(each)}; {actions.KEEP_AS_SEEN.text}{beyond}"

@@ -10,7 +10,7 @@ time of that flight and used on the blocks between.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,7 +37,6 @@ class LeftOutPart:
     flights: tuple[int, ...]  # left out; none where it is a fifth
     rows: Bools  # (T,) left out, of the problem
     linear: Linear
-    by_rows: Values = field(default_factory=dict)  # of the names that stand, by the rest's rows
 
     def named(self, search: Search) -> list[int]:
         """What the rest names by itself."""
@@ -49,8 +48,6 @@ class LeftOutPart:
 
     def values(self, search: Search, members: Collection[int]) -> Values:
         """The values of a given set on the rest."""
-        if self.by_rows and self.by_rows.keys() == set(members):
-            return self.by_rows
         answer = self._posterior(search, [frozenset(members)])
         return {c: answer.estimate(c).value for c in members}
 

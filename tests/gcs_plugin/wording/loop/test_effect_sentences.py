@@ -20,6 +20,7 @@ from thrustmargin.models.effects.coefficient.rotor_degradation import (
     ROTOR_DEGRADATION_UNTIL,
 )
 from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.already_followed import FOLLOWED_WIND
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.loop import identify
@@ -335,3 +336,16 @@ def test_a_repaired_rotor_is_of_the_flights_in_a_row_by_their_clock(whole):
     assert "of its thrust (6 to 8) from b.tlog on, and has stayed so" in effect_sentence(since, of)
     within = found(ROTOR_DEGRADATION_SINCE, [[0.07, 1060.0, 1.0]] * 3, [0.01, 0.0, 0.1], rotor=1)
     assert "1:00 into a.tlog, and has stayed so" in effect_sentence(within, of)
+
+
+@pytest.mark.parametrize(
+    ("place", "rotor", "thing"),
+    [
+        (("pitch", "forward_speed"), None, "pitch along speed forward"),
+        (("yaw", "constant"), None, "yaw all along"),
+        (("rotor", "airspeed"), 1, "the loss of rotor 2 (rear) along airspeed"),
+    ],
+)
+def test_a_cause_without_a_name_is_told_from_another_by_where_it_acts(place, rotor, thing):
+    term = Term(effect=UNNAMED[place], rotor=rotor)
+    assert effect_thing(term, ("front", "rear")) == f"a cause without a name in {thing}"
