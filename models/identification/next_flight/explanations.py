@@ -60,12 +60,14 @@ def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Float
     left = np.nan_to_num(rows.in_modes(rows.measured_rpm) - predicted(rows, fit.held))
     pull = own.T @ over_noise(left[:, :, None], noise)[:, 0]
     pull += (np.array([_absent(p) for p in every]) - values) / size
-    likeliest = moved_by(fit.held, size * np.linalg.solve(own.T @ own + np.eye(size.size), pull))
+    step = np.asarray(np.linalg.solve(own.T @ own + np.eye(size.size), pull), dtype=np.float64)
+    likeliest = moved_by(fit.held, size * step)
     whole = np.hstack([own, over_noise(scatter(rows, problem.background_rpm), noise)])
     inverse = np.linalg.inv(whole.T @ whole + np.eye(whole.shape[1]))[: size.size, : size.size]
+    of_values: Floats = np.asarray(inverse, dtype=np.float64) * np.outer(size, size)
     return Explanation(
         held=tuple(replace(one, values=one.values[:1]) for one in likeliest),
-        covariance=inverse * np.outer(size, size),
+        covariance=of_values,
     )
 
 
