@@ -54,7 +54,7 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         _by_second(track.time_s, INTERVAL * np.where(np.isfinite(use), error, np.nan))[1]
         for error in (analysis.utilisation_error, analysis.utilisation_beyond)
     )
-    medians = running_median(means, LASTING_S)
+    medians = running_median(means, LASTING_S)[_whole_window(np.isfinite(means).any(axis=1))]
     medians[~np.isfinite(means)] = np.nan
     most, which = worst_rotor(medians)
     known, at = np.isfinite(most), np.arange(most.size)
@@ -86,6 +86,20 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         surely_above=surely[second] & track.flying,
         maybe_above=maybe[second] & track.flying,
     )
+
+
+def _whole_window(known: Bools) -> NDArray[np.intp]:
+    """Of each of (S,) seconds the nearest whose whole window lies in the same stretch of flight.
+
+    Half a window, at the end of a stretch, would call lasting what passes.
+    """
+    at, half, rows = np.arange(known.size), LASTING_S // 2, np.flatnonzero(known)
+    for stretch in np.split(rows, np.flatnonzero(np.diff(rows) > half) + 1) if rows.size else ():
+        first, last = int(stretch[0]), int(stretch[-1])
+        middle = (first + last) // 2
+        inside = min(first + half, middle), max(last - half, middle)
+        at[first : last + 1] = np.clip(at[first : last + 1], *inside)
+    return at
 
 
 def running_median(values: Floats, window: int) -> Floats:

@@ -49,7 +49,9 @@ ADVICE = Advice(
     limit=0.5,
     airborne_s=200.0,
     use=USE,
-    lost=RotorLost(least=0.92, least_low=0.91, least_high=0.93, not_survivable_s=180.0),
+    lost=RotorLost(
+        least=0.92, least_low=0.91, least_high=0.93, not_survivable_s=180.0, known_s=200.0
+    ),
     battery=Battery(),
     fill=FILL,
     faults=(),
@@ -58,6 +60,8 @@ ADVICE = Advice(
     rotor_count=4,
     rotor_names=("front right", "rear left", "front left", "rear right"),
     unseen_from_s=float("nan"),
+    begun_before=False,
+    paused_s=0.0,
     goes_on=False,
     predicted_alone=False,
     withheld=False,
@@ -95,6 +99,20 @@ def test_the_first_line_of_each_level():
     )
     assert say(FlightLevel.OVER, unseen_from_s=108.0) == (
         "ABOVE THE 50 % LIMIT FOR 2 MIN 42 S (LOG ENDS IN FLIGHT)"
+    )
+    assert say(FlightLevel.UNDER, begun_before=True) == (
+        "BELOW THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
+    )
+    assert say(FlightLevel.UNDER, begun_before=True, unseen_from_s=108.0) == (
+        "BELOW THE 50 % LIMIT UP TO 1:48 (LOG BEGINS AND ENDS IN FLIGHT)"
+    )
+    assert say(FlightLevel.UNDER, paused_s=61.0) == (
+        "BELOW THE 50 % LIMIT (NOTHING IN THE LOG FOR 1 MIN 1 S OF IT)"
+    )
+    assert say(FlightLevel.UNKNOWN, begun_before=True) == "NO VERDICT"
+    part = replace(ADVICE.lost, not_survivable_s=13.0, known_s=24.0)
+    assert say(FlightLevel.CRITICAL, lost=part) == (
+        "FILL LESS: FOR 13 S OF 24 S WITH A KNOWN LOAD A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
     )
     assert say(FlightLevel.NO_THRUST, use=replace(USE, spent_s=14.0)) == "NO THRUST LEFT FOR 14 S"
     collapsed = Battery(least_cell=2.61, at_s=190.0)
@@ -181,6 +199,14 @@ def test_the_facts_say_how_much_and_how_long():
     assert dict(facts(replace(ADVICE, lost=safe)))["one rotor lost"] == (
         "the weight can be held all flight, without yaw control, it will spin (1.10 × or more)"
     )
+    seen = replace(ADVICE, lost=replace(safe, known_s=14.0))
+    assert dict(facts(seen))["one rotor lost"] == (
+        "the weight can be held for 14 s, without yaw control, it will spin (1.10 × or more); "
+        "of 3 min 20 s the load is unknown for the rest"
+    )
+    for unseen in ({"begun_before": True}, {"paused_s": 60.0}, {"unseen_from_s": 9.0}):
+        words = dict(facts(replace(ADVICE, lost=safe, **unseen)))["one rotor lost"]
+        assert words.startswith("the weight can be held for as long as the log goes, ")
     assert (
         "tank level is unknown" in dict(facts(replace(ADVICE, lost=RotorLost())))["one rotor lost"]
     )

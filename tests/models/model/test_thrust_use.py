@@ -47,6 +47,19 @@ def test_a_turn_passes_and_a_climb_lasts():
     assert not found.surely_above[325]
 
 
+def test_a_turn_passes_where_the_log_begins_or_ends_with_it_too():
+    use = level(0.4)
+    use[:60, 1] = use[-60:, 1] = 0.7  # 6 s, as long as a turn at a line end takes
+    found = thrust_use(flown(use), 0.5)
+    assert (found.lasting_most, found.lasting_above_s) == (pytest.approx(0.4), 0.0)
+    assert (found.passing, found.passing_longest_s) == (2, pytest.approx(6.0, abs=0.2))
+    assert thrust_use(flown(use[:700]), 0.5).lasting_above_s == 0.0
+    use[-90:, 1] = 0.7  # 9 s of the last 15
+    assert thrust_use(flown(use), 0.5).lasting_above_s == pytest.approx(9.0, abs=0.3)
+    # A flight shorter than the window is judged as one.
+    assert thrust_use(flown(use[:100]), 0.5).lasting_most == pytest.approx(0.7)
+
+
 def test_turns_of_different_rotors_do_not_add_up_to_what_lasts():
     use = level(0.4)
     for k in range(4):  # 4 x 5 s one after the other, each another rotor
