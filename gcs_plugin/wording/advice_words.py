@@ -77,7 +77,10 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
             words = "BATTERY COLLAPSED: AT MOST {volts} A CELL AT {clock}"
         return say(words, volts=least, clock=clock(advice.battery.at_s))
     if level is FlightLevel.NO_THRUST:
-        return say("NO THRUST LEFT FOR {long}", long=duration(use.spent_s).upper())
+        words, rotor = "NO THRUST LEFT FOR {long}", _spent_alone(advice)
+        if rotor:
+            words = "ROTOR {rotor} ALONE HAD NO THRUST LEFT FOR {long}"
+        return say(words, rotor=rotor, long=duration(use.spent_s).upper())
     if level is FlightLevel.CRITICAL:
         first = say("TOO HEAVY" if advice.fill.nothing_fits else "FILL LESS")
         if _load_known_in_part(advice):
@@ -159,6 +162,8 @@ def action(advice: Advice) -> str:
         first.append(actions.GROUND_WRECK.text)
     if FlightLevel.DAMAGED in advice.levels:
         first.append(actions.not_before_looked_at(suspects(advice)).text)
+    elif FlightLevel.NO_THRUST in advice.levels and (rotor := _spent_alone(advice)):
+        first.append(actions.not_before_looked_at((rotor,)).text)
     if FlightLevel.BATTERY in advice.levels:
         first.append(actions.TEST_BATTERY.text)
     # While it should land, nobody fills.
@@ -173,7 +178,9 @@ def action(advice: Advice) -> str:
         first.append(say(words, action=actions.CHECK_LOAD.text, more=more))
     # Where no fill can be less, how it is flown is all that is left.
     hard = {FlightLevel.OVER, FlightLevel.NEAR} if advice.fill.nothing_fits is not None else set()
-    if not (hard | {FlightLevel.NO_THRUST}).isdisjoint(advice.levels):
+    if not _spent_alone(advice):
+        hard.add(FlightLevel.NO_THRUST)
+    if not hard.isdisjoint(advice.levels):
         load = f"{load}; {actions.FLY_GENTLY.text}"
     if advice.fill.nothing_fits == "tank" and advice.fill.start_kg > 0.0 and not within:
         carried = number(advice.fill.start_kg, "kg")
@@ -259,6 +266,13 @@ def one_rotor_out(advice: Advice) -> str:
     elif not advice.seen_whole:
         words = "the weight can be held for as long as the log goes, {spins} ({held} or more)"
     return say(words, long=duration(lost.known_s), spins=say(SPINS), held=held) + known
+
+
+def _spent_alone(advice: Advice) -> int:
+    """The rotor, from 1, that alone had nothing left; 0 for none, or where it is not known which
+    is which."""
+    alone = advice.use.spent_alone
+    return 0 if alone is None or not advice.rotor_names else alone + 1
 
 
 def _load_known_in_part(advice: Advice) -> bool:

@@ -44,8 +44,8 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
     MarginVerdict,
     Moment,
     basis_words,
-    unseen_facts,
     load_facts,
+    unseen_facts,
     verdict_facts,
 )
 from thrustmargin.gcs_plugin.wording.report_words import (

@@ -30,7 +30,9 @@ USE = ThrustUse(
     passing=5,
     passing_longest_s=7.0,
     spent_s=0.0,
+    spent_alone=None,
     lasting=np.full(3, 0.54),
+    reach=np.zeros(3),
     surely_above=~NO,
     maybe_above=~NO,
 )
@@ -115,7 +117,14 @@ def test_the_first_line_of_each_level():
         "FILL LESS: FOR 13 S OF 24 S WITH A KNOWN LOAD A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
     )
     assert say(FlightLevel.NO_THRUST, use=replace(USE, spent_s=14.0)) == "NO THRUST LEFT FOR 14 S"
+    weak = replace(USE, spent_s=5.6, spent_alone=2)
+    assert say(FlightLevel.NO_THRUST, use=weak) == "ROTOR 3 ALONE HAD NO THRUST LEFT FOR 5.6 S"
+    assert say(FlightLevel.NO_THRUST, use=weak, rotor_names=()) == "NO THRUST LEFT FOR 5.6 S"
     collapsed = Battery(least_cell=2.61, at_s=190.0)
+    assert action(replace(ADVICE, levels=(FlightLevel.NO_THRUST,), use=weak)) == (
+        "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
+        "for the load: fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
+    )
     assert say(FlightLevel.BATTERY, battery=collapsed) == "BATTERY COLLAPSED: 2.61 V A CELL AT 3:10"
 
 

@@ -85,6 +85,38 @@ def test_nothing_left_counts_by_the_second_and_only_surely():
     assert thrust_use(flown(use, error=0.05), 0.5).spent_s == 0.0
 
 
+def test_one_rotor_alone_with_nothing_left_is_named_and_a_pair_in_a_turn_is_not():
+    use = level(0.4)
+    use[300:330, 2] = 0.95  # 3 s
+    assert thrust_use(flown(use), 0.5).spent_alone == 2
+    use[310:330, 0] = 0.95  # 2 s of them with another
+    assert thrust_use(flown(use), 0.5).spent_alone is None
+    use = level(0.4)
+    use[300:315, 2] = 0.95  # 1.5 s
+    assert thrust_use(flown(use), 0.5).spent_alone is None
+
+
+def test_a_motor_at_full_output_has_nothing_left_of_an_aircraft_that_is_not_known_too():
+    nothing = flown(level(NAN))
+    unknown = replace(nothing, utilisation_predicted=level(NAN))
+    output = np.full((1200, 4), 0.7)
+    output[400:425, 2] = 1.0  # 2.5 s: two whole seconds
+    output[600:604] = 1.0  # 0.4 s
+    track = replace(nothing.track, throttle=output)
+    assert thrust_use(replace(unknown, track=track), 0.5).spent_s == pytest.approx(2.0, abs=0.1)
+    ground = replace(track, flying=np.zeros(1200, dtype=np.bool_))
+    assert thrust_use(replace(unknown, track=ground), 0.5).spent_s == 0.0
+
+
+def test_no_interval_reaches_below_nothing_or_beyond_all():
+    found = thrust_use(flown(level(0.6), error=0.5), 0.5)
+    assert (found.lasting_low, found.lasting_high) == (0.0, 1.0)
+    low, high = flown(level(0.6), error=0.5).use_ends
+    assert (low.min(), high.max()) == (0.0, 1.0)
+    # What was measured above it stays.
+    assert thrust_use(flown(level(1.1)), 0.5).lasting_high == pytest.approx(1.1)
+
+
 def test_the_ground_and_what_is_unknown_count_for_nothing():
     use = level(0.8)
     analysis = flown(use)
