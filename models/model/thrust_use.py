@@ -58,13 +58,12 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         _by_second(track.time_s, INTERVAL * np.where(np.isfinite(use), error, np.nan))[1]
         for error in (analysis.utilisation_error, analysis.utilisation_beyond)
     )
-    whole = _whole_window(np.isfinite(means).any(axis=1))
-    medians = running_median(means, LASTING_S)[whole]
+    medians = running_median(means, LASTING_S)[_whole_window(np.isfinite(means).any(axis=1))]
     medians[~np.isfinite(means)] = np.nan
     most, which = worst_rotor(medians)
     known = np.isfinite(most)
     up, down = np.zeros((2, most.size))
-    of = whole[known], which[known].astype(int)
+    of = np.flatnonzero(known), which[known].astype(int)
     up[known] = np.nan_to_num(above[of])
     down[known] = up[known] - np.nan_to_num(beyond[of])
     now = worst_rotor(means)[0]
