@@ -71,10 +71,12 @@ def airborne(
     landed = best(signals, "landed")
     if landed is not None:
         state = last_before(landed, clock_s)
-        known = np.flatnonzero(known_rows(landed.values))
-        if known.size:  # just before its first report it was as that says
-            close = (state != state) & (landed.time_s[known[0]] - clock_s <= HEARD_S)
-            state = np.where(close, landed.values[known[0]], state)
+        known = known_rows(landed.values)
+        first, first_s = landed.values[known][:2], landed.time_s[known][:1]
+        # Just before its first report it was as that says, where a report is no event of a change.
+        if first.size == 2 and first[0] == first[1]:
+            close = ~np.isfinite(state) & (first_s - clock_s <= HEARD_S)
+            state = np.where(close, first[0], state)
         flying = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
         if height is None:
             return Airborne(flying, FlyingBy.LANDED_STATE, landed.source.words)

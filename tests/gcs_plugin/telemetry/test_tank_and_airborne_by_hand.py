@@ -207,9 +207,11 @@ def test_landed_states_by_hand():
     # 1 on ground, 2 in air, 3 taking off, 4 landing; unknown reports do not count.
     state = reports("landed", [1.0, 3.0, 2.0, NAN, 4.0, 1.0], times=[1, 3, 4, 5, 7, 9])
     assert flying(state)[0] == [3, 4, 5, 6, 7, 8]
-    # As its first report says for 3 s before it, whatever the second says.
-    assert flying(reports("landed", [2.0, 1.0], times=[1, 4]))[0] == [0, 1, 2, 3]
-    assert flying(reports("landed", [2.0, 1.0], times=[5, 8]))[0] == [2, 3, 4, 5, 6, 7]
+    # From its first report on where the second says another: it took off then.
+    assert flying(reports("landed", [2.0, 1.0], times=[1, 4]))[0] == [1, 2, 3]
+    # One that repeats itself was so before the first report too, for 3 s.
+    assert flying(reports("landed", [2.0, 2.0, 1.0], times=[1, 2, 4]))[0] == [0, 1, 2, 3]
+    assert flying(reports("landed", [2.0, 2.0, 1.0], times=[5, 6, 8]))[0] == [2, 3, 4, 5, 6, 7]
 
 
 def test_the_legs_are_clear_of_the_ground_at_two_tenths_of_a_metre():
