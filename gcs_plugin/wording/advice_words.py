@@ -188,6 +188,9 @@ def action(advice: Advice) -> str:
     if not first:
         done = say("nothing" if advice.seen_whole else "record the whole flight next time")
         done = say("see how the flight ended") if advice.ends_in_flight else done
+        if advice.fill.kg <= 0.0 and advice.fill.nothing_fits is None:
+            # It flew below the limit with a load: what says that it could not is asked first.
+            done = actions.CHECK_WIND.text
         return f"{done}; {load}" if within else load
     later = advice.fill.beyond_gauge_kg > 0.0
     then = say("until then {load}" if later else "for the load: {load}", load=load)

@@ -76,6 +76,13 @@ def with_fault(*levels: FlightLevel, fault: RotorFault = FAULT, **changed: objec
     return replace(ADVICE, levels=(FlightLevel.DAMAGED, *levels), faults=(episode,), **changed)
 
 
+def test_a_flight_below_the_limit_is_not_told_nothing_and_to_fill_nothing():
+    none = replace(FILL, kg=0.0, limit_kg=-1.0, low_kg=-2.0, high_kg=-0.5, reason="utilisation")
+    within = replace(ADVICE, levels=(FlightLevel.UNDER,), fill=none)
+    assert action(within).startswith("disarmed on the ground, check the airspeed sensor; do not ")
+    assert action(replace(within, fill=FILL)).startswith("nothing; up to 8.6 kg")
+
+
 def test_the_first_line_of_each_level():
     def say(level: FlightLevel, **changed: object) -> str:
         return headline(replace(ADVICE, levels=(level,), **changed))
