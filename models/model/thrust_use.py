@@ -58,7 +58,7 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         _by_second(track.time_s, INTERVAL * np.where(np.isfinite(use), error, np.nan))[1]
         for error in (analysis.utilisation_error, analysis.utilisation_beyond)
     )
-    medians = running_median(means, LASTING_S)[_whole_window(np.isfinite(means).any(axis=1))]
+    medians = running_median(means, LASTING_S)[_whole_window(np.any(np.isfinite(means), axis=1))]
     medians[~np.isfinite(means)] = np.nan
     most, which = worst_rotor(medians)
     known = np.isfinite(most)
