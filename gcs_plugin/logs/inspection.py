@@ -62,6 +62,7 @@ _SPOILS = {
             "rotor speed clock",
             "ESC voltage",
             "full battery",
+            "one ESC",
             "thrust",
             "battery voltage",
             "tank gauge",

@@ -122,7 +122,10 @@ def decode(
     rule: Rule, columns: Columns
 ) -> Iterator[tuple[int | None, NDArray[np.bool_] | slice, Floats]]:
     """(index, rows, values in SI) of each source that the rule distinguishes in its message."""
-    values = quantity(rule, columns)
+    with np.errstate(invalid="ignore"):
+        values = quantity(rule, columns)
+        if np.isinf(values).any():  # no quantity of an aircraft is; it would spread by sums
+            values = np.where(np.isinf(values), np.nan, values)
     if rule.index is None:
         yield None, slice(None), values
         return

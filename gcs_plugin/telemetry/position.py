@@ -22,6 +22,8 @@ NAN = float("nan")
 IN_AIR, TAKING_OFF, LANDING = 2, 3, 4
 #: m above the place of take-off or landing below which the legs may still touch
 CLEAR = 0.2
+#: m above home at which it surely flies
+RISEN = 1.0
 #: share of the thrust in cruise below which a rotor only idles
 IDLE_SHARE = 0.5
 #: Output at or below which a motor idles: autopilots spin armed motors at up to a tenth, and the
@@ -29,6 +31,8 @@ IDLE_SHARE = 0.5
 IDLE_OUTPUT = 0.1
 #: s at idle after which an aircraft stands
 IDLE_S = 3.0
+#: s between two reports of the landed state
+HEARD_S = 3.0
 #: Rows from which an output that never changes is no control of anything.
 FEWEST_ROWS = 20
 
@@ -67,6 +71,12 @@ def airborne(
     landed = best(signals, "landed")
     if landed is not None:
         state = last_before(landed, clock_s)
+        known = known_rows(landed.values)
+        first, first_s = landed.values[known][:2], landed.time_s[known][:1]
+        # Just before its first report it was as that says, where a report is no event of a change.
+        if first.size == 2 and first[0] == first[1]:
+            close = ~np.isfinite(state) & (first_s - clock_s <= HEARD_S)
+            state = np.where(close, first[0], state)
         flying = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
         if height is None:
             return Airborne(flying, FlyingBy.LANDED_STATE, landed.source.words)
@@ -95,7 +105,7 @@ def airborne(
         return Airborne(flying, by, words)
     if height is not None and np.isfinite(height).any():
         words = "more than 1 m above home (no landed state, no rotor speeds)"
-        return Airborne(on & (height > 1.0), FlyingBy.HEIGHT, words)
+        return Airborne(on & (height > RISEN), FlyingBy.HEIGHT, words)
     return _grounded(clock_s, FlyingBy.NOT_KNOWN)
 
 
@@ -141,7 +151,7 @@ def _too_slow(
     if airframe is None or speeds is None or not np.isfinite(squares).any():
         return False
     most = airframe.thrust_coefficient * speeds.shape[1] * float(np.nanmax(squares))
-    rose = height is not None and np.isfinite(height).any() and float(np.nanmax(height)) > 1.0
+    rose = height is not None and np.isfinite(height).any() and float(np.nanmax(height)) > RISEN
     return most < IDLE_SHARE * airframe.empty_mass * G0 and not rose
 
 
@@ -178,7 +188,7 @@ def airborne_so_far(
     coefficient = airframe.thrust_coefficient if airframe is not None else 0.0
     lifted = coefficient * np.nansum(np.square(speeds), axis=1) > least
     heights = channels.get("height_agl", np.full(clock_s.size, NAN))
-    flying = np.where(np.isfinite(motors_on), motors_on > 0, heights > 1.0)
+    flying = np.where(np.isfinite(motors_on), motors_on > 0, heights > RISEN)
     flying = np.where(carried, lifted, flying)
     for row in np.flatnonzero(np.isfinite(state)).tolist():
         flying[row] = int(state[row]) in (IN_AIR, TAKING_OFF, LANDING)
@@ -210,7 +220,10 @@ def _known_mean(values: Floats) -> Floats:
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
-    """Each stretch without its ends in which the height is still that of the ground."""
+    """Each stretch without its ends in which the height is still that of the ground.
+
+    Where the log begins or ends in the air the ground is not known, and nothing is left out.
+    """
     result = flying.copy()
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(np.int8), [0]])))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
@@ -219,9 +232,10 @@ def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
         if known.size == 0:
             continue
         up = np.flatnonzero(part > part[known[0]] + CLEAR)
-        if up.size == 0:
-            continue
-        result[first : first + up[0]] = False
+        if first > 0 or part[known[0]] <= RISEN:
+            if up.size == 0:
+                continue
+            result[first : first + up[0]] = False
         if end < flying.size:
             above = np.flatnonzero(part > part[known[-1]] + CLEAR)
             if above.size:

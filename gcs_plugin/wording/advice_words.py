@@ -41,19 +41,25 @@ SEVERAL: Mapping[FlightLevel, str] = {
 }
 #: Levels in which a flight that goes on should end.
 LAND_FIRST = (FlightLevel.DAMAGED, FlightLevel.LOST, FlightLevel.BATTERY, FlightLevel.NO_THRUST)
-#: Behind the first line of a flight whose end is not in the log.
-_UNSEEN = " (LOG ENDS IN FLIGHT)"
+#: Behind the first line of a flight of which the log has only a part: whether it flew already where
+#: the log begins, and still where it ends; and of one with a pause.
+_UNSEEN = {
+    (True, True): " (LOG BEGINS AND ENDS IN FLIGHT)",
+    (True, False): " (LOG BEGINS IN FLIGHT)",
+    (False, True): " (LOG ENDS IN FLIGHT)",
+}
+_PAUSED = " (NOTHING IN THE LOG FOR {long} OF IT)"
 
 
 def headline(advice: Advice) -> str:
     """The answer in capitals, to be read first."""
     first = [level for level in (FlightLevel.DAMAGED, FlightLevel.LOST) if level in advice.levels]
     words = "; ".join(_first_line(advice, level) for level in first or advice.levels[:1])
-    return (
-        f"{words}{say(_UNSEEN)}"
-        if advice.ends_in_flight and FlightLevel.LOST not in first
-        else words
-    )
+    if advice.seen_whole or FlightLevel.LOST in first or advice.level is FlightLevel.UNKNOWN:
+        return words
+    if unseen := _UNSEEN.get((advice.begun_before, advice.ends_in_flight)):
+        return f"{words}{say(unseen)}"
+    return f"{words}{say(_PAUSED, long=duration(advice.paused_s).upper())}"
 
 
 def _first_line(advice: Advice, level: FlightLevel) -> str:
@@ -67,11 +73,26 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
     if level is FlightLevel.BATTERY:
         least = number(advice.battery.least_cell, "V", 2)
         words = "BATTERY COLLAPSED: {volts} A CELL AT {clock}"
+        if advice.battery.at_most:
+            words = "BATTERY COLLAPSED: AT MOST {volts} A CELL AT {clock}"
         return say(words, volts=least, clock=clock(advice.battery.at_s))
     if level is FlightLevel.NO_THRUST:
-        return say("NO THRUST LEFT FOR {long}", long=duration(use.spent_s).upper())
+        words, rotor = "NO THRUST LEFT FOR {long}", _spent_alone(advice)
+        if rotor:
+            words = "ROTOR {rotor} ALONE HAD NO THRUST LEFT FOR {long}"
+        return say(words, rotor=rotor, long=duration(use.spent_s).upper())
     if level is FlightLevel.CRITICAL:
         first = say("TOO HEAVY" if advice.fill.nothing_fits else "FILL LESS")
+        if _load_known_in_part(advice):
+            words = (
+                "{first}: FOR {long} OF {known} WITH A KNOWN LOAD "
+                "A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
+            )
+            long, known = (
+                duration(seconds).upper()
+                for seconds in (advice.lost.not_survivable_s, advice.lost.known_s)
+            )
+            return say(words, first=first, long=long, known=known)
         if advice.lost.not_survivable_s >= advice.airborne_s - 1.0:
             words = "{first}: ALL FLIGHT A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
             return say(words, first=first)
@@ -141,6 +162,8 @@ def action(advice: Advice) -> str:
         first.append(actions.GROUND_WRECK.text)
     if FlightLevel.DAMAGED in advice.levels:
         first.append(actions.not_before_looked_at(suspects(advice)).text)
+    elif FlightLevel.NO_THRUST in advice.levels and (rotor := _spent_alone(advice)):
+        first.append(actions.not_before_looked_at((rotor,)).text)
     if FlightLevel.BATTERY in advice.levels:
         first.append(actions.TEST_BATTERY.text)
     # While it should land, nobody fills.
@@ -155,13 +178,19 @@ def action(advice: Advice) -> str:
         first.append(say(words, action=actions.CHECK_LOAD.text, more=more))
     # Where no fill can be less, how it is flown is all that is left.
     hard = {FlightLevel.OVER, FlightLevel.NEAR} if advice.fill.nothing_fits is not None else set()
-    if not (hard | {FlightLevel.NO_THRUST}).isdisjoint(advice.levels):
+    if not _spent_alone(advice):
+        hard.add(FlightLevel.NO_THRUST)
+    if not hard.isdisjoint(advice.levels):
         load = f"{load}; {actions.FLY_GENTLY.text}"
     if advice.fill.nothing_fits == "tank" and advice.fill.start_kg > 0.0 and not within:
         carried = number(advice.fill.start_kg, "kg")
         load = f"{load}; {say('carry less than the {kg} of this flight', kg=carried)}"
     if not first:
-        done = say("see how the flight ended" if advice.ends_in_flight else "nothing")
+        done = say("nothing" if advice.seen_whole else "record the whole flight next time")
+        done = say("see how the flight ended") if advice.ends_in_flight else done
+        if advice.fill.kg <= 0.0 and advice.fill.nothing_fits is None:
+            # It flew below the limit with a load: what says that it could not is asked first.
+            done = actions.CHECK_WIND.text
         return f"{done}; {load}" if within else load
     later = advice.fill.beyond_gauge_kg > 0.0
     then = say("until then {load}" if later else "for the load: {load}", load=load)
@@ -225,17 +254,33 @@ def one_rotor_out(advice: Advice) -> str:
         held += f", {number(lost.least_low, '', 2)} to {number(lost.least_high, '', 2)}"
         words = "cannot tell: the weight is within the error of what could be held ({held})"
         return say(words, held=held)
+    part, whole = _load_known_in_part(advice), duration(advice.airborne_s)
+    known = say("; of {all} the load is unknown for the rest", all=whole) if part else ""
     if lost.not_survivable_s > 0.0:
-        long, whole = duration(lost.not_survivable_s), duration(advice.airborne_s)
+        long, of = duration(lost.not_survivable_s), duration(lost.known_s) if part else whole
         words = (
             "would have brought it down for {long} of {all} "
             "(at worst {held} the weight can be held)"
         )
-        return say(words, long=long, all=whole, held=held)
+        return say(words, long=long, all=of, held=held) + known
     words = "the weight can be held all flight, {spins} ({held} or more)"
-    if advice.ends_in_flight:
+    if part:
+        words = "the weight can be held for {long}, {spins} ({held} or more)"
+    elif not advice.seen_whole:
         words = "the weight can be held for as long as the log goes, {spins} ({held} or more)"
-    return say(words, spins=say(SPINS), held=held)
+    return say(words, long=duration(lost.known_s), spins=say(SPINS), held=held) + known
+
+
+def _spent_alone(advice: Advice) -> int:
+    """The rotor, from 1, that alone had nothing left; 0 for none, or where it is not known which
+    is which."""
+    alone = advice.use.spent_alone
+    return 0 if alone is None or not advice.rotor_names else alone + 1
+
+
+def _load_known_in_part(advice: Advice) -> bool:
+    """Whether what one lost rotor means is known of a part of the flight alone."""
+    return advice.lost.known_s < 0.95 * advice.airborne_s - 1.0
 
 
 def sound_again(fault: RotorFault) -> str:

@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     within,
 )
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.advice import Advice, FlightLevel
+from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.provenance import Meaning, SourceKind
@@ -121,17 +121,17 @@ def verdict_facts(
     thrust utilisation rests on.
     """
     airframe = Fact("airframe", claim.words.removeprefix("airframe "))
+    found = tuple(Fact("alarm", fault_found(advice, one)) for one in advice.faults)
     if FlightLevel.LOST in advice.levels:
         # What was left before it went wrong explains nothing, and advises no fill.
         until = () if worst is None else (Fact("worst before it", moment_words(worst)),)
-        found = (Fact("alarm", fault_found(advice, one)) for one in advice.faults)
         return (*_to_do(advice), *found, *until, Fact("from", basis), airframe)
     if not_flown:
         return (Fact("why", not_flown), airframe)
     if claim.withheld:
         why = (Fact("why", reason) for reason in claim.withheld)
         of = () if claim.basis == "not known" else (airframe,)  # the reason says that already
-        return (*why, Fact("what helps", claim.remedy), *of)
+        return (*_to_do(advice), *found, *why, Fact("what helps", claim.remedy), *of)
     if worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
         return (Fact("why", say(why)), airframe)
@@ -182,12 +182,16 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     return (Fact("load", f"{load}, {source.words}"),)
 
 
-def ending_facts(track: FlightTrack) -> tuple[Fact, ...]:
-    """From when on the flight is unseen, where its log ends in it."""
-    if not (track.flying.size and track.flying[-1]):
-        return ()
-    last = clock(float(track.time_s[-1]))
-    return (Fact("log", say("ends in flight, at {clock}: the rest is unseen", clock=last)),)
+def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
+    """Which parts of the flight are unseen: before the log, in its pauses, after it."""
+    words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []
+    for begin_s, long_s in zip(*pauses_in_flight(track), strict=True):
+        pause = {"long": duration(float(long_s)), "clock": clock(float(begin_s))}
+        words.append(say("has nothing of {long} of the flight from {clock} on", **pause))
+    if track.flying[-1:].any():
+        last = clock(float(track.time_s[-1]))
+        words.append(say("ends in flight, at {clock}: the rest is unseen", clock=last))
+    return (Fact("log", "; ".join(words)),) if words else ()
 
 
 def moment_words(moment: Moment) -> str:

@@ -74,8 +74,7 @@ def _room(advised: Advised, limit: float) -> float:
     """kg more, or less than nothing, with which some moment meets its limit."""
     analysis, use = advised.analysis, advised.advice.use
     mass = flown_airframe(analysis.model).empty_mass + analysis.track.tank_kg
-    reach = use.lasting_high - use.lasting_most
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
-    by_use = mass * limit / (use.lasting + reach) - mass
+    by_use = mass * limit / (use.lasting + use.reach) - mass
     found = np.concatenate([by_use, mass * sure - mass])
     return float(np.nanmin(found))

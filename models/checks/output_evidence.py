@@ -45,8 +45,8 @@ _LIFTED = ("thrust_coefficient", "empty_mass")  # of what rotor speeds lift
 class OutputEvidence:
     """Thrust by motor outputs in flight, against weight and against rotor speeds."""
 
-    lifted_kg: float  # median mass that the outputs would lift; NaN where they are not known
-    load_kg: float  # median of what was reported on board in the same rows; NaN
+    lifted_kg: float  # median mass that the outputs would lift with `load_kg` on board; NaN unknown
+    load_kg: float  # median of what was reported on board in flight; NaN
     over_speeds: float  # ln of their thrust over that of the measured rotor speeds; NaN
     error: float  # standard error of ln of their thrust
     shows: float = float("nan")  # ln from which an interval reaches to what they show beyond
@@ -101,14 +101,16 @@ def output_evidence(
         ratio = np.log(thrust / thrust_by_speeds(track, airframe))
         turned = _median(np.log(share)[track.flying].ravel())
     error = np.hypot(curve.steepness_error * turned, _error(CEILING_ERROR, airframe, _BEHIND))
-    load = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
+    load_kg = known_median(track.tank_kg[track.flying])
+    # Where outputs or speeds are known for a part of the flight, its load is not that of the whole.
+    lighter = np.nan_to_num(load_kg - track.tank_kg)
     return OutputEvidence(
-        lifted_kg=_median(lifted_mass(track, thrust)),
-        load_kg=float(np.median(load)) if load.size else nan,
+        lifted_kg=_median(lifted_mass(track, thrust) + lighter),
+        load_kg=load_kg,
         over_speeds=_median(np.where(track.flying, ratio, np.nan)),
         error=float(error),
         shows=float(error) * (1.0 if curve.is_assumed else SHOWS),
-        by_speeds_kg=_median(lifted_mass(track, thrust_by_speeds(track, airframe))),
+        by_speeds_kg=_median(lifted_mass(track, thrust_by_speeds(track, airframe)) + lighter),
         by_speeds_error=_error(CURVE_ERROR, airframe, _LIFTED),
         ceiling_high=ceiling_too_high(track.voltage, airframe),
     )

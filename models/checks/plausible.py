@@ -11,6 +11,7 @@
 | rotor speed limit | s above 1.2 of the largest thrust | | under 3 s, or under 5 % of the flight |
 | motor output | square root of its thrust over weight | 0.92 to 1.08 | 0.6 to 1.7 |
 | outputs and speeds | thrust of the one over that of the other | | 2.6 standard errors |
+| one ESC | speed of a rotor over that of the others at its output | | 0.75 to 1.33 |
 
 Without measured speeds the outputs may also not lift surely more (2.6 standard errors) than the
 gauge says, for then the gauge sets what they mean. Where no load is reported, rotor speed is close
@@ -64,6 +65,9 @@ NOMINAL_CELL = (3.5, 3.9)
 IMPOSSIBLE_USE, MOMENT_S, MOMENT_SHARE = 1.2, 3.0, 0.05
 #: deg by which an arm may stand elsewhere; the next arm of an octocopter is 45 away.
 ARM_BEARING = 22.0
+#: ln of the speed of one rotor over that of the others at its output: propellers of one aircraft
+#: differ by a few percent, pole counts by a seventh and more, and a third is no propeller.
+ODD_SPEED = 0.29
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +98,7 @@ def comparisons(
             track = replace(track, **{c: track.measured(c) for c in track.standard_errors})
         found.append(_frame(airframe, parameters))
         outputs = output_evidence(track, airframe, parameters)
+        found.append(_one_esc(track))
         found.append(_rotor_speed(track, airframe, outputs))
         found.append(voltage := _voltage(track, airframe, facts.battery))
         if voltage.verdict != "contradicts":  # else what rests on the voltage says the same again
@@ -250,23 +255,44 @@ def _rotor_speed(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence
     )
 
 
+def _one_esc(track: FlightTrack) -> Comparison | None:
+    """A rotor whose speed is far from what the others have at its output: no rotor is so unlike."""
+    speed, output = np.abs(track.rotor_speed_rpm[track.flying]), track.throttle[track.flying]
+    rows = (speed > 0.0).all(axis=1) & (output > 0.0).all(axis=1)
+    if track.rotor_count < 3 or np.count_nonzero(rows) < FEWEST_ROWS:
+        return None
+    each = np.median(speed[rows] / output[rows], axis=0)
+    ratio = each / np.median(each)
+    odd = int(np.argmax(np.abs(np.log(ratio))))
+    if not abs(np.log(ratio[odd])) > ODD_SPEED:
+        return None
+    words = (
+        f"rotor {odd + 1} reads {ratio[odd]:.2f} times the speed that the others have at its "
+        "output: check sensor and pole count of its ESC, or that the ESC is that motor's"
+    )
+    return Comparison(check="one ESC", verdict="apart", words=words)
+
+
 def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
     battery = known_median(volts)  # a gauge that fails is no fast rotor
     limit = ceiling(airframe, airframe.reference_density, battery).max_rotor_speed_rpm
     with np.errstate(invalid="ignore"):
-        use = np.nan_to_num(utilisation(track.rotor_speed_rpm, limit)).max(axis=1, initial=0.0)
-    above = use[track.flying] > IMPOSSIBLE_USE
+        use = np.nan_to_num(utilisation(track.rotor_speed_rpm, limit))
+    beyond = use[track.flying] > IMPOSSIBLE_USE
+    above = beyond.any(axis=1)
     step = known_median(np.diff(track.time_s)) if track.time_s.size > 1 else 0.0
     seconds = float(np.count_nonzero(above)) * step
     if not seconds > MOMENT_S or np.mean(above) < MOMENT_SHARE:
         return None
     fastest = float(np.nanmax(track.rotor_speed_rpm[track.flying]))
+    of = np.flatnonzero(2 * np.count_nonzero(beyond, axis=0) > np.count_nonzero(above)) + 1
+    which = f"rotor {of[0]}" if of.size == 1 else "a rotor"
     return Comparison(
         check="rotor speed limit",
         verdict="contradicts",
         words=(
-            f"a rotor turns at up to {fastest:,.0f} rpm, where airframe {airframe.name} reaches at "
+            f"{which} turns at up to {fastest:,.0f} rpm, where airframe {airframe.name} reaches at "
             f"most {limit.item():,.0f} rpm at this voltage: {100 * use.max():.0f} % of its thrust "
             "would be "
             "in use"

@@ -21,6 +21,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from thrustmargin.models.checks.full_battery import HELD_ROWS
 from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
 from thrustmargin.models.checks.stopped_rotor import stopped_rotors
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -38,10 +39,13 @@ from thrustmargin.models.model.rotor_faults import (
 from thrustmargin.models.model.thrust_use import ThrustUse, running_median, thrust_use
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_least
+from thrustmargin.models.vehicle_facts import CELL_IN_USE
 
 LEAST_FLIGHT_S = 3.0  # a flight with less in it has no verdict
 CELL = 3.7  # V, nominal, of the lithium cells that an airframe's nominal voltage counts
 COLLAPSED = 3.0  # V a cell under load, below which a lithium cell collapses
+HEALTHY = 3.5  # V a cell under load from which nothing is wrong: less may be of something else
+LONG_PAUSE_S = 10.0  # of a log: a turn and more
 NAN = float("nan")
 
 
@@ -72,6 +76,7 @@ class RotorLost:
     least_low: float = NAN
     least_high: float = NAN
     not_survivable_s: float = 0.0
+    known_s: float = NAN  # in flight with a known load
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +85,7 @@ class Battery:
 
     least_cell: float = NAN
     at_s: float = NAN  # of the flight
+    at_most: bool = False  # of the fewest cells that it can have: of more it is less
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,6 +105,8 @@ class Advice:
     rotor_count: int
     rotor_names: tuple[str, ...]  # empty where it is not known which rotor is which
     unseen_from_s: float  # of the flight, where its log ends before it did; NaN of a whole one
+    begun_before: bool  # it flew already where its log begins
+    paused_s: float  # in flight of which the log has nothing, in pauses of LONG_PAUSE_S or more
     goes_on: bool  # it flies now: all is of the flight so far
     #: For most of the flight neither speed nor output shows what a rotor did: what it should have
     #: done is no ground for a good answer.
@@ -114,6 +122,11 @@ class Advice:
     def ends_in_flight(self) -> bool:
         """Whether all of it is of a part of the flight alone."""
         return bool(np.isfinite(self.unseen_from_s))
+
+    @property
+    def seen_whole(self) -> bool:
+        """Whether the log has all of the flight."""
+        return not (self.ends_in_flight or self.begun_before or self.paused_s > 0.0)
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -168,6 +181,7 @@ def advise(
         least_low=known_least(low),
         least_high=known_least(high),
         not_survivable_s=float(seconds[track.flying][free < 1.0].sum()),
+        known_s=float(seconds[track.flying][np.isfinite(free)].sum()),
     )
     found = fault_history(analysis) if history is None else history
     episodes, known = fault_episodes(found), faults_in_model(analysis.model)
@@ -184,13 +198,13 @@ def advise(
         levels.append(FlightLevel.DAMAGED)
     if losses:
         levels.append(FlightLevel.LOST)
-    elif use.known_s > 0.0 and whole.track.flying_s >= LEAST_FLIGHT_S:
+    elif whole.track.flying_s >= LEAST_FLIGHT_S:
         if battery.least_cell < COLLAPSED:
             levels.append(FlightLevel.BATTERY)
         if use.spent_s >= 1.0:
             levels.append(FlightLevel.NO_THRUST)
         of_load = _load_level(use, low, high)
-        if not (predicted_alone and of_load is FlightLevel.UNDER):
+        if use.known_s > 0.0 and not (predicted_alone and of_load is FlightLevel.UNDER):
             levels.append(of_load)
     return Advised(
         advice=Advice(
@@ -208,6 +222,8 @@ def advise(
             rotor_names=analysis.model.airframe.rotor_names if names_known else (),
             predicted_alone=predicted_alone,
             unseen_from_s=NAN if goes_on else _unseen_from(whole.track),
+            begun_before=bool(whole.track.flying[:1].any() and not (goes_on or planned)),
+            paused_s=float(pauses_in_flight(whole.track)[1].sum()),
             goes_on=goes_on,
             withheld=bool(analysis.withheld),
         ),
@@ -221,6 +237,13 @@ def advise(
 def _unseen_from(track: FlightTrack) -> float:
     flies = track.flying.size and track.flying[-1]
     return float(track.time_s[-1]) if flies else NAN
+
+
+def pauses_in_flight(track: FlightTrack) -> tuple[Floats, Floats]:
+    """When (n,) s the log has nothing of a flight that goes on behind it, and for how many s."""
+    steps = np.diff(track.time_s)
+    at = np.flatnonzero((steps >= LONG_PAUSE_S) & track.flying[:-1] & track.flying[1:])
+    return track.time_s[at], steps[at]
 
 
 def _load_level(use: ThrustUse, low: Floats, high: Floats) -> FlightLevel:
@@ -257,11 +280,19 @@ def cells(airframe: Airframe) -> int:
 
 
 def _battery(analysis: FlightAnalysis) -> Battery:
+    """By the airframe's cells, else by the fewest that the healthy battery before can have had."""
     track, count = analysis.track, cells(analysis.model.airframe)
     rows = track.flying & (track.voltage > 0.0)
-    if analysis.withheld or not count or np.count_nonzero(rows) < 3:
+    if np.count_nonzero(rows) < 3:
+        return Battery()
+    if analysis.withheld:
+        most = float(np.sort(track.voltage[track.voltage > 0.0])[-HELD_ROWS:][0])
+        count = int(np.ceil(most / CELL_IN_USE[1]))
+        count = count if most >= HEALTHY * count and count > 1 else 0
+    if not count:
         return Battery()
     time_s = track.time_s[rows]
     rate = max(1, round(1.0 / max(float(np.median(np.diff(time_s))), 1e-3)))
     held = running_median(track.voltage[rows][:, None], 2 * rate + 1)[:, 0] / count
-    return Battery(least_cell=float(held.min()), at_s=float(time_s[np.argmin(held)]))
+    at_s = float(time_s[np.argmin(held)])
+    return Battery(least_cell=float(held.min()), at_s=at_s, at_most=bool(analysis.withheld))

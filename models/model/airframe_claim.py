@@ -59,9 +59,16 @@ class AirframeClaim:
     @property
     def remedy(self) -> str:
         """What helps a flight without a claim to its margin, for people."""
-        other = "another" if self.basis == "given" else "one"
+        other, first = (
+            ("one", "")
+            if self.basis != "given"
+            else (
+                "another",
+                "set right what reads wrong; if nothing does, ",
+            )
+        )
         return (
-            "make the aircraft's own airframe with "
+            f"{first}make the aircraft's own airframe with "
             f"`thrustmargin airframe new --from {self.source}`, or name {other} with --airframe"
         )
 

@@ -144,12 +144,12 @@ class FlightAnalysis:
     def use_ends(self) -> tuple[Floats, Floats]:
         """(T, R) low and high end of the 90 % interval of the known utilisation, NaN unknown.
 
-        Of an error that is not known there is the value alone.
+        Of an error that is not known there is the value alone. No error reaches beyond all.
         """
         use = self.known_utilisation
         errors = self.utilisation_error - self.utilisation_beyond, self.utilisation_error
         down, up = (INTERVAL * np.nan_to_num(error) for error in errors)
-        return np.maximum(use - down, 0.0), use + up
+        return np.maximum(use - down, 0.0), np.minimum(use + up, np.maximum(use, 1.0))
 
     @property
     def from_outputs(self) -> Bools:

@@ -18,12 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 LASTING_S = 15  # s
 SPENT = 0.9  # of the largest thrust
+ALONE_S = 2.0  # s with nothing left of one rotor alone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,7 +42,9 @@ class ThrustUse:
     passing: int  # times above the limit that passed
     passing_longest_s: float
     spent_s: float  # s in which surely nothing was left
+    spent_alone: int | None  # the rotor, from 0, of which alone that is so
     lasting: Floats  # (T,)
+    reach: Floats  # (T,) what its 90 % interval adds to it
     surely_above: Bools  # (T,) rows whose lasting use is above the limit with its whole interval
     maybe_above: Bools  # (T,) with any of it
 
@@ -54,38 +58,70 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         _by_second(track.time_s, INTERVAL * np.where(np.isfinite(use), error, np.nan))[1]
         for error in (analysis.utilisation_error, analysis.utilisation_beyond)
     )
-    medians = running_median(means, LASTING_S)
+    medians = running_median(means, LASTING_S)[_whole_window(np.any(np.isfinite(means), axis=1))]
     medians[~np.isfinite(means)] = np.nan
     most, which = worst_rotor(medians)
-    known, at = np.isfinite(most), np.arange(most.size)
+    known = np.isfinite(most)
     up, down = np.zeros((2, most.size))
-    up[known] = np.nan_to_num(above[at[known], which[known].astype(int)])
-    down[known] = up[known] - np.nan_to_num(beyond[at[known], which[known].astype(int)])
+    of = np.flatnonzero(known), which[known].astype(int)
+    up[known] = np.nan_to_num(above[of])
+    down[known] = up[known] - np.nan_to_num(beyond[of])
     now = worst_rotor(means)[0]
     flown = np.where(track.flying, track.row_seconds, 0.0)
     length = np.bincount(second, weights=flown).astype(np.float64)
     with np.errstate(invalid="ignore"):
         lasting_above, over = most > limit, now > limit
         surely, maybe = most - down > limit, most + up > limit
-        spent = now - down > SPENT
+        spent = means - np.nan_to_num(above - beyond) > SPENT
+    if not known.any():  # a motor asked for all it has has nothing left, in any aircraft
+        output = np.where(track.flying[:, None], track.throttle, np.nan)
+        spent = np.nan_to_num(_by_second(track.time_s, output)[1]) >= FULL_OUTPUT
     passed = _runs(over & ~lasting_above, length)
     top = int(np.nanargmax(most)) if known.any() else 0
     nothing = float("nan")
     return ThrustUse(
         lasting_most=float(most[top]) if known.any() else nothing,
-        lasting_low=float((most - down)[top]) if known.any() else nothing,
-        lasting_high=float((most + up)[top]) if known.any() else nothing,
+        lasting_low=float(max((most - down)[top], 0.0)) if known.any() else nothing,
+        lasting_high=float(max(most[top], min((most + up)[top], 1.0))) if known.any() else nothing,
         lasting_above_s=float(length[lasting_above].sum()),
         above_s=float(track.row_seconds[analysis.above_limit(limit)].sum()),
         known_s=float(track.row_seconds[np.isfinite(use).any(axis=1)].sum()),
         peak=float(np.nanmax(use)) if np.isfinite(use).any() else nothing,
         passing=len(passed),
         passing_longest_s=max(passed, default=0.0),
-        spent_s=float(length[spent].sum()),
+        spent_s=float(length[spent.any(axis=1)].sum()),
+        spent_alone=_alone(spent, length),
         lasting=most[second],
+        reach=up[second],
         surely_above=surely[second] & track.flying,
         maybe_above=maybe[second] & track.flying,
     )
+
+
+def _alone(spent: Bools, length: Floats) -> int | None:
+    """The rotor that had nothing left (S, R) while every other had, most of the time; None without.
+
+    A turn takes two rotors, a climb takes all: one alone is weak, or carries what is not centred.
+    """
+    alone = np.where((spent.sum(axis=1) == 1)[:, None], spent, False) * length[:, None]
+    seconds = alone.sum(axis=0)
+    most = float(seconds.max(initial=0.0))
+    lasting = most >= ALONE_S and most > 0.5 * length[spent.any(axis=1)].sum()
+    return int(np.argmax(seconds)) if lasting else None
+
+
+def _whole_window(known: Bools) -> NDArray[np.intp]:
+    """Of each of (S,) seconds the nearest whose whole window lies in the same stretch of flight.
+
+    Half a window, at the end of a stretch, would call lasting what passes.
+    """
+    at, half, rows = np.arange(known.size), LASTING_S // 2, np.flatnonzero(known)
+    for stretch in np.split(rows, np.flatnonzero(np.diff(rows) > half) + 1) if rows.size else ():
+        first, last = int(stretch[0]), int(stretch[-1])
+        middle = (first + last) // 2
+        inside = min(first + half, middle), max(last - half, middle)
+        at[first : last + 1] = np.clip(at[first : last + 1], *inside)
+    return at
 
 
 def running_median(values: Floats, window: int) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -92,9 +93,14 @@ class FleetSeason:
 
     @property
     def above_limit(self) -> list[tuple[str, Any]]:
-        """Flights to act on, the least margin first."""
+        """Flights to act on: those without a margin, which were lost, then the least margin."""
         found = [(a.name, f) for a in self.aircraft for f in a.above_limit]
-        return sorted(found, key=lambda one: one[1]["worst_margin"])[:MOST_LISTED]
+
+        def margin(one: tuple[str, Any]) -> float:
+            known = one[1]["worst_margin"]
+            return known if finite(known) else -math.inf
+
+        return sorted(found, key=margin)[:MOST_LISTED]
 
 
 def ranked(store: str, aircraft: Sequence[AircraftSeason], rejected: int = 0) -> FleetSeason:

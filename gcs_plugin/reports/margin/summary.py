@@ -44,8 +44,8 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
     MarginVerdict,
     Moment,
     basis_words,
-    ending_facts,
     load_facts,
+    unseen_facts,
     verdict_facts,
 )
 from thrustmargin.gcs_plugin.wording.report_words import (
@@ -108,7 +108,7 @@ def report_flight(
         *look_facts(found),
         *(answer if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
         *(() if contact is None else contact_facts(contact)),
-        *(*load_facts(track), *ending_facts(whole.track)),
+        *(*load_facts(track), *unseen_facts(whole.track)),
         *((Fact("prediction", checked),) if checked else ()),
         *((Fact("plan", against["words"]),) if against else ()),
     )

@@ -13,6 +13,8 @@ corrects all three by least squares over means of 10 s, by whatever it knows:
     rotors   N_r² of the rotors whose speed is measured
 
 Each is one row of the same regression, so the standard error of each speed follows from it.
+Nothing turns faster than at full output, and at full output a rotor turns as fast as it can: there
+the ceiling is the speed, however the weight has set the scale.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.inferred.utilisation_error import guessed_variance
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
-from thrustmargin.models.physics.margin import weight
+from thrustmargin.models.physics.margin import ceiling, weight
 from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 from thrustmargin.models.scores import Estimate
@@ -44,6 +46,8 @@ MEAN_ERRORS = (0.02, 0.04, 0.02)
 ROTOR_ERROR, LIFT_ERROR = 0.03, 0.05
 STATED_ERROR = 0.03  # of ln N²: scale and bench, a stated weight over a fitted thrust curve
 WAIT = 3.0  # s of a flight after which an ESC that reports has been heard
+FULL = 0.98  # share of full thrust from which an output is full
+EXACT = 1e-12  # of ln N²: not 0, for 0 is measured
 LAG = 0.2  # s by which a rotor and the report of its speed follow its output (Quiver 77 and 80)
 #: share of full thrust from which a row shows the ceiling, and s for which it must have lasted
 NEAR_FULL, HELD = 0.9, 1.0
@@ -177,7 +181,10 @@ def filled_speeds(
         variance[rows] += np.einsum(
             "trj,jk,trk->tr", *(terms[rows], covariance[:3, :3], terms[rows])
         )
-    speed = np.exp(0.5 * square)
+    full = share >= np.log(FULL / HOVER_SHARE)
+    most = ceiling(airframe, airframe.reference_density, track.voltage).max_rotor_speed_rpm[:, None]
+    speed = np.where(full, most, np.minimum(np.exp(0.5 * square), most))
+    variance[full] = EXACT**2
     put = silent & (track.flying & (track.time_s >= WAIT))[:, None] & np.isfinite(speed)
     filled = replace(
         track,

@@ -115,6 +115,8 @@ def utilisation_error(
         half = (prediction.upper_rpm - prediction.lower_rpm) / 2.0
         of_network = np.nan_to_num(2.0 * half / INTERVAL / prediction.rotor_speed_rpm)
         ceiling = ceiling_variance(airframe, track.voltage)[:, None]
+        # At full output all is in use, wherever the ceiling is.
+        ceiling = np.where((error > 0.0) & (utilisation >= 1.0 - 1e-9), 0.0, ceiling)
         load = load_error(track, airframe)[:, None]
         beyond = beyond_load(track, airframe, outputs)
         # Speeds that were made of the outputs rest on the load.

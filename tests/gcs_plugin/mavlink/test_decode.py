@@ -74,6 +74,14 @@ def test_wind_from_the_north_blows_to_the_south():
     np.testing.assert_allclose(from_east, [[0.0, -5.0, 0.0]], atol=1e-9)
 
 
+@pytest.mark.filterwarnings("error")
+def test_what_is_infinite_is_unknown():
+    wind = channel("WIND", "wind_ned", size=2, direction=[np.inf, 0.0], speed=[1.0, 2.0])
+    np.testing.assert_array_equal(np.isfinite(wind), [[False, False, True], [True, True, True]])
+    level = channel("NAMED_VALUE_FLOAT", "named_value", size=3, value=[-np.inf, 7.0, np.inf])
+    np.testing.assert_array_equal(level, [np.nan, 7.0, np.nan])
+
+
 def test_a_pack_above_65_volts_is_summed_over_its_cells():
     cells = np.full(10, 65535)
     cells[:2] = (65534, 4466)

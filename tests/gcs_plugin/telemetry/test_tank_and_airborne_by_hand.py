@@ -207,8 +207,11 @@ def test_landed_states_by_hand():
     # 1 on ground, 2 in air, 3 taking off, 4 landing; unknown reports do not count.
     state = reports("landed", [1.0, 3.0, 2.0, NAN, 4.0, 1.0], times=[1, 3, 4, 5, 7, 9])
     assert flying(state)[0] == [3, 4, 5, 6, 7, 8]
-    # From its first report on, whatever the second says.
+    # From its first report on where the second says another: it took off then.
     assert flying(reports("landed", [2.0, 1.0], times=[1, 4]))[0] == [1, 2, 3]
+    # One that repeats itself was so before the first report too, for 3 s.
+    assert flying(reports("landed", [2.0, 2.0, 1.0], times=[1, 2, 4]))[0] == [0, 1, 2, 3]
+    assert flying(reports("landed", [2.0, 2.0, 1.0], times=[5, 6, 8]))[0] == [2, 3, 4, 5, 6, 7]
 
 
 def test_the_legs_are_clear_of_the_ground_at_two_tenths_of_a_metre():
@@ -221,6 +224,12 @@ def test_the_legs_are_clear_of_the_ground_at_two_tenths_of_a_metre():
     # Still in the air at the end of the log: nothing is taken off there.
     still = reports("landed", [1.0, 2.0], times=[0, 2])
     assert flying(still, height_agl=height)[0] == [4, 5, 6, 7, 8, 9, 10, 11]
+    # In the air already where the log begins: nothing is taken off there either.
+    begun = reports("landed", [2.0, 1.0], times=[0, 10])
+    assert flying(begun, height_agl=[3.0] * 8 + [1.0, 0.1, 0.0, 0.0])[0] == list(range(9))
+    # Called in the air while it stands at home: not before it rises.
+    standing = [0.1, 0.1, 0.1, 3.0, 3.0, 3.0, 3.0, 3.0, 1.0, 0.1, 0.0, 0.0]
+    assert flying(begun, height_agl=standing)[0] == list(range(3, 9))
     # Without a height that rises, or without any, the state alone counts.
     assert flying(state, height_agl=[5.0] * 12)[0] == list(range(2, 10))
     assert flying(state, height_agl=[NAN] * 12)[0] == list(range(2, 10))

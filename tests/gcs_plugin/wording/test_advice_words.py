@@ -30,7 +30,9 @@ USE = ThrustUse(
     passing=5,
     passing_longest_s=7.0,
     spent_s=0.0,
+    spent_alone=None,
     lasting=np.full(3, 0.54),
+    reach=np.zeros(3),
     surely_above=~NO,
     maybe_above=~NO,
 )
@@ -49,7 +51,9 @@ ADVICE = Advice(
     limit=0.5,
     airborne_s=200.0,
     use=USE,
-    lost=RotorLost(least=0.92, least_low=0.91, least_high=0.93, not_survivable_s=180.0),
+    lost=RotorLost(
+        least=0.92, least_low=0.91, least_high=0.93, not_survivable_s=180.0, known_s=200.0
+    ),
     battery=Battery(),
     fill=FILL,
     faults=(),
@@ -58,6 +62,8 @@ ADVICE = Advice(
     rotor_count=4,
     rotor_names=("front right", "rear left", "front left", "rear right"),
     unseen_from_s=float("nan"),
+    begun_before=False,
+    paused_s=0.0,
     goes_on=False,
     predicted_alone=False,
     withheld=False,
@@ -68,6 +74,13 @@ FAULT = RotorFault(kind="propeller", rotor=2, size=0.12, lower=0.11, upper=0.13)
 def with_fault(*levels: FlightLevel, fault: RotorFault = FAULT, **changed: object) -> Advice:
     episode = FaultEpisode(begin_s=145.0, end_s=None, fault=fault)
     return replace(ADVICE, levels=(FlightLevel.DAMAGED, *levels), faults=(episode,), **changed)
+
+
+def test_a_flight_below_the_limit_is_not_told_nothing_and_to_fill_nothing():
+    none = replace(FILL, kg=0.0, limit_kg=-1.0, low_kg=-2.0, high_kg=-0.5, reason="utilisation")
+    within = replace(ADVICE, levels=(FlightLevel.UNDER,), fill=none)
+    assert action(within).startswith("disarmed on the ground, check the airspeed sensor; do not ")
+    assert action(replace(within, fill=FILL)).startswith("nothing; up to 8.6 kg")
 
 
 def test_the_first_line_of_each_level():
@@ -96,8 +109,29 @@ def test_the_first_line_of_each_level():
     assert say(FlightLevel.OVER, unseen_from_s=108.0) == (
         "ABOVE THE 50 % LIMIT FOR 2 MIN 42 S (LOG ENDS IN FLIGHT)"
     )
+    assert say(FlightLevel.UNDER, begun_before=True) == (
+        "BELOW THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
+    )
+    assert say(FlightLevel.UNDER, begun_before=True, unseen_from_s=108.0) == (
+        "BELOW THE 50 % LIMIT UP TO 1:48 (LOG BEGINS AND ENDS IN FLIGHT)"
+    )
+    assert say(FlightLevel.UNDER, paused_s=61.0) == (
+        "BELOW THE 50 % LIMIT (NOTHING IN THE LOG FOR 1 MIN 1 S OF IT)"
+    )
+    assert say(FlightLevel.UNKNOWN, begun_before=True) == "NO VERDICT"
+    part = replace(ADVICE.lost, not_survivable_s=13.0, known_s=24.0)
+    assert say(FlightLevel.CRITICAL, lost=part) == (
+        "FILL LESS: FOR 13 S OF 24 S WITH A KNOWN LOAD A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
+    )
     assert say(FlightLevel.NO_THRUST, use=replace(USE, spent_s=14.0)) == "NO THRUST LEFT FOR 14 S"
+    weak = replace(USE, spent_s=5.6, spent_alone=2)
+    assert say(FlightLevel.NO_THRUST, use=weak) == "ROTOR 3 ALONE HAD NO THRUST LEFT FOR 5.6 S"
+    assert say(FlightLevel.NO_THRUST, use=weak, rotor_names=()) == "NO THRUST LEFT FOR 5.6 S"
     collapsed = Battery(least_cell=2.61, at_s=190.0)
+    assert action(replace(ADVICE, levels=(FlightLevel.NO_THRUST,), use=weak)) == (
+        "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
+        "for the load: fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
+    )
     assert say(FlightLevel.BATTERY, battery=collapsed) == "BATTERY COLLAPSED: 2.61 V A CELL AT 3:10"
 
 
@@ -181,6 +215,14 @@ def test_the_facts_say_how_much_and_how_long():
     assert dict(facts(replace(ADVICE, lost=safe)))["one rotor lost"] == (
         "the weight can be held all flight, without yaw control, it will spin (1.10 × or more)"
     )
+    seen = replace(ADVICE, lost=replace(safe, known_s=14.0))
+    assert dict(facts(seen))["one rotor lost"] == (
+        "the weight can be held for 14 s, without yaw control, it will spin (1.10 × or more); "
+        "of 3 min 20 s the load is unknown for the rest"
+    )
+    for unseen in ({"begun_before": True}, {"paused_s": 60.0}, {"unseen_from_s": 9.0}):
+        words = dict(facts(replace(ADVICE, lost=safe, **unseen)))["one rotor lost"]
+        assert words.startswith("the weight can be held for as long as the log goes, ")
     assert (
         "tank level is unknown" in dict(facts(replace(ADVICE, lost=RotorLost())))["one rotor lost"]
     )

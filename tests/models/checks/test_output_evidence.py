@@ -67,6 +67,18 @@ def test_outputs_lift_the_weight_and_agree_with_the_speeds():
     assert found.error == pytest.approx(np.hypot(0.15 * 0.897, 0.05), rel=0.02)
 
 
+@pytest.mark.parametrize("silent", ["rotor_speed_rpm", "throttle"])
+def test_what_is_silent_for_half_of_the_flight_is_compared_with_the_load_of_its_half(silent):
+    # 16 to 4 kg: 13 in the middle of the first half, 10 in that of the flight.
+    track = hover(np.linspace(16.0, 4.0, 900))
+    values = getattr(track, silent).copy()
+    values[450:] = np.nan
+    found = output_evidence(replace(track, **{silent: values}), F16, SQUARE)
+    assert found.load_kg == pytest.approx(10.0, abs=0.1)
+    assert found.by_speeds_kg == pytest.approx(31.1, rel=0.01)
+    assert found.share_beyond(31.1) == 0.0
+
+
 @pytest.mark.parametrize(("speeds", "withheld"), [(1.0, False), (0.9, False), (0.8, True)])
 def test_speeds_that_outputs_rule_out_leave_no_verdict(speeds, withheld):
     # 0.9² and 0.8² are ln -0.21 and -0.45 of thrust, where 2.6 errors are 0.37.

@@ -131,6 +131,30 @@ def test_speeds_beyond_the_ceiling_are_a_doubt_for_long_and_not_for_a_moment():
     assert verdicts(replace(TRACK, rotor_speed_rpm=fast))["rotor speed limit"] == "contradicts"
 
 
+@pytest.mark.parametrize("factor", [0.5, 0.7, 1.4])
+def test_one_esc_that_reads_otherwise_than_the_others_is_named(factor):
+    odd = replace(TRACK, rotor_speed_rpm=TRACK.rotor_speed_rpm * [1.0, factor, 1.0, 1.0])
+    (words,) = (c.words for c in comparisons(odd, F16, FACTS, PARAMETERS) if c.check == "one ESC")
+    assert words.startswith(f"rotor 2 reads {factor:.2f} times the speed")
+    assert "one ESC" not in verdicts()
+    # A worn or another propeller, and a battery that hangs forward.
+    for like in ([1.0, 1.1, 1.0, 1.0], [1.12, 0.88, 1.12, 0.88]):
+        assert "one ESC" not in verdicts(
+            replace(TRACK, rotor_speed_rpm=TRACK.rotor_speed_rpm * like)
+        )
+    # With outputs that ask for as much more it is no wonder.
+    asked = replace(odd, throttle=TRACK.throttle * [1.0, factor, 1.0, 1.0])
+    assert "one ESC" not in verdicts(asked)
+
+
+def test_the_one_rotor_beyond_its_ceiling_is_named():
+    for factors, named in (([1.0, 2.0, 1.0, 1.0], "rotor 2 turns"), ([2.0] * 4, "a rotor turns")):
+        fast = replace(TRACK, rotor_speed_rpm=TRACK.rotor_speed_rpm * factors)
+        found = comparisons(fast, F16, FACTS, PARAMETERS)
+        (words,) = (c.words for c in found if c.check == "rotor speed limit")
+        assert words.startswith(named)
+
+
 @pytest.mark.parametrize("output", [0.85, 1.15, np.nan])
 def test_without_a_load_speeds_recognise_only_as_the_outputs_drive_them(output):
     # From empty to full the weight of an F16 fits many aircraft, its motors do not.

@@ -81,6 +81,25 @@ def test_a_battery_that_collapses_comes_before_that(sound):
     assert levels(replace(sound, track=for_a_moment)) == (FlightLevel.UNDER,)
 
 
+def test_a_battery_collapses_in_an_aircraft_that_is_not_known_too(sound):
+    track = sound.track
+    unknown = replace(sound, claim=AirframeClaim(withheld=("no airframe was given",)))
+
+    def volts(healthy: float, later: float) -> FlightAnalysis:
+        read = np.where(track.time_s > 100.0, later, healthy)
+        return analyse(replace(track, voltage=read), unknown.model, claim=unknown.claim)
+
+    made = advise(volts(58.0, 41.0)).advice
+    # 58.0 V are 13 cells of at most 4.5 V, or more: 41.0 V are at most 3.15 V each.
+    assert made.levels == (FlightLevel.UNKNOWN,)
+    made = advise(volts(58.0, 38.0)).advice
+    assert made.levels == (FlightLevel.BATTERY,)
+    assert headline(made).startswith("BATTERY COLLAPSED: AT MOST 2.92 V A CELL AT 1:")
+    # A regulator, and a level sender that empties: no battery that was ever well.
+    assert advise(volts(5.0, 4.9)).advice.levels == (FlightLevel.UNKNOWN,)
+    assert advise(volts(4.4, 0.6)).advice.levels == (FlightLevel.UNKNOWN,)
+
+
 def test_a_bad_rotor_comes_first_and_is_named_where_its_name_is_known(sitl_logs):
     worn = analyse(read_log(sitl_logs / "onset" / "worn_prop_onset.tlog").track, shipped_model())
     made = advise(worn).advice

@@ -47,6 +47,19 @@ def test_a_turn_passes_and_a_climb_lasts():
     assert not found.surely_above[325]
 
 
+def test_a_turn_passes_where_the_log_begins_or_ends_with_it_too():
+    use = level(0.4)
+    use[:60, 1] = use[-60:, 1] = 0.7  # 6 s, as long as a turn at a line end takes
+    found = thrust_use(flown(use), 0.5)
+    assert (found.lasting_most, found.lasting_above_s) == (pytest.approx(0.4), 0.0)
+    assert (found.passing, found.passing_longest_s) == (2, pytest.approx(6.0, abs=0.2))
+    assert thrust_use(flown(use[:700]), 0.5).lasting_above_s == 0.0
+    use[-90:, 1] = 0.7  # 9 s of the last 15
+    assert thrust_use(flown(use), 0.5).lasting_above_s == pytest.approx(9.0, abs=0.3)
+    # A flight shorter than the window is judged as one.
+    assert thrust_use(flown(use[:100]), 0.5).lasting_most == pytest.approx(0.7)
+
+
 def test_turns_of_different_rotors_do_not_add_up_to_what_lasts():
     use = level(0.4)
     for k in range(4):  # 4 x 5 s one after the other, each another rotor
@@ -70,6 +83,38 @@ def test_nothing_left_counts_by_the_second_and_only_surely():
     use[500:530, 2] = 0.95
     assert thrust_use(flown(use), 0.5).spent_s == pytest.approx(3.0, abs=0.2)
     assert thrust_use(flown(use, error=0.05), 0.5).spent_s == 0.0
+
+
+def test_one_rotor_alone_with_nothing_left_is_named_and_a_pair_in_a_turn_is_not():
+    use = level(0.4)
+    use[300:330, 2] = 0.95  # 3 s
+    assert thrust_use(flown(use), 0.5).spent_alone == 2
+    use[310:330, 0] = 0.95  # 2 s of them with another
+    assert thrust_use(flown(use), 0.5).spent_alone is None
+    use = level(0.4)
+    use[300:315, 2] = 0.95  # 1.5 s
+    assert thrust_use(flown(use), 0.5).spent_alone is None
+
+
+def test_a_motor_at_full_output_has_nothing_left_of_an_aircraft_that_is_not_known_too():
+    nothing = flown(level(NAN))
+    unknown = replace(nothing, utilisation_predicted=level(NAN))
+    output = np.full((1200, 4), 0.7)
+    output[400:425, 2] = 1.0  # 2.5 s: two whole seconds
+    output[600:604] = 1.0  # 0.4 s
+    track = replace(nothing.track, throttle=output)
+    assert thrust_use(replace(unknown, track=track), 0.5).spent_s == pytest.approx(2.0, abs=0.1)
+    ground = replace(track, flying=np.zeros(1200, dtype=np.bool_))
+    assert thrust_use(replace(unknown, track=ground), 0.5).spent_s == 0.0
+
+
+def test_no_interval_reaches_below_nothing_or_beyond_all():
+    found = thrust_use(flown(level(0.6), error=0.5), 0.5)
+    assert (found.lasting_low, found.lasting_high) == (0.0, 1.0)
+    low, high = flown(level(0.6), error=0.5).use_ends
+    assert (low.min(), high.max()) == (0.0, 1.0)
+    # What was measured above it stays.
+    assert thrust_use(flown(level(1.1)), 0.5).lasting_high == pytest.approx(1.1)
 
 
 def test_the_ground_and_what_is_unknown_count_for_nothing():

@@ -53,6 +53,14 @@ def test_the_worst_aircraft_is_the_call_of_the_page():
     assert "would have been seen" in page
 
 
+def test_a_flight_that_was_lost_without_a_known_margin_is_listed_first():
+    bad = {"verdict": "battery", "worst_margin": None, "log_name": "collapsed.tlog"}
+    rows = [flight_row(0, verdict="over", worst_margin=0.4), flight_row(1, **bad)]
+    made = ranked("season", [aircraft_season("mine", rows, [])])
+    assert [f["log_name"] for _, f in made.above_limit] == ["collapsed.tlog", "flight_1.tlog"]
+    assert "collapsed.tlog" in html_text(made)
+
+
 def test_text_of_a_log_stays_text():
     page = html_text(fleet(), alone=True)
     assert "<script>alert" not in page

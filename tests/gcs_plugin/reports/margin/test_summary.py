@@ -86,6 +86,20 @@ def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_
     assert ending.startswith(f"ends in flight, at {last}")
 
 
+def test_a_log_that_begins_in_flight_or_pauses_in_it_says_so():
+    analysis, _ = flight()
+    first = int(np.flatnonzero(analysis.track.flying)[0]) + 200
+    begun = report_flight(*flight(log().track.rows(slice(first, None))), max_utilisation=0.5)
+    assert begun.verdict.headline == "BELOW THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
+    assert begun.verdict.action.startswith("record the whole flight next time; up to ")
+    rows = np.delete(np.arange(analysis.track.time_s.size), slice(first, first + 301))  # 30 s
+    paused = report_flight(*flight(log().track.rows(rows)), max_utilisation=0.5).verdict
+    assert paused.headline == "BELOW THE 50 % LIMIT (NOTHING IN THE LOG FOR 30 S OF IT)"
+    facts = {fact.label: fact.text for fact in paused.facts}
+    assert facts["log"].startswith("has nothing of 30 s of the flight from ")
+    assert not any("all flight" in text for text in facts.values())
+
+
 def test_the_level_follows_the_limit_and_the_redundancy():
     analysis, recorded = flight()
     assert report_flight(analysis, recorded, max_utilisation=0.9).verdict.level == "under"

@@ -175,6 +175,23 @@ def test_the_calibration_is_least_squares_over_what_was_known_and_what_was_flown
         assert (value[0] != pytest.approx(FULL, abs=1e-9)) == counts
 
 
+def test_nothing_turns_faster_than_at_full_output_whatever_the_weight_says():
+    # 30 kg carried by idling outputs of 4 %: a tip-over, in which nothing was. At a half it would
+    # be 12 times the thrust that there is.
+    thrust = np.full((100, 4), 0.04)
+    thrust[80:90], thrust[90:, 1] = 0.5, 1.0
+    track = replace(outputs(thrust=thrust), flying=np.ones(100, dtype=np.bool_))
+    filled, _ = filled_speeds(track, F16, SQUARE)
+    error = filled.standard_errors["rotor_speed_rpm"]
+    assert filled.rotor_speed_rpm[80:90].max() == 3000.0
+    # One that has all it can get uses all of it, and that is sure; at 40 V it is less.
+    assert (filled.rotor_speed_rpm[95, 1], 0.0 < error[95, 1] < 0.1) == (3000.0, True)
+    assert error[85, 1] > 50.0
+    low = replace(track, voltage=np.full(100, 40.0))
+    most = 3000.0 * 0.8**F16.ceiling_voltage_exponent
+    assert filled_speeds(low, F16, SQUARE)[0].rotor_speed_rpm[95, 1] == pytest.approx(most)
+
+
 def test_what_no_amount_of_flight_lessens():
     flown = bins(weight=(50.0, 15.0, 0.0, 0.0, 0.05**2))
     assert flown.common_variance(F16) == pytest.approx(0.05**2 + 0.03**2)
@@ -187,11 +204,11 @@ def test_what_no_amount_of_flight_lessens():
 
 
 def test_before_anything_was_flown_an_output_means_the_airframes_full_thrust():
-    # 0.35 of full thrust until 4 s, then 0.7 at half the voltage.
+    # 0.35 of full thrust until 4 s, then 0.7 at 0.8 of the voltage.
     rows = np.arange(50)
     late = (rows >= 40)[:, None]
     track = outputs(
-        50, thrust=np.where(late, 0.7, 0.35) * np.ones(4), voltage=np.where(late[:, 0], 25.0, 50.0)
+        50, thrust=np.where(late, 0.7, 0.35) * np.ones(4), voltage=np.where(late[:, 0], 40.0, 50.0)
     )
     filled, _ = filled_speeds(track, F16, SQUARE, NOTHING)
     assert np.flatnonzero(np.isfinite(filled.rotor_speed_rpm[:, 0]))[0] == 30  # 3 s
@@ -200,9 +217,9 @@ def test_before_anything_was_flown_an_output_means_the_airframes_full_thrust():
     error = filled.standard_errors["rotor_speed_rpm"]
     np.testing.assert_allclose(error[35], 0.5 * np.hypot(0.03, 0.25) * early)
     # N² goes with the share, and with the voltage to a power of 1 +- 1.
-    then = 3000.0 * np.sqrt(0.7 * 0.5)
+    then = 3000.0 * np.sqrt(0.7 * 0.8)
     np.testing.assert_allclose(filled.rotor_speed_rpm[45], then)
-    squares = 0.03**2 + 0.25**2 + (STEEP * np.log(2.0)) ** 2 + np.log(2.0) ** 2
+    squares = 0.03**2 + 0.25**2 + (STEEP * np.log(2.0)) ** 2 + np.log(0.8) ** 2
     np.testing.assert_allclose(error[45], 0.5 * np.sqrt(squares) * then)
     # In the row of the change the report may lag 0.2 s behind: ln 2 in 0.1 s.
     squares += (2.0 * np.log(2.0)) ** 2
