@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -397,6 +398,28 @@ def test_a_row_that_is_computed_late_is_as_old_as_its_report():
     stamp_us = np.full_like(update.stamp_us, round((time.time() - 7.0) * 1e6))
     worker._show(fleet, [replace(update, stamp_us=stamp_us)])
     assert time.monotonic() - worker.readings[1].stamp == pytest.approx(7.0, abs=1.0)
+
+
+def test_who_hears_an_alarm_and_asks_is_told_the_figures_of_the_same_round(model: Path):
+    """The whole flight is computed in one round where the thread began late, on a busy machine."""
+    worker, vehicle = MarginWorker(MarginOptions(model=str(model))), Vehicle(1)
+    at_the_alarm: list[tuple[str, list[int]]] = []
+
+    class Heard(deque):
+        def append(self, message):
+            at_the_alarm.append((message[1], [*worker.readings]))
+
+    worker.messages = Heard()
+    for _ in range(20):
+        for frame in vehicle.tick():
+            worker.put(frame.data)
+    worker._looked = time.monotonic() + 10.0
+    worker.start()
+    deadline = time.monotonic() + 60.0
+    while not at_the_alarm and time.monotonic() < deadline:
+        time.sleep(0.02)
+    worker.stop()
+    assert [heard for words, heard in at_the_alarm if "Telemetry lost" in words] == [[1]]
 
 
 def test_a_silent_esc_hides_no_margin_of_the_other_rotors():
