@@ -161,7 +161,7 @@ class MarginWorker:
             updates = fleet.updates()
             heard = [(update.vehicle, event) for update in updates for event in update.events]
             heard += fleet.tick(_unix_us(self._looked))
-            # Shown first: who hears an alarm and asks is told the figures that it is about.
+            # Shown first: who hears an alarm and asks gets the figures that it is about.
             self._show(fleet, updates)
             for vehicle, event in heard:
                 self._announce(vehicle, event)

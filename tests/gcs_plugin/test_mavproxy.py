@@ -400,7 +400,7 @@ def test_a_row_that_is_computed_late_is_as_old_as_its_report():
     assert time.monotonic() - worker.readings[1].stamp == pytest.approx(7.0, abs=1.0)
 
 
-def test_who_hears_an_alarm_and_asks_is_told_the_figures_of_the_same_round(model: Path):
+def test_who_hears_an_alarm_and_asks_gets_the_figures_of_the_same_round(model: Path):
     """The whole flight is computed in one round where the thread began late, on a busy machine."""
     worker, vehicle = MarginWorker(MarginOptions(model=str(model))), Vehicle(1)
     at_the_alarm: list[tuple[str, list[int]]] = []
