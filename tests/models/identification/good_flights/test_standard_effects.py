@@ -184,12 +184,13 @@ def test_leaving_an_effect_out_by_the_sums_is_leaving_it_out_of_the_fit():
     assert worse > 1.2 * whole.sums.left_out_costs().sum()
 
 
-def test_the_rotors_own_inertia_is_found_and_late_speeds_are_no_other_thing(tmp_path):
+@pytest.mark.parametrize("late_rows", [0, 6])
+def test_the_rotors_own_inertia_is_found_and_late_speeds_are_no_other_thing(tmp_path, late_rows):
     """Moved all at once from nothing, lags and smoothing would stand for each other."""
     craft = next(one for one in CRAFTS if one.name == "quad-x-21kg")
     tracks = [
-        replace(t, rotor_speed_rpm=np.roll(t.rotor_speed_rpm, 6, axis=0))
-        for t in (flight.track for flight in good_flights(craft, 3))
+        replace(t, rotor_speed_rpm=np.roll(t.rotor_speed_rpm, late_rows, axis=0))
+        for t in (flight.track.rows(slice(1200)) for flight in good_flights(craft, 3))
     ]
     model = with_standard_effects(physics_model(airframe_of(craft, tmp_path)), tracks)
     kept = {e.effect.key: e.values for e in model.placed}
@@ -199,5 +200,5 @@ def test_the_rotors_own_inertia_is_found_and_late_speeds_are_no_other_thing(tmp_
     assert turning["inertia_yaw"] == pytest.approx(empty, rel=0.05)
     assert abs(turning["damping_yaw"]) < 0.05
     assert "sensor_lag" not in kept  # the airspeed comes in time
-    late = kept["sensor_lag:rotor speed"]["lag"]
-    assert late - turning["lag"] == pytest.approx(0.6, abs=0.05)
+    late = kept.get("sensor_lag:rotor speed", {"lag": 0.0})["lag"]
+    assert late - turning["lag"] == pytest.approx(0.1 * late_rows, abs=0.05)
