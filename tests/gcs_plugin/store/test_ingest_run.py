@@ -61,6 +61,7 @@ def run(folder: Path, logs: list[LogSource], slow: Path | None = None) -> Ingest
         )
 
 
+@pytest.mark.slow
 def test_what_goes_wrong_is_listed_and_stops_nothing(tmp_path: Path):
     logs = log_files(
         tmp_path,

@@ -148,6 +148,7 @@ def test_again_under_another_name_it_is_as_if_taken_in_so_at_first(
     assert {key.split("/")[1] for key in found} == {"aircraft=seven"}
 
 
+@pytest.mark.slow
 def test_anonymised_nobody_and_no_place_is_named(
     ingested: tuple[Path, dict, dict],
     tmp_path: Path,
