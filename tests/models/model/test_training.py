@@ -218,6 +218,7 @@ def from_outputs(track: FlightTrack) -> FlightTrack:
     return replace(track, standard_errors={"rotor_speed_rpm": 0.02 * track.rotor_speed_rpm})
 
 
+@pytest.mark.slow
 def test_speeds_from_motor_outputs_are_learnt_from_alone_and_the_model_remembers(tmp_path):
     inferred = [from_outputs(track) for track in sorties(3)]
     with pytest.raises(DataError, match=r"two kinds.*measured; .*from motor outputs"):

@@ -184,6 +184,7 @@ def test_leaving_an_effect_out_by_the_sums_is_leaving_it_out_of_the_fit():
     assert worse > 1.2 * whole.sums.left_out_costs().sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_rows", [0, 6])
 def test_the_rotors_own_inertia_is_found_and_late_speeds_are_no_other_thing(tmp_path, late_rows):
     """Moved all at once from nothing, lags and smoothing would stand for each other."""
