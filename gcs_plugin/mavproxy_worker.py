@@ -159,12 +159,12 @@ class MarginWorker:
             self._take(fleet)
             self._use_max_utilisation(fleet)
             updates = fleet.updates()
-            for update in updates:
-                for event in update.events:
-                    self._announce(update.vehicle, event)
-            for vehicle, event in fleet.tick(_unix_us(self._looked)):
-                self._announce(vehicle, event)
+            heard = [(update.vehicle, event) for update in updates for event in update.events]
+            heard += fleet.tick(_unix_us(self._looked))
+            # Shown first: who hears an alarm and asks gets the figures that it is about.
             self._show(fleet, updates)
+            for vehicle, event in heard:
+                self._announce(vehicle, event)
 
     def _take(self, fleet: Fleet) -> None:
         from thrustmargin.gcs_plugin.mavlink.frame import Frame, frame_of

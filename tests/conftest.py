@@ -1,7 +1,9 @@
 """Fixtures shared by all tests: recorded flights, and the folder of measured data if given."""
 
+import gc
 import os
 import signal
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -23,8 +25,21 @@ def pytest_configure() -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    # A program that a test starts would compile all modules anew each time: half of its start.
-    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    # A program that a test starts would compile all modules anew each time: half of its start. So
+    # would each worker with all tests.
+    if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+        sys.dont_write_bytecode = False
+    gc.disable()  # of what is collected nothing is garbage, and looking for it takes a third of it
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
+
+
+def pytest_unconfigure() -> None:
+    gc.unfreeze()  # libraries count at the end what nobody has freed
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.models.model.model_file import load_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -73,7 +74,11 @@ def test_the_route_on_bundled_flights_ends_in_a_model_that_knows_the_worn_propel
     """Goes on where the one before ends."""
     assert run(commands()[-1]) == 0
     assert "a weak rotor 1 (front right)" in capsys.readouterr().out
-    assert (somewhere / "my-f16.safetensors").exists()
+    effects = load_model(somewhere / "my-f16.safetensors").effects
+    (worn,) = (e for e in effects if e.name == "rotor_degradation")
+    low, high = worn.parameters["loss"].ci95
+    assert worn.rotor == 1
+    assert low - 0.003 < 0.08 < high + 0.003
 
 
 @pytest.mark.slow

@@ -59,6 +59,7 @@ def flown(name: str, folder: Path, sitl_logs: Path) -> tuple[Path, str | None]:
     return made_flight(airframe, **how), str(airframe)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*RECORDED, *MADE])
 def test_every_live_surface_ends_with_what_the_report_says(
     sitl_logs: Path, tmp_path: Path, capsys, name: str

@@ -36,6 +36,7 @@ def plain(text: str) -> str:
     return " ".join(text.replace("\N{NO-BREAK SPACE}", " ").split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_report_page_json_console_replay_store_and_python_agree(
     sitl_logs: Path, tmp_path: Path, capsys, name: str

@@ -27,17 +27,18 @@ def started() -> dict[str, list[str]]:
     return {"container": [*entry[1:], *more], "service": unit[1:]}
 
 
-@pytest.mark.parametrize("which", ["container", "service"])
-def test_both_watch_without_a_page_and_serve_the_bar(which: str, tmp_path: Path):
+def test_both_watch_without_a_page_and_serve_the_bar(tmp_path: Path):
     from thrustmargin.gcs_plugin.cli import run
 
-    words = started()[which]
+    words, service = started().values()
+    folder = words.index("--record") + 1
+    assert (words[:folder], words[folder + 1 :]) == (service[:folder], service[folder + 1 :])
     assert words[0] == "monitor"
     assert {"--no-view", "--announce"} <= set(words)
     assert words[words.index("--bar") + 1] == "8090"
     # The same words on a recording, in a folder of the test's.
     log = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
-    words[words.index("--record") + 1] = str(tmp_path)
+    words[folder] = str(tmp_path)
     words[words.index("--bar") + 1] = "0"
     assert run([words[0], str(log), *words[1:], "--seconds", "0.5"]) == 0
 

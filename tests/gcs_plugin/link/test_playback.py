@@ -73,6 +73,7 @@ def test_delays_do_not_add_up(tmp_path):
     assert played.log_s == pytest.approx(1.9)
 
 
+@pytest.mark.slow
 def test_a_recorded_flight_streams_without_loss_at_twenty_times_its_speed(sitl_logs):
     path = sitl_logs / "onset" / "reference.tlog"
     expected = [f.data for f in log_frames(path)]

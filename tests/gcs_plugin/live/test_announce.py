@@ -88,6 +88,7 @@ def heard_by(station: Any) -> list[Any]:
     return found
 
 
+@pytest.mark.slow
 def test_a_ground_station_behind_a_forward_sees_alarms_and_figures():
     with monitored(forward=True, announce=True, battery=True) as (_, air, station):
         messages = []

@@ -107,6 +107,7 @@ def recorded(folder: Path) -> list[dict]:
     return [json.loads(line) for line in lines]
 
 
+@pytest.mark.slow
 def test_a_blocked_analysis_is_said_and_is_no_lost_telemetry(tmp_path):
     with flown(tmp_path) as (monitor, seen, sending):
         seen.hold.set()
@@ -169,6 +170,7 @@ def test_silence_is_said_within_its_time(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGSTOP")
+@pytest.mark.slow
 def test_a_computer_that_slept_has_lost_nothing_that_came_meanwhile(tmp_path):
     """The whole process stands still for 5 s; the system keeps what comes."""
     port = free_udp_port()

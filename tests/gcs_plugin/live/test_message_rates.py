@@ -119,6 +119,7 @@ def test_after_a_restart_all_is_asked_for_again_within_five_seconds():
         assert any(back < at <= back + 5.0 for at in aboard.asked(number)), number
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_does_not_follow_is_asked_ever_more_rarely_and_it_is_said():
     aboard = Aboard()
     aboard.deaf = True

@@ -65,6 +65,7 @@ def test_a_later_sortie_keeps_the_home_that_was_told_before_it(tmp_path: Path):
     assert second.track.origin == first.track.origin
 
 
+@pytest.mark.slow
 def test_boots_of_a_binary_and_a_text_dataflash_log_are_sorties(tmp_path: Path):
     alone = read_log(BIN)
     twice = tmp_path / "two.BIN"

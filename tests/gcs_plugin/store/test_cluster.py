@@ -46,6 +46,7 @@ def test_a_worker_that_dies_loses_nothing_and_the_result_is_the_same(
     assert len(first) == 2
 
 
+@pytest.mark.slow
 def test_no_scheduler_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     words = [LOGS[0], "--store", str(tmp_path / "s"), "--cluster", "tcp://127.0.0.1:9"]
     assert run(["ingest", *words]) == 1

@@ -78,6 +78,7 @@ def test_a_network_learns_from_twenty_five_rows_a_second_at_most(rate, every):
     assert keep[samples.flight == 1].all()
 
 
+@pytest.mark.slow
 def test_every_network_of_a_fast_table_is_fitted_to_its_slow_rows(monkeypatch):
     tracks = [replace(t, time_s=t.time_s / 10.0) for t in sorties(4)]  # 100 Hz
     rows, used = gather(tracks).flight.size, []
@@ -217,6 +218,7 @@ def from_outputs(track: FlightTrack) -> FlightTrack:
     return replace(track, standard_errors={"rotor_speed_rpm": 0.02 * track.rotor_speed_rpm})
 
 
+@pytest.mark.slow
 def test_speeds_from_motor_outputs_are_learnt_from_alone_and_the_model_remembers(tmp_path):
     inferred = [from_outputs(track) for track in sorties(3)]
     with pytest.raises(DataError, match=r"two kinds.*measured; .*from motor outputs"):

@@ -157,7 +157,8 @@ def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says
     listening.start()
     try:
         url = monitor.stdout.readline().split()[2]
-        with open_page(url) as page:
+        # What is read is text: a small window, for to draw the scene takes most of both cores.
+        with open_page(url, width=390, height=300) as page:
             target = f"udpout:127.0.0.1:{port}"
             streamed = command("stream", str(path), "--to", target, "--speed", "12")
             read_off = set()

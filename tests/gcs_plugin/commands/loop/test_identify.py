@@ -322,6 +322,7 @@ def test_no_log_is_a_wrong_command_line(capsys):
     assert "no log given" in lines_of(capsys)[1]
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_answer(worn_logs, doubtful, tmp_path):
     assert doubtful_run(worn_logs, tmp_path)[2] == doubtful[2]
 
@@ -357,17 +358,3 @@ def test_ctrl_c_leaves_files_whole(worn_logs, tmp_path):
     assert "stopped" in errors
     assert target.read_text() == '{"old": true}'
     assert [p.name for p in tmp_path.iterdir()] == ["found.json"]
-
-
-@pytest.mark.slow
-def test_a_recorded_worn_propeller_is_found_from_the_curve_alone(sitl_logs, tmp_path, capsys):
-    logs = [str(sitl_logs / f"dev/worn_prop_{k}.tlog") for k in (1, 2, 3)]
-    target = tmp_path / "found.json"
-    assert run(["identify", *logs, *CURVE, "--json", str(target)]) == 0
-    assert lines_of(capsys)[0].startswith("Rotor 1 (front right) makes ")
-    told = json.loads(target.read_text())
-    worn = [e for e in told["effects"] if e["name"] == "rotor_degradation"]
-    assert [e["rotor"] for e in worn] == [1]
-    low, high = worn[0]["parameters"]["loss"]["ci95"]
-    assert low - 0.003 < 0.08 < high + 0.003
-    assert told["after"]["r2"] > 0.98

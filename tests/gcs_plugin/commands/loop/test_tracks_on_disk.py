@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.logs.csv_files import write_csv
-from tests.models.made_flights import curve_model, made_flights
+from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.loop.tracks_on_disk import TracksOnDisk
 from thrustmargin.models.flight import FlightTrack
@@ -50,11 +50,12 @@ def test_tracks_come_back_as_they_were_in_their_order(tmp_path):
         np.testing.assert_array_equal(found.wind_ned, track.wind_ned)
 
 
-@pytest.mark.slow
 def test_a_search_holds_one_flight_at_a_time_and_answers_as_from_memory(tmp_path):
     tracks, model = made_flights(3, loss=0.08, duration=60.0), curve_model()
+    few = table(["rotor_degradation", "extra_mass"])
     aside = on_disk(tmp_path, tracks, Counted)
-    found, other = identify_checked(aside, model), identify(tracks, model)
+    found = identify_checked(aside, model, catalogue=few)
+    other = identify(tracks, model, catalogue=few)
     assert found.to_json() == other.to_json()
     assert FlownLimits.of(aside) == FlownLimits.of(tracks)
     assert aside.most == 2  # one, and the one before it while it is read

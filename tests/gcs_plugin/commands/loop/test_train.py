@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from thrustmargin.gcs_plugin.reports.model.training_tables import (
     training_tables,
 )
 from thrustmargin.models.errors import AirframeError, DataError, LogError
+from thrustmargin.models.identification.good_flights import standard_effects
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.model.training import LossCurve
@@ -52,7 +54,11 @@ def rendered(parts) -> str:
 
 
 @pytest.mark.slow
-def test_four_flights_make_a_model_with_its_table_and_loss_curves(few_logs, tmp_path, capsys):
+def test_four_flights_make_a_model_with_its_table_and_loss_curves(
+    few_logs, tmp_path, capsys, monkeypatch
+):
+    # All that belongs to every aircraft would take most of the time, once for each flight left out.
+    monkeypatch.setattr(standard_effects, "STANDARD", ("air_density", "manoeuvre_moment"))
     out = tmp_path / "own.safetensors"
     broken = tmp_path / "broken.tlog"
     broken.write_bytes(b"\x00" * 5000)
@@ -196,6 +202,7 @@ def test_only_logs_that_cannot_be_read_end_the_work_with_each_reason(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="looks into the process on Linux")
 def test_ctrl_c_ends_a_training_without_leaving_a_file(few_logs, tmp_path):
     out = tmp_path / "m.safetensors"
     code = "from thrustmargin.gcs_plugin.cli import main; main()"
@@ -204,7 +211,10 @@ def test_ctrl_c_ends_a_training_without_leaving_a_file(few_logs, tmp_path):
         stderr=subprocess.PIPE,
         text=True,
     )
-    time.sleep(8.0)
+    # Once torch is loading, the command is at work and not yet done.
+    while process.poll() is None and "torch" not in Path(f"/proc/{process.pid}/maps").read_text():
+        time.sleep(0.02)
+    time.sleep(2.0)
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)
     assert process.returncode == 130

@@ -23,6 +23,8 @@ from thrustmargin.models.identification.season.flight_sums import from_arrays
 
 FLIGHT = ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog"
 OTHER = ROOT / "sitl_logs/formats/v4_m10_q2.5.BIN"
+#: To start a process takes longer than to read a log; several are tested where the run is.
+ALONE = ("--workers", "1")
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +42,8 @@ def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict, dict
     (logs / "table.csv").write_text("a,b\n1,2\n")
     (logs / "notes.md").write_text("not a log")
     said, report = folder / "said.json", folder / "report.json"
-    words = ["ingest", str(folder / "logs"), "--store", str(folder / "store"), "--json", str(said)]
+    words = ["ingest", str(folder / "logs"), "--store", str(folder / "store"), *ALONE]
+    words += ["--json", str(said)]
     assert run(words) == 1
     assert run(["report", str(FLIGHT), "--json", str(report)]) == 0
     return folder, json.loads(said.read_text()), json.loads(report.read_text())
@@ -136,7 +139,14 @@ def test_again_under_another_name_it_is_as_if_taken_in_so_at_first(
     folder, _, _ = ingested
     shutil.copytree(folder / "store", tmp_path / "store")
     logs = [str(FLIGHT), str(OTHER)]
-    words = [*logs, "--aircraft", "seven", "--load", "12"]  # with a load the rows differ too
+    words = [
+        *logs,
+        *ALONE,
+        "--aircraft",
+        "seven",
+        "--load",
+        "12",
+    ]  # with a load the rows differ too
     for _ in range(2):
         assert run(["ingest", *words, "--store", str(tmp_path / "store"), "--again"]) == 0
     assert run(["ingest", *words, "--store", str(tmp_path / "fresh")]) == 0
@@ -148,6 +158,7 @@ def test_again_under_another_name_it_is_as_if_taken_in_so_at_first(
     assert {key.split("/")[1] for key in found} == {"aircraft=seven"}
 
 
+@pytest.mark.slow
 def test_anonymised_nobody_and_no_place_is_named(
     ingested: tuple[Path, dict, dict],
     tmp_path: Path,
@@ -157,7 +168,7 @@ def test_anonymised_nobody_and_no_place_is_named(
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     log = tmp_path / "smith-north-field.tlog"
     shutil.copy(FLIGHT, log)
-    words = ["ingest", str(log), "--aircraft", "smith-7", "--anonymise", "--store"]
+    words = ["ingest", str(log), *ALONE, "--aircraft", "smith-7", "--anonymise", "--store"]
     assert run([*words, str(tmp_path / "store")]) == 0
     store = SeasonStore.open(str(tmp_path / "store"))
     (row,) = read_flights(store).to_pylist()

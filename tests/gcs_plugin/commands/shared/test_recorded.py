@@ -33,6 +33,7 @@ def reported(log: Path, out: Path, *options: str) -> tuple[dict, dict]:
     return flight["verdict"], flight
 
 
+@pytest.mark.slow
 def test_a_report_of_a_recording_takes_its_options_and_says_so(session, tmp_path, capsys):
     log = session / "telemetry.tlog"
     verdict, _ = reported(log, tmp_path / "a.json")

@@ -209,6 +209,7 @@ def test_the_page_is_whole_for_a_client_of_any_encoding():
             assert reply.status == 200
             assert page.count(screen.insert) == 1
             assert page.rstrip().endswith(b"</html>")
+            ask.close()  # the server waits for it when it stops
     finally:
         stop_server(server)
 

@@ -1,7 +1,6 @@
 """Where no graphics card draws, the scene has fewer pixels, each drawn once; elsewhere all."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 import pytest
 from playwright.sync_api import Page
@@ -47,45 +46,40 @@ WAITING = """() => {
 }"""
 
 
-@contextmanager
-def opened(script: str) -> Iterator[Page]:
-    """The page of a replay at rest, once its scene has been there."""
+@pytest.fixture(scope="module", params=[False, True], ids=["none", "card"])
+def opened(request) -> Iterator[tuple[Page, bool]]:
+    """The page of a replay at rest, once its scene has been drawn, and whether a card draws it."""
     view = ReplayView(flight(), port=0, paused=True)
     view.start()
+    script = PROGRAMS + (A_CARD if request.param else "")
     try:
         with open_page(view.url, width=820, height=900, script=script) as page:
             page.wait_for_selector("[data-rotor]")
             page.wait_for_function(
                 "() => [...document.querySelectorAll('canvas')].some(c => c.height > 300)"
             )
-            yield page
+            page.wait_for_function(ANY, arg="uAtlas")  # the labels are the last that is drawn
+            yield page, request.param
     finally:
         view.stop()
 
 
-@pytest.mark.parametrize(
-    ("script", "antialias", "share"), [("", False, 0.75), (A_CARD, True, 1.0)], ids=["none", "card"]
-)
-def test_the_scene_is_as_fine_as_what_draws_it_can_bear(script, antialias, share):
-    with opened(script) as page:
-        found = page.evaluate(CANVAS)
-    assert found["antialias"] == antialias
-    assert found["share"] == pytest.approx(share, abs=0.01)
-    assert ("fixedDpr" in found["address"]) == (not antialias)
+def test_the_scene_is_as_fine_as_what_draws_it_can_bear(opened):
+    page, card = opened
+    found = page.evaluate(CANVAS)
+    assert found["antialias"] == card
+    assert found["share"] == pytest.approx(1.0 if card else 0.75, abs=0.01)
+    assert ("fixedDpr" in found["address"]) == (not card)
 
 
-@pytest.mark.parametrize("script", ["", A_CARD], ids=["none", "card"])
-def test_the_processor_draws_no_sky_that_the_view_takes_away(script):
+def test_the_processor_draws_no_sky_that_the_view_takes_away(opened):
     """viser's own sky is a second of blocked page; where a card draws it is there at once."""
-    with opened(PROGRAMS + script) as page:
-        page.wait_for_function(ANY, arg="uAtlas")  # the labels are the last that is drawn
-        page.wait_for_timeout(1000)
-        assert page.evaluate(ANY, "gainMap") == bool(script)
+    page, card = opened
+    page.wait_for_timeout(1000)
+    assert page.evaluate(ANY, "gainMap") == card
 
 
-@pytest.mark.parametrize("script", ["", A_CARD], ids=["none", "card"])
-def test_the_processor_draws_nothing_once_more_before_it_takes_up_what_came(script):
-    with opened(PROGRAMS + script) as page:
-        page.wait_for_function(ANY, arg="uAtlas")
-        before, after = page.evaluate(WAITING)
-    assert after == (before + 1 if script else 0)
+def test_the_processor_draws_nothing_once_more_before_it_takes_up_what_came(opened):
+    page, card = opened
+    before, after = page.evaluate(WAITING)
+    assert after == (before + 1 if card else 0)

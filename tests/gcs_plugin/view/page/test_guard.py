@@ -171,7 +171,9 @@ TOKEN = "field-pilot-2026"
 
 def asked(port: int, path: str = "/", cookie: str = "") -> http.client.HTTPResponse:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
-    headers = {"Host": f"127.0.0.1:{port}"} | ({"Cookie": cookie} if cookie else {})
+    # The server waits for a connection that is left open when it stops.
+    headers = {"Host": f"127.0.0.1:{port}", "Connection": "close"}
+    headers |= {"Cookie": cookie} if cookie else {}
     connection.request("GET", path, headers=headers)
     return connection.getresponse()
 

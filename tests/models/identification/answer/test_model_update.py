@@ -172,7 +172,7 @@ def learnt_model(flights: tuple[str, ...] = ()) -> RotorModel:
 
 
 def test_the_interval_is_calibrated_anew_with_enough_flights():
-    flights = made_flights(9, loss=LOSS, duration=60.0)
+    flights = made_flights(9, loss=LOSS, duration=40.0)
     base = learnt_model(flights=(flights[0].name, "elsewhere.tlog"))
     found = identify(flights, base, catalogue=table(["rotor_degradation"]))
     update = update_model(base, found)

@@ -116,6 +116,7 @@ def test_what_flights_left_out_do_not_show_again_is_not_taken(causes):
     assert with_effects(MODEL, found).effects == MODEL.effects
 
 
+@pytest.mark.slow
 def test_what_each_flight_has_otherwise_is_not_taken_though_one_seems_to_fit():
     """A choice among all curves seems to help, and one made anew without each flight does not."""
     rng = np.random.default_rng(5)

@@ -8,7 +8,7 @@ import pytest
 from tests.models.identification.good_flights.test_standard_effects import with_weight_forward
 from tests.models.made_flights import F16, curve_model, made_flights
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.identification.good_flights import commissioning
+from thrustmargin.models.identification.good_flights import commissioning, standard_effects
 from thrustmargin.models.identification.good_flights.commissioning import (
     _folds,
     chain_of,
@@ -24,6 +24,14 @@ INPUTS = ("airspeed", "tank_kg")
 
 
 TRACKS = [with_weight_forward(t, 0.01) for t in made_flights(3, duration=40.0)]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_effects():
+    """What is fitted is no matter here: a balance that flights show, and one that they do not."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(standard_effects, "STANDARD", ("air_density", "cg_offset", "yaw_trim"))
+        yield
 
 
 def chain(tracks, said=lambda _: None):

@@ -36,22 +36,6 @@ def flown(name: str, **changed):
     return flown_track(one, curve_model(), limits, 9.0), one
 
 
-def test_each_manoeuvre_is_there_full_nearly_empty_and_both():
-    assert sorted({m.name for m in LIBRARY}) == sorted(NAMES)
-    fills = [m.fills_kg for m in LIBRARY if m.name == "hover"]
-    assert fills == [(15.0,), (1.5,), (15.0, 1.5)]
-    for none in (np.nan, 0.0):
-        without = manoeuvres(replace(LIMITS, fill_kg=(none, none)))
-        assert [m.name for m in without] == list(NAMES)
-        assert {m.fills_kg for m in without} == {(0.0,)}
-
-
-def test_steps_and_squares_are_flown_in_the_middle_of_the_heights_and_climbs_from_below():
-    begins = {m.name: m.height for m in LIBRARY}
-    assert begins["speed steps"] == begins["squares"] == 11.5
-    assert begins["climb and descent"] == 3.0
-
-
 def test_an_aircraft_of_a_hand_s_breadth_flies_the_same_library_in_a_room():
     room = replace(LIMITS, reach=1.2, speed=0.8, height=(0.3, 1.5), climb=0.35)
     found = {m.name: m for m in manoeuvres(room)}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.made_sources import FROM_OUTPUTS, sent
-from tests.models.made_flights import curve_model, made_flight
+from tests.models.made_flights import curve_model, made_flight, table
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import nothing, open_questions
 from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
@@ -68,15 +68,16 @@ def test_sound_rotors_get_no_name_though_their_trim_differs_from_flight_to_fligh
 
 
 def test_one_flight_names_a_rotor_only_beside_what_good_flights_have_shown():
-    alone = identify(by_outputs(9, loss=0.3), curve_model())
+    few = table(["rotor_degradation", "cg_offset", "yaw_trim"])
+    alone = identify(by_outputs(9, loss=0.3), curve_model(), catalogue=few)
     assert names(alone) == []
     assert any("learnt from good flights" in line for line in open_questions(alone))
-    good = identify([by_outputs(k) for k in range(5)], curve_model())
+    good = identify([by_outputs(k) for k in range(5)], curve_model(), catalogue=few)
     learnt = with_effects(curve_model(), good)
     assert len(learnt.background_rpm) == 4
-    beside = identify(by_outputs(9, loss=0.3), learnt)
+    beside = identify(by_outputs(9, loss=0.3), learnt, catalogue=few)
     assert names(beside) == [("rotor_degradation", 2)]
-    sound = identify(by_outputs(8), learnt)
+    sound = identify(by_outputs(8), learnt, catalogue=few)
     assert names(sound) == []
 
 

@@ -8,7 +8,6 @@ from thrustmargin.models.identification.rows.whitening import Whitening, whiteni
 #: As the code has them, written down by hand: a change there is to be seen here.
 FEWEST = 15
 HUBER = 3.0
-LEAST_NOISE = 0.0001
 
 SPEED = 2000.0
 
@@ -81,12 +80,6 @@ def test_one_wild_mean_counts_linearly():
     k = int(np.searchsorted(found.rows, 3050))
     plain = found.apply(residual)[k, 0] / found.weight[k, 0]
     assert found.apply(residual)[k, 0] ** 2 == pytest.approx(HUBER * abs(plain), rel=1e-6)
-
-
-def test_no_sensor_is_better_than_the_least_noise():
-    flight, follows = np.zeros(200, dtype=int), np.ones(200, dtype=bool)
-    quiet = whitening_of(np.zeros((200, 1)), flight, follows, np.zeros(200, dtype=bool), SPEED)
-    assert np.all(quiet.scale == LEAST_NOISE * SPEED)
 
 
 def of_one_mode(residual, busy=None):

@@ -30,9 +30,8 @@ def entries(found: SeasonChanges) -> list[tuple[str, bool]]:
     return [(t.name, c.ramp) for t in found.trends for c in t.changes]
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_propeller_that_wears_from_flight_60_of_100_is_dated_within_10(seed: int):
-    flights = season(np.random.default_rng(seed), 100)
+def test_a_propeller_that_wears_from_flight_60_of_100_is_dated_within_10():
+    flights = season(np.random.default_rng(0), 100)
     found = of(with_change(flights, LOSS_2, wear(100, 60, 0.002)))
     assert entries(found) == [(LOSS_2, True)]
     (change,) = found.trends[0].changes
