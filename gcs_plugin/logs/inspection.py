@@ -54,7 +54,7 @@ _LEVELS: dict[str, Severity] = {
 _WRONG = (Severity.GRAVE, Severity.WARNING)
 #: What the warnings of a check make wrong.
 _SPOILS = {
-    "motor order": Spoils.ROTOR_NAMES,
+    **dict.fromkeys(("motor order", "motors"), Spoils.ROTOR_NAMES),
     **dict.fromkeys(
         (
             "vehicles",
@@ -109,6 +109,8 @@ def inspect_log(
     unknown = claim.basis == "not known" or not math.isfinite(airframe.empty_mass)
     known = None if unknown else airframe
     if known is None:
+        if log.facts.rotor_doubt:
+            findings.append(Finding("motors", Severity.WARNING, log.facts.words))
         for reason in filter(None, (*claim.withheld, claim.unlike, claim.remedy)):
             findings.append(Finding("airframe", Severity.UNKNOWN, reason))
     else:

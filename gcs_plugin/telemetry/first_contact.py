@@ -6,6 +6,7 @@ Live, replay and report ask this one function.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -58,6 +59,8 @@ def first_contact(
         reported = reported_airframe(parameters, highest_voltage(track), **options)
     except AirframeError:  # it names a layout that is not known
         reported = ReportedAirframe(rotor_count=track.rotor_count)
+    if facts.rotor_doubt:  # a layout of a number of rotors that is not sure
+        reported = replace(reported, layout=None)
     hover = _hover(track)
     nominal = reported.quantities.get("nominal_voltage")
     return FirstContact(

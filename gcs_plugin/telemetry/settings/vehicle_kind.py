@@ -106,8 +106,8 @@ def vehicle_facts(
     facts = VehicleFacts(kind=kind, evidence=evidence)
     if not facts.has_lifting_rotors:
         return facts
-    count, how = _rotors(parameters, mav_type, texts, winged=kind == "quadplane")
-    return replace(facts, rotor_count=count, rotor_evidence=how)
+    count, how, doubt = _rotors(parameters, mav_type, texts, winged=kind == "quadplane")
+    return replace(facts, rotor_count=count, rotor_evidence=how, rotor_doubt=doubt)
 
 
 def _kind(
@@ -154,29 +154,40 @@ def _program(
 
 def _rotors(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...], *, winged: bool
-) -> tuple[int, str]:
-    """Rotors that lift and what says so; 0 when nothing does."""
+) -> tuple[int, str, str]:
+    """Rotors that lift, what says so, and what says another number; 0 when nothing does."""
     on_output = motor_outputs(parameters)
     by_function = len(on_output) if set(on_output) == set(range(len(on_output))) else 0
+    by_function = by_function if by_function >= 3 else 0
+    framed, how = _by_frame(parameters, texts, winged=winged)
+    typed = _TYPE_ROTORS.get(-1 if mav_type is None else mav_type, 0), f"MAV_TYPE {mav_type}"
+    # More outputs than the frame has motors are spare; fewer are of another frame. A quadplane's
+    # hover motors are on any outputs, so that these must be known.
+    if framed and (by_function >= framed or (by_function == 0 and not winged)):
+        # ArduPilot's type follows its frame.
+        return framed, how, f"{typed[0]} by {typed[1]}" * (typed[0] not in (0, framed))
+    if by_function:
+        other, says = (framed, how) if framed else typed
+        return by_function, "SERVOn_FUNCTION", f"{other} by {says}" * (other > by_function)
+    listed = whole_number(parameters, "CA_ROTOR_COUNT") or 0
+    inside = range(listed if 0 <= listed <= 12 else 0)
+    upward = sum(abs(parameters.get(f"CA_ROTOR{n}_AX", 0.0)) < 0.5 for n in inside)
+    if upward:
+        return upward, "CA_ROTOR_COUNT" if upward == listed else "CA_ROTORn_AX", ""
+    return (*typed, "") if typed[0] else (0, "", "")
+
+
+def _by_frame(
+    parameters: Mapping[str, float], texts: tuple[str, ...], *, winged: bool
+) -> tuple[int, str]:
+    """Motors of ArduPilot's frame and what says which it is; 0 where nothing does."""
     name = "Q_FRAME_CLASS" if winged else "FRAME_CLASS"
     frame = whole_number(parameters, name)
-    by_class = FRAME_ROTORS.get(-1 if frame is None else frame, 0)
-    # More outputs than the frame has motors are spare; fewer say that the frame is another. A
-    # quadplane's hover motors are on any outputs, so that these must be known.
-    if by_class and (by_function >= by_class or (by_function < 3 and not winged)):
-        return by_class, f"{name} {frame}"
-    if by_function >= 3:
-        return by_function, "SERVOn_FUNCTION"
+    if count := FRAME_ROTORS.get(-1 if frame is None else frame, 0):
+        return count, f"{name} {frame}"
     for text in texts:
         head, _, rest = text.partition(": ")
         frame_text = rest.split("/")[0].strip().replace("_", "")  # older: OCTA_QUAD
         if head == "Frame" and (count := _FRAME_TEXTS.get(frame_text, 0)):
             return count, f"text '{text}'"
-    listed = whole_number(parameters, "CA_ROTOR_COUNT") or 0
-    inside = range(listed if 0 <= listed <= 12 else 0)
-    upward = sum(abs(parameters.get(f"CA_ROTOR{n}_AX", 0.0)) < 0.5 for n in inside)
-    if upward:
-        return upward, "CA_ROTOR_COUNT" if upward == listed else "CA_ROTORn_AX"
-    if mav_type in _TYPE_ROTORS:
-        return _TYPE_ROTORS[mav_type], f"MAV_TYPE {mav_type}"
     return 0, ""

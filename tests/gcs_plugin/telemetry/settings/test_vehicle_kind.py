@@ -138,6 +138,27 @@ def test_the_frame_text_tells_the_rotors():
     assert vehicle_facts({}, texts=("ArduCopter V4.5.7", "Frame: UNSUPPORTED")).rotor_count == 0
 
 
+@pytest.mark.parametrize(
+    ("parameters", "mav_type", "count", "doubt"),
+    [
+        (FOUR, 13, 4, "6 by MAV_TYPE 13"),
+        (FOUR | {"FRAME_CLASS": 2.0}, None, 4, "6 by FRAME_CLASS 2"),
+        ({"FRAME_CLASS": 1.0}, 13, 4, "6 by MAV_TYPE 13"),
+        (FOUR | {"FRAME_CLASS": 1.0}, 14, 4, "8 by MAV_TYPE 14"),
+        # Outputs beyond those of the frame are spare; a frame of any matrix has the type of a quad.
+        ({f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 7)}, 2, 6, ""),
+        (FOUR | {"FRAME_CLASS": 1.0}, 2, 4, ""),
+        (FOUR, 0, 4, ""),
+        # PX4's type is set apart from its rotors.
+        ({"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 6}, 2, 6, ""),
+    ],
+)
+def test_two_numbers_of_rotors_are_both_said(parameters, mav_type, count, doubt):
+    facts = vehicle_facts(parameters, mav_type=mav_type)
+    assert (facts.rotor_count, facts.rotor_doubt) == (count, doubt)
+    assert facts.words.endswith(f", but {doubt}") if doubt else "but" not in facts.words
+
+
 def test_what_is_refused_and_in_which_words():
     plane = vehicle_facts({}, texts=("ArduPlane V4.3.0",))
     assert plane.refusal("north.BIN") == (
