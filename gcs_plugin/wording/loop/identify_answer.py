@@ -156,6 +156,13 @@ def _nothing_or_what(found: Identification) -> str:
         return "Nothing is found missing"
     if none >= 0.5:
         return f"Nothing is found missing ({chance(none, found.problem.flights)})"
+    if found.likeliest is not None:
+        term, likely = found.likeliest
+        what = effect_thing(term, found.model.airframe.rotor_names)
+        return (
+            f"Something small may be missing, likeliest {what} "
+            f"({chance(likely, found.problem.flights)}): nothing to repair"
+        )
     some = 1.0 - none if none else sum(one.probability for one in found.alternatives)
     return (
         f"Something small may be missing ({chance(some, found.problem.flights)}), and these "

@@ -16,7 +16,7 @@ from scipy.special import ndtri
 from thrustmargin.models.effects.unnamed import KNOTS
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
-from thrustmargin.models.identification.certainty import DOUBT, ERRORS, SURE
+from thrustmargin.models.identification.certainty import CHOICE, DOUBT, ERRORS, SURE
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     Held,
@@ -27,8 +27,6 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear
 from thrustmargin.models.identification.sets.set_search import Search
-
-CHOICE = 0.5  # of the weight holds just one of several, for "either ... or"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -12,6 +12,7 @@ from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGR
 from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
+from thrustmargin.models.identification.certainty import CHOICE
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.json_values import to_json_values
@@ -202,7 +203,7 @@ class Identification:
                 f"flight{'s' if problem.flights > 1 else ''}: rotor speed error "
                 f"{self.before.rmse_rpm:.1f} -> {self.after.rmse_rpm:.1f} rpm, {left}",
                 *(repr(f) for f in self.found),
-                *([] if self.found else ["no effect is missing"]),
+                *([] if self.found else ["no effect is named"]),
                 *(f"{f!r}, which a channel reports already" for f in self.followed),
                 *self._unexplained_words(),
             ]
@@ -219,6 +220,23 @@ class Identification:
             f"unexplained: {where} along {what['channel']}, "
             f"{100 * what['fraction_of_variance']:.0f} % of the variance left"
         ]
+
+    @property
+    def likeliest(self) -> tuple[Term, float] | None:
+        """The effect that is likelier than not, of those of no rotor and not said above.
+
+        With its probability. Flights left out did not bear it out, so that it asks for nothing.
+        """
+        sets = self.alternatives
+        terms = [t for one in sets for t in one.terms if t.rotor is None and t.effect.name != NAME]
+        said = [one.term for one in self.reported]
+        likely = [
+            (sum(one.probability for one in sets if term in one.terms), term)
+            for term in terms
+            if term not in said
+        ]
+        probability, term = max(likely, key=lambda one: one[0], default=(0.0, None))
+        return None if term is None or probability <= CHOICE else (term, probability)
 
     @property
     def reported(self) -> tuple[Found, ...]:
@@ -261,6 +279,8 @@ class Identification:
                     {**_named(e.term), "parameter": e.parameter, "unit": e.unit, "above": e.above}
                     for e in self.excluded
                 ],
+                "likeliest": self.likeliest
+                and {**_named(self.likeliest[0]), "probability": self.likeliest[1]},
                 "mentioned": [_of_rotor(m) for m in self.mentioned],
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,

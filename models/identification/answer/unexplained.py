@@ -15,9 +15,9 @@ import numpy as np
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.unnamed import ALONG, place_of
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.posterior import CHOICE, Posterior
+from thrustmargin.models.identification.answer.posterior import Posterior
 from thrustmargin.models.identification.answer.result import Found, OpenCause, Unexplained
-from thrustmargin.models.identification.certainty import DOUBT
+from thrustmargin.models.identification.certainty import CHOICE, DOUBT
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets.discrepancy import FORM, MEANS, WANDER, slow_wander
 from thrustmargin.models.identification.sets.linear_sets import FittedSet

@@ -251,10 +251,12 @@ def first_line(data: DataSet, result: Mapping[str, Any]) -> First:
     effects = sorted(result["effects"], key=lambda e: e.get("rotor") is None)
     groups = [[_named(e) for e in g["effects"]] for g in result.get("one_of") or []]
     rotors = [[("rotor_degradation", m["rotor"])] for m in result.get("mentioned") or []]
-    for names in [*([_named(e)] for e in effects), *rotors, *groups][:1]:
+    left = result.get("unexplained") or {}
+    likeliest = [[_named(result["likeliest"])]] if result.get("likeliest") else []
+    likeliest = [] if left.get("mode") else likeliest
+    for names in [*([_named(e)] for e in effects), *rotors, *groups, *likeliest][:1]:
         true = any(is_it(n, i) for n in names for i in data.implants)
         return "right" if true or uneven_rotors(data) & {r for _, r in names} else "wrong"
-    left = result.get("unexplained") or {}
     return "unexplained" if left.get("mode") else "nothing"
 
 

@@ -126,6 +126,13 @@ def test_nothing_is_missing_only_where_that_is_likely(sound):
     assert first(none) == "Nothing is found missing"
     assert first(replace(none, probability=0.8)) == "Nothing is found missing (80 % by 3 flights)"
     other = SetWeight(probability=0.3, terms=mass)
+    likely = replace(other, probability=0.52)
+    both = SetWeight(probability=0.2, terms=(*mass, weak(2)))
+    assert first(likely, both, rotor) == (
+        "Something small may be missing, likeliest hidden mass (72 % by 3 flights): "
+        "nothing to repair"
+    )
+    assert first(replace(other, probability=0.5), rotor).startswith("Something small may be missi")
     assert first(other, rotor, replace(none, probability=0.06)) == (
         "Something small may be missing (94 % by 3 flights), and these flights do not show what: "
         "nothing to repair"

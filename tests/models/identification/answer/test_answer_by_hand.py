@@ -142,7 +142,7 @@ def test_the_json_of_an_answer():
 def test_an_answer_in_a_line(problem, held_out, words):
     first, second = repr(answer(problem, held_out)).splitlines()
     assert first.startswith(f"{curve_model().airframe.name}, {words}")
-    assert second == "no effect is missing"
+    assert second == "no effect is named"
 
 
 def test_what_is_followed_or_unexplained_has_its_own_line():

@@ -269,7 +269,7 @@ def test_an_identification_prints_in_a_few_lines(worn):
     low, high = worn.found[0].lower[0, 0], worn.found[0].upper[0, 0]
     loss = worn.found[0].value[0, 0]
     assert second == f"rotor_degradation of rotor 1: loss {loss:.2g} ({low:.2g} to {high:.2g})"
-    assert "no effect is missing" in repr(replace(worn, found=()))
+    assert "no effect is named" in repr(replace(worn, found=()))
 
 
 def test_a_rotor_that_was_repaired_is_sound_in_the_new_model(worn):
