@@ -58,7 +58,7 @@ class VehicleFacts:
     evidence: str = ""  # for the kind
     rotor_count: int = 0  # 0: not reported
     rotor_evidence: str = ""  # for the number of rotors
-    rotor_doubt: str = ""  # another number, and what says that one, as "6 by MAV_TYPE 13"
+    rotor_conflict: str = ""  # another number, and what says that one, as "6 by MAV_TYPE 13"
     battery: StatedBattery = field(default_factory=StatedBattery)
 
     @property
@@ -85,7 +85,7 @@ class VehicleFacts:
         if not self.has_lifting_rotors:
             return kind
         rotors = f"{self.rotor_count} rotors by {self.rotor_evidence}"
-        if self.rotor_doubt:
-            rotors += f", but {self.rotor_doubt}"
+        if self.rotor_conflict:
+            rotors += f", but {self.rotor_conflict}"
         battery = f"; battery of {self.battery.words}" if self.battery.source.name else ""
         return f"{kind}; {rotors if self.rotor_count else 'rotors: not reported'}{battery}"

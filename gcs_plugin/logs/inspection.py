@@ -109,7 +109,7 @@ def inspect_log(
     unknown = claim.basis == "not known" or not math.isfinite(airframe.empty_mass)
     known = None if unknown else airframe
     if known is None:
-        if log.facts.rotor_doubt:
+        if log.facts.rotor_conflict:
             findings.append(Finding("motors", Severity.WARNING, log.facts.words))
         for reason in filter(None, (*claim.withheld, claim.unlike, claim.remedy)):
             findings.append(Finding("airframe", Severity.UNKNOWN, reason))

@@ -59,7 +59,7 @@ def first_contact(
         reported = reported_airframe(parameters, highest_voltage(track), **options)
     except AirframeError:  # it names a layout that is not known
         reported = ReportedAirframe(rotor_count=track.rotor_count)
-    if facts.rotor_doubt:  # a layout of a number of rotors that is not sure
+    if facts.rotor_conflict:  # a layout of a number of rotors that is not sure
         reported = replace(reported, layout=None)
     hover = _hover(track)
     nominal = reported.quantities.get("nominal_voltage")

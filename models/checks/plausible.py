@@ -145,10 +145,10 @@ def _motors(track: FlightTrack, airframe: Airframe, facts: VehicleFacts) -> Comp
         )
         return Comparison(check="motors", verdict="fits", words=words)
     brief = f"{count} rotors by {how}" if count else f"{track.rotor_count} rotors in the flight"
-    if facts.rotor_doubt:
-        brief += f", but {facts.rotor_doubt}"
+    if facts.rotor_conflict:
+        brief += f", but {facts.rotor_conflict}"
     same = (count or track.rotor_count) == track.rotor_count == airframe.rotor_count
-    same = same and not facts.rotor_doubt
+    same = same and not facts.rotor_conflict
     return Comparison(
         check="motors",
         verdict="close" if same else "contradicts",

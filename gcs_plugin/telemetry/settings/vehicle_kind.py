@@ -106,8 +106,8 @@ def vehicle_facts(
     facts = VehicleFacts(kind=kind, evidence=evidence)
     if not facts.has_lifting_rotors:
         return facts
-    count, how, doubt = _rotors(parameters, mav_type, texts, winged=kind == "quadplane")
-    return replace(facts, rotor_count=count, rotor_evidence=how, rotor_doubt=doubt)
+    count, how, conflict = _rotors(parameters, mav_type, texts, winged=kind == "quadplane")
+    return replace(facts, rotor_count=count, rotor_evidence=how, rotor_conflict=conflict)
 
 
 def _kind(

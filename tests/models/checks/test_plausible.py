@@ -109,7 +109,7 @@ def test_a_plane_is_a_doubt_and_a_quadplane_is_not_recognised():
 
 
 def test_a_vehicle_that_says_two_numbers_of_motors_is_no_known_aircraft():
-    facts = VehicleFacts(rotor_count=4, rotor_evidence="x", rotor_doubt="6 by MAV_TYPE 13")
+    facts = VehicleFacts(rotor_count=4, rotor_evidence="x", rotor_conflict="6 by MAV_TYPE 13")
     found = comparisons(TRACK, F16, facts, {})
     assert found[0].verdict == "contradicts"
     assert "but 6 by MAV_TYPE 13" in found[0].words

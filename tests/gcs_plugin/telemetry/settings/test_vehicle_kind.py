@@ -139,7 +139,7 @@ def test_the_frame_text_tells_the_rotors():
 
 
 @pytest.mark.parametrize(
-    ("parameters", "mav_type", "count", "doubt"),
+    ("parameters", "mav_type", "count", "conflict"),
     [
         (FOUR, 13, 4, "6 by MAV_TYPE 13"),
         (FOUR | {"FRAME_CLASS": 2.0}, None, 4, "6 by FRAME_CLASS 2"),
@@ -153,10 +153,10 @@ def test_the_frame_text_tells_the_rotors():
         ({"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 6}, 2, 6, ""),
     ],
 )
-def test_two_numbers_of_rotors_are_both_said(parameters, mav_type, count, doubt):
+def test_two_numbers_of_rotors_are_both_said(parameters, mav_type, count, conflict):
     facts = vehicle_facts(parameters, mav_type=mav_type)
-    assert (facts.rotor_count, facts.rotor_doubt) == (count, doubt)
-    assert facts.words.endswith(f", but {doubt}") if doubt else "but" not in facts.words
+    assert (facts.rotor_count, facts.rotor_conflict) == (count, conflict)
+    assert facts.words.endswith(f", but {conflict}") if conflict else "but" not in facts.words
 
 
 def test_what_is_refused_and_in_which_words():
