@@ -1,7 +1,8 @@
 """The figures of one aircraft at one moment, for the page: numbers, codes and colours, no words.
 
 Rotors stand at their true places, seen from above with the front at the top. The one quantity of a
-rotor is its thrust left. What is unknown is None, which the page shows as such.
+rotor is its thrust left, and where that is unknown the output that its motor gets. What is unknown
+is None, which the page shows as such.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def aircraft_figures(
     if not row.flying and np.isfinite(row.margin_predicted).any():
         worst = int(np.nanargmin(row.margin_predicted))
     places, radius = rotor_places(airframe)
-    margin, coloured = row.margin, row.coloured
+    track, margin, coloured = row.track, row.margin, row.coloured
     low, high = row.ends if row.flying else (row.margin, row.margin)
     rotors = [
         {
@@ -46,13 +47,13 @@ def aircraft_figures(
             "low": known(low[i], 4),
             "high": known(high[i], 4),
             "basis": str(row.basis(i)),
+            "output": known(track.throttle[row.row, i], 4),
             "worst": i == worst,
             "faulty": i + 1 in faulty,
             **paper(colours.MARGIN, coloured[i]),
         }
         for i in range(airframe.rotor_count)
     ]
-    track = row.track
     return {
         "title": airframe.title,
         "name": track.name,

@@ -64,10 +64,12 @@ def answer(
     lines += [one_of(o, names, flights) for o in found.one_of]
     lines += [held_damage(fault, names) for fault in faults_in_model(found.model)]
     open_mode = unexplained(found)
-    if not lines and not open_mode:
+    if not lines and not open_mode and not found.open_causes:
         lines.append(nothing(found))
     lines += [open_mode] if open_mode else []
     lines += [unnamed_causes(found)] if found.open_causes else []
+    if not (found.found or found.mentioned or found.one_of) and found.open_causes:
+        lines += [f"A loss {cleared}"] if (cleared := excluded_losses(found)) else []
     lines += [effect_sentence(f, found) for f in found.followed]
     if following is not None:
         lines.append(next_flight_words(following, names, mission, suspects))
@@ -126,24 +128,30 @@ def held_damage(fault: RotorFault, names: tuple[str, ...]) -> str:
 
 def nothing(found: Identification) -> str:
     """That no effect is named, how sure that is, and the loss of a rotor that is excluded."""
+    if found.problem.of_outputs:
+        return "Motor outputs show nothing that is missing, but they cannot clear a rotor"
+    if unusual := more_than_sound(found):
+        return unusual
+    verdict, cleared = _nothing_or_what(found), excluded_losses(found)
+    return f"{verdict}: a loss {cleared}" if cleared else verdict
+
+
+def excluded_losses(found: Identification) -> str:
+    """`above 1.8 % on any rotor is excluded, a smaller one is not`; empty where none is."""
     of_rotors = {
         e.term.rotor: e.above
         for e in found.excluded
         if e.term.effect.key == ROTOR_DEGRADATION.key and e.parameter == "loss"
     }
-    if found.problem.of_outputs:
-        return "Motor outputs show nothing that is missing, but they cannot clear a rotor"
-    unusual = more_than_sound(found)
-    verdict = unusual or _nothing_or_what(found)
-    if unusual or not of_rotors:
-        return verdict
+    if not of_rotors or found.problem.of_outputs:
+        return ""
     most = at_most(max(of_rotors.values()), "1")
     where = "any rotor"
     if len(of_rotors) < found.model.airframe.rotor_count:
         where = (
             f"rotor {', '.join(str(r + 1) for r in sorted(r for r in of_rotors if r is not None))}"
         )
-    return f"{verdict}: a loss above {most} on {where} is excluded, a smaller one is not"
+    return f"above {most} on {where} is excluded, a smaller one is not"
 
 
 def _nothing_or_what(found: Identification) -> str:
@@ -248,10 +256,11 @@ def next_flight_words(
 def error_words(found: Identification, margin: MarginChange) -> str:
     """Rotor speed error before and after, on which rows, its floor, and the margin."""
     error = rmse_words(found.after)
-    if found.found:
+    changed = found.found or found.open_causes
+    if changed:
         error = f"{number(found.before.rmse_rpm, '', 0)} -> {error}"
     floor = f"at best {number(found.floor_rpm, 'rpm', 0)} with these channels"
-    moved = f"; {margin_words(margin, found.model.airframe.rotor_names)}" if found.found else ""
+    moved = f"; {margin_words(margin, found.model.airframe.rotor_names)}" if changed else ""
     return f"Rotor speed error (RMSE) {error} on {where_from(found)}, {floor}{moved}"
 
 

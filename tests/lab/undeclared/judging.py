@@ -197,7 +197,7 @@ def judge(
     uneven = uneven_rotors(data)
     bad = {i.rotor + 1 for i in data.implants if i.rotor is not None} | uneven
     parts = [str(one["part"]) for one in result.get("actions") or []]
-    unexplained = result.get("unexplained") or {}
+    unexplained = open_place(result)
     excluded = [e for e in result.get("excluded") or [] if e.get("parameter", "loss") == "loss"]
     return Score(
         seed=data.seed,
@@ -251,13 +251,19 @@ def first_line(data: DataSet, result: Mapping[str, Any]) -> First:
     effects = sorted(result["effects"], key=lambda e: e.get("rotor") is None)
     groups = [[_named(e) for e in g["effects"]] for g in result.get("one_of") or []]
     rotors = [[("rotor_degradation", m["rotor"])] for m in result.get("mentioned") or []]
-    left = result.get("unexplained") or {}
-    likeliest = [[_named(result["likeliest"])]] if result.get("likeliest") else []
-    likeliest = [] if left.get("mode") else likeliest
+    rest = [*(result.get("unnamed_causes") or []), *filter(None, [result.get("likeliest")])]
+    likeliest = [] if open_place(result) else [[_named(e)] for e in rest]
     for names in [*([_named(e)] for e in effects), *rotors, *groups, *likeliest][:1]:
         true = any(is_it(n, i) for n in names for i in data.implants)
         return "right" if true or uneven_rotors(data) & {r for _, r in names} else "wrong"
-    return "unexplained" if left.get("mode") else "nothing"
+    return "unexplained" if open_place(result) else "nothing"
+
+
+def open_place(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Mode and channel of what no effect explains, else of a cause that is said first without a
+    name; empty where there is none."""
+    first = (result.get("unnamed_causes") or [{}])[0]
+    return next((one for one in (result.get("unexplained") or {}, first) if one.get("mode")), {})
 
 
 def uneven_rotors(data: DataSet) -> set[int]:

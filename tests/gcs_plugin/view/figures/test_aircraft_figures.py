@@ -94,6 +94,12 @@ def test_nothing_known_shows_no_number_at_all():
     assert (figures["lost"]["code"], figures["lost"]["ratio"]) == ("no_data", None)
 
 
+def test_the_output_of_each_motor_stands_beside_what_is_unknown():
+    outputs = np.tile([0.51, 0.52, 0.53, np.nan], (ROWS, 1))
+    figures = aircraft_figures(ShownRow(flight(throttle=outputs), 10), math.nan)
+    assert [r["output"] for r in figures["rotors"]] == [0.51, 0.52, 0.53, None]
+
+
 @pytest.mark.parametrize(("tank", "code"), [(1.0, "spins"), (16.0, "sinks")])
 def test_the_loss_of_a_rotor_speaks_for_itself_on_both_sides_of_the_weight(tank, code):
     # Speeds of another load would speak against it.

@@ -415,7 +415,14 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
     )
     alone = replace(sound, open_causes=(mass,))
     assert "edge" not in unnamed_causes(alone)
-    assert f"{unnamed_causes(alone)}." in answer(alone, change())
+    limits = tuple(
+        Excluded(term=weak(k), parameter="loss", unit="1", above=0.015) for k in range(4)
+    )
+    first, second, error, *_ = answer(replace(alone, excluded=limits), change())
+    assert first == f"{unnamed_causes(alone)}."
+    assert second == "A loss above 1.5 % on any rotor is excluded, a smaller one is not."
+    assert "->" in error
+    assert "; " in error
 
 
 def test_a_loss_that_the_model_already_holds_is_still_a_bad_rotor(sound):
