@@ -36,7 +36,7 @@ from thrustmargin.models.identification.answer.result import (
     Mentioned,
     OneOf,
 )
-from thrustmargin.models.identification.certainty import SURE
+from thrustmargin.models.identification.certainty import CHOICE, SURE
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS
@@ -64,12 +64,13 @@ def answer(
     lines += [one_of(o, names, flights) for o in found.one_of]
     lines += [held_damage(fault, names) for fault in faults_in_model(found.model)]
     open_mode = unexplained(found)
-    if not lines and not open_mode and not found.open_causes:
+    only_open = not lines and bool(found.open_causes) and found.nothing_probability < CHOICE
+    if not lines and not open_mode and not only_open:
         lines.append(nothing(found))
     lines += [open_mode] if open_mode else []
     lines += [unnamed_causes(found)] if found.open_causes else []
-    if not (found.found or found.mentioned or found.one_of) and found.open_causes:
-        lines += [f"A loss {cleared}"] if (cleared := excluded_losses(found)) else []
+    if only_open and (cleared := excluded_losses(found)):
+        lines.append(f"A loss {cleared}")
     lines += [effect_sentence(f, found) for f in found.followed]
     if following is not None:
         lines.append(next_flight_words(following, names, mission, suspects))
@@ -159,10 +160,10 @@ def _nothing_or_what(found: Identification) -> str:
 
     What is likely and was not borne out by flights left out is in the table, and asks for nothing.
     """
-    none = sum(one.probability for one in found.alternatives if not one.terms)
-    if not found.alternatives or none >= SURE:
+    none = found.nothing_probability
+    if none >= SURE:
         return "Nothing is found missing"
-    if none >= 0.5:
+    if none >= CHOICE:
         return f"Nothing is found missing ({chance(none, found.problem.flights)})"
     if found.likeliest is not None:
         term, likely = found.likeliest

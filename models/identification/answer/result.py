@@ -222,6 +222,14 @@ class Identification:
         ]
 
     @property
+    def nothing_probability(self) -> float:
+        """That no effect is there, of those sets that have weight; 1 where none was weighed."""
+        weighed = bool(self.alternatives)
+        return sum(
+            (w.probability for w in self.alternatives if not w.terms), 0.0 if weighed else 1.0
+        )
+
+    @property
     def likeliest(self) -> tuple[Term, float] | None:
         """The effect that is likelier than not, of those of no rotor and not said above.
 

@@ -251,7 +251,7 @@ def first_line(data: DataSet, result: Mapping[str, Any]) -> First:
     effects = sorted(result["effects"], key=lambda e: e.get("rotor") is None)
     groups = [[_named(e) for e in g["effects"]] for g in result.get("one_of") or []]
     rotors = [[("rotor_degradation", m["rotor"])] for m in result.get("mentioned") or []]
-    rest = [*(result.get("unnamed_causes") or []), *filter(None, [result.get("likeliest")])]
+    rest = [*without_a_name(result), *filter(None, [result.get("likeliest")])]
     likeliest = [] if open_place(result) else [[_named(e)] for e in rest]
     for names in [*([_named(e)] for e in effects), *rotors, *groups, *likeliest][:1]:
         true = any(is_it(n, i) for n in names for i in data.implants)
@@ -262,8 +262,15 @@ def first_line(data: DataSet, result: Mapping[str, Any]) -> First:
 def open_place(result: Mapping[str, Any]) -> Mapping[str, Any]:
     """Mode and channel of what no effect explains, else of a cause that is said first without a
     name; empty where there is none."""
-    first = (result.get("unnamed_causes") or [{}])[0]
-    return next((one for one in (result.get("unexplained") or {}, first) if one.get("mode")), {})
+    places = [result.get("unexplained") or {}, *without_a_name(result)[:1]]
+    return next((one for one in places if one.get("mode")), {})
+
+
+def without_a_name(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Causes without a name that are said first: not where nothing is likelier to be missing."""
+    none = [one for one in result.get("alternatives") or [] if not one.get("effects")]
+    likely = sum(float(one["probability"]) for one in none) < 0.5
+    return list(result.get("unnamed_causes") or []) if likely else []
 
 
 def uneven_rotors(data: DataSet) -> set[int]:

@@ -80,6 +80,14 @@ def test_silence_is_a_miss_and_a_wrong_rotor_a_wrong_name_too(sets):
         ("mass", {"likeliest": {"name": "extra_mass", "probability": 0.6}}, "right"),
         ("flap", {"unnamed_causes": [{"name": "x", "mode": "yaw"}]}, "unexplained"),
         ("mass", {"unnamed_causes": [{"name": "extra_mass", "mode": None}]}, "right"),
+        (
+            "none",
+            {
+                "unnamed_causes": [{"name": "x", "mode": "yaw"}],
+                "alternatives": [{"probability": 0.6, "effects": []}],
+            },
+            "nothing",
+        ),
         ("none", {"likeliest": {"name": "extra_mass", "probability": 0.6}}, "wrong"),
         ("flap", {"mentioned": [{"rotor": 1, "probability": 0.3}]}, "wrong"),
     ],

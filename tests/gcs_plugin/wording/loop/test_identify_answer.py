@@ -418,11 +418,15 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
     limits = tuple(
         Excluded(term=weak(k), parameter="loss", unit="1", above=0.015) for k in range(4)
     )
-    first, second, error, *_ = answer(replace(alone, excluded=limits), change())
+    unsure = (SetWeight(probability=0.6, terms=(MASS,)),)
+    shown = replace(alone, excluded=limits, alternatives=unsure)
+    first, second, error, *_ = answer(shown, change())
     assert first == f"{unnamed_causes(alone)}."
     assert second == "A loss above 1.5 % on any rotor is excluded, a smaller one is not."
     assert "->" in error
     assert "; " in error
+    sound_set = replace(shown, alternatives=(SetWeight(probability=0.51, terms=()),))
+    assert answer(sound_set, change())[0].startswith("Nothing is found missing (51 %")
 
 
 def test_a_loss_that_the_model_already_holds_is_still_a_bad_rotor(sound):
