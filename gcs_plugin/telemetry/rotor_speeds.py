@@ -28,6 +28,7 @@ from thrustmargin.models.physics.airframe import Airframe
 
 IDLE = 0.12  # of the motor output; ArduPilot's motors turn when armed at 0.1
 SPIN_UP = 1.0  # s for which the output must be above idle before a standing rotor is a surprise
+FEW_BESIDE = 0.1  # of the readings of another rotor: fewer are left out beside those
 SILENT = 0.05  # of the rows with a speed: from here on a rotor without one is reported
 FRESH = 2.0  # s for which a motor output is believed without being repeated
 _TAIL = TRACK_CHANNELS["rotor_speed_rpm"].max_age  # s of readings that later rows may still use
@@ -199,6 +200,7 @@ def rejected_words(
         found[ZERO][rotor] = found[ZERO].get(rotor, 0) + int(hidden[:, rotor].sum())
     said = []
     for why, counts in found.items():
+        counts = {r: n for r, n in counts.items() if n >= FEW_BESIDE * max(counts.values())}
         whole = {-1: sum(counts.values())} if len(counts) == hidden.shape[1] > 1 else counts
         for rotor, count in sorted(whole.items()):
             whose = "every rotor" if rotor < 0 else f"rotor {rotor + 1}"

@@ -291,6 +291,13 @@ def test_what_was_no_measurement_is_counted_by_rotor_and_reason():
     assert rejected_words(measured, none, hidden, clock, flying, counted=False) == (
         f"every rotor: no measurement: {zero}",
     )
+    # One reading of each as it spins up does not hide whose sensor is dead.
+    dead = every | {(1, SPEED_ZERO): np.linspace(1.0, 3.0, 31)}
+    measured_dead = MeasuredSpeeds(signals=[], rejected=dead, memory=())
+    nobody = np.zeros((4, 3), dtype=bool)
+    assert rejected_words(measured_dead, none, nobody, clock, flying, counted=True) == (
+        f"rotor 2: 31 readings in flight, no measurement: {zero}",
+    )
     pair = MeasuredSpeeds(signals=[], rejected=dict(list(every.items())[:2]), memory=())
     assert rejected_words(pair, none, hidden[:2, :2], clock, flying, counted=False) == (
         f"every rotor: no measurement: {zero}",
