@@ -47,7 +47,7 @@ class MotorMap:
     esc_words: str = ""  # how motors were matched to ESCs
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
-        """One signal a motor, None where no ESC reports for it; CAN gives a reversed one below 0."""
+        """One signal a motor, None where no ESC reports; CAN gives a reversed motor below 0."""
         escs = by_index(signals, "esc_rpm")
         found = (escs.get(esc) for esc in self.escs)
         return [
