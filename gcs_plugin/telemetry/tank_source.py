@@ -215,6 +215,8 @@ def _battery(signals: Signals, context: TankContext, wanted: int | None) -> Tank
             level_v = known_median(sender.values) if sender else np.nan
             if number == flown or level_v > SENDER_VOLTAGE:
                 continue
+            if flown is None and not level_v > 0.0:  # its voltmeter may be dead: it flies on it
+                continue
         if not np.isfinite(percent[number].values).any():
             continue
         return _battery_level(signals, context, number)
