@@ -217,6 +217,19 @@ def test_a_gauge_and_a_stated_or_inferred_level_are_not_confused():
     assert by_gauge(replace(log().track, sources=sources)) is None
 
 
+def test_what_a_pump_did_in_a_pause_of_the_log_is_not_known():
+    track = log().track
+    summed = replace(track.source("tank_kg"), kind="inferred", remarks=("3 L/min",))
+    track = replace(track, sources={**track.sources, "tank_kg": summed})
+    whole = by_pump(track)
+    assert whole is not None
+    assert whole.kg > 5.0
+    row = np.flatnonzero(track.flying)[600]
+    for pause, known in ((2.8, True), (3.2, False)):  # beside the 0.1 s between rows
+        later = track.time_s + np.where(np.arange(track.time_s.size) > row, pause - 0.1, 0.0)
+        assert (by_pump(replace(track, time_s=later)) is not None) == known
+
+
 def made(by: str, kg: float, within: float = 0.0) -> Liquid:
     return Liquid(by=by, kg=kg, within_kg=within, source="x")
 
