@@ -217,7 +217,8 @@ def test_outputs_without_a_pulse_or_beyond_the_reported_have_no_throttle():
     pumps = collected([reports("servo_us", [[1500, 1700, 0, 1500]] * 3)])
     assert assumed.throttle(pumps, {}) == [None] * 4
     driven = collected([reports("servo_us", [[1500, 1700, 1600, 1500]] * 3)])
-    assert [s.values[0] for s in assumed.throttle(driven, {})] == [0.5, 0.7, 0.6, 0.5]
+    found = assumed.throttle(driven, {})
+    assert [None if s is None else s.values[0] for s in found] == [0.5, 0.7, 0.6, 0.5]
     direct = reports("throttle", [0.1, 0.2, 0.3], 1)
     found = motors(functions(1, 2, 3)).throttle(collected([direct]), {})
     assert found == [None, direct, None]
