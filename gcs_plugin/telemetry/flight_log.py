@@ -145,13 +145,13 @@ def log_of_track(
         for name in ("rotor_speed_rpm", "throttle")
     )
     measured = measured_speeds(speeds, outputs, airframe, look_ahead=True)
-    rpm = track.rotor_speed_rpm.copy()
+    rpm = np.abs(track.rotor_speed_rpm)
     for rotor, signal in enumerate(measured.signals):
         if signal is not None:
             rpm[~np.isin(track.time_s, signal.time_s), rotor] = np.nan
     hidden = standing_in_flight(rpm, track.throttle, track.flying)
-    unmeasured = rejected_words(measured, hidden, track.time_s, track.flying, counted=True)
     rpm[hidden] = np.nan
+    unmeasured = rejected_words(measured, rpm, hidden, track.time_s, track.flying, counted=True)
     track = replace(track, rotor_speed_rpm=rpm, notes=(*track.notes, *unmeasured))
     return FlightLog(
         path=path,
@@ -171,7 +171,7 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
     """The track with notes of what a reader of a report must know is not there."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
-        found = "no ESC telemetry" if silent else "no ESC telemetry that measures"
+        found = "no ESC telemetry of its motors" if silent else "no ESC telemetry that measures"
         note = f"{found} in the log: rotor speeds are unknown"
         return replace(track, notes=(*track.notes, note))
     silent = [

@@ -47,10 +47,13 @@ class MotorMap:
     esc_words: str = ""  # how motors were matched to ESCs
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
-        """One signal a motor, None where no ESC reports for it."""
+        """One signal a motor, None where no ESC reports; CAN gives a reversed motor below 0."""
         escs = by_index(signals, "esc_rpm")
-        found = [escs.get(esc) for esc in self.escs]
-        return [s if s is not None and np.isfinite(s.values).any() else None for s in found]
+        found = (escs.get(esc) for esc in self.escs)
+        return [
+            s._replace(values=np.abs(s.values)) if s and np.isfinite(s.values).any() else None
+            for s in found
+        ]
 
     def throttle(self, signals: Signals, parameters: Mapping[str, float]) -> list[Signal | None]:
         """Motor output from 0 to 1 by the autopilot's pulse range."""
@@ -69,7 +72,8 @@ class MotorMap:
             share = pulses.share(servos[0].values[:, output]) if there else np.empty(0)
             known = np.isfinite(share).any()
             found.append(servos[0]._replace(channel="throttle", values=share) if known else None)
-        return found
+        # An output that never has a pulse is no motor's: then the others need not be either.
+        return [None] * self.rotor_count if self.assumed and None in found else found
 
     def failures(self, signals: Signals, clock_s: Floats) -> Floats:
         """(T, R) ESC_FAILURE_FLAGS that each ESC reports, NaN where not known or too old."""
@@ -167,6 +171,9 @@ def motor_map(
     if not esc_words:
         escs = _escs_of(outputs, turned_escs(signals) if turned is None else turned)
         by = f"; ESCs {_listed(escs)} turned and are taken for theirs, in order of the outputs"
+        if -1 in escs:
+            by = ", but other ESCs turned: which is whose is not known, and none is used"
+            notes.append(f"{words}{by}")
         esc_words = words if escs == outputs else words + by
     return MotorMap(count, outputs, pump, words, tuple(notes), facts, assumed, escs, esc_words)
 
@@ -184,13 +191,20 @@ def _escs_of(outputs: tuple[int, ...], turned: Collection[int]) -> tuple[int, ..
     """The ESC on each output: by the numbering in which most of the ESCs have turned.
 
     From ArduPilot 4.5 on an ESC has the number of its output. Before, they count from the first
-    auxiliary output, or through the outputs that have one.
+    auxiliary output, or through the outputs that have one. As many others as there are motors are
+    theirs in order; where only some are others, which is whose cannot be known (-1).
     """
     numberings = [outputs]
     if outputs and min(outputs) >= _FIRST_AUX:
         numberings.append(tuple(output - _FIRST_AUX for output in outputs))
     numberings.append(tuple(sorted(outputs).index(output) for output in outputs))
-    return max(numberings, key=lambda escs: sum(esc in turned for esc in escs))
+    best = max(numberings, key=lambda escs: sum(esc in turned for esc in escs))
+    others = set(turned) - set(best)
+    if not others or len(turned) != len(outputs):
+        return best
+    if len(others) < len(outputs):
+        return (-1,) * len(outputs)
+    return tuple(sorted(turned)[sorted(outputs).index(output)] for output in outputs)
 
 
 def _listed(outputs: tuple[int, ...]) -> str:

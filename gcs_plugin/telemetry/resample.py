@@ -196,7 +196,9 @@ def coverage(signal: Signal) -> int:
 
 
 def in_time_order(time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Both sorted by time; as they are when they already are."""
+    """Both sorted by time, as they are when they already are; nothing measured is infinite."""
+    if np.isinf(values).any():
+        values = np.where(np.isinf(values), np.nan, values)
     if time_s.size < 2 or np.all(time_s[1:] >= time_s[:-1]):
         return time_s, values
     order = np.argsort(time_s, kind="stable")

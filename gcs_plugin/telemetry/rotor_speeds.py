@@ -28,6 +28,8 @@ from thrustmargin.models.physics.airframe import Airframe
 
 IDLE = 0.12  # of the motor output; ArduPilot's motors turn when armed at 0.1
 SPIN_UP = 1.0  # s for which the output must be above idle before a standing rotor is a surprise
+FEW_BESIDE = 0.1  # of the readings of another rotor: fewer are left out beside those
+SILENT = 0.05  # of the rows with a speed: from here on a rotor without one is reported
 FRESH = 2.0  # s for which a motor output is believed without being repeated
 _TAIL = TRACK_CHANNELS["rotor_speed_rpm"].max_age  # s of readings that later rows may still use
 
@@ -174,12 +176,19 @@ def standing_in_flight(speeds: Floats, outputs: Floats, flying: Bools) -> Bools:
 
 
 def rejected_words(
-    measured: MeasuredSpeeds, hidden: Bools, clock_s: Floats, flying: Bools, *, counted: bool
+    measured: MeasuredSpeeds,
+    speeds: Floats,
+    hidden: Bools,
+    clock_s: Floats,
+    flying: Bools,
+    *,
+    counted: bool,
 ) -> tuple[str, ...]:
     """What was no measurement in flight: a sentence for each rotor and reason, or for all rotors.
 
     `hidden` (T, R) are the rows of `standing_in_flight`, `clock_s` and `flying` (T,) the rows.
-    `counted` gives the number of readings, which a listener cannot know yet.
+    `counted` gives the number of readings, which a listener cannot know yet, and the rotors that
+    have no reading for SILENT of the rows (`speeds`, (T, R)) in which another has one.
     """
     found: dict[int, dict[int, int]] = {why: {} for why in REASONS}
     for (rotor, why), time_s in measured.rejected.items():
@@ -191,11 +200,20 @@ def rejected_words(
         found[ZERO][rotor] = found[ZERO].get(rotor, 0) + int(hidden[:, rotor].sum())
     said = []
     for why, counts in found.items():
+        counts = {r: n for r, n in counts.items() if n >= FEW_BESIDE * max(counts.values())}
         whole = {-1: sum(counts.values())} if len(counts) == hidden.shape[1] > 1 else counts
         for rotor, count in sorted(whole.items()):
             whose = "every rotor" if rotor < 0 else f"rotor {rotor + 1}"
             many = f"{count} readings in flight, " if counted else ""
             said.append(f"{whose}: {many}no measurement: {REASONS[why]}")
+    rows = np.isfinite(speeds[flying & np.isfinite(speeds).any(axis=1)])
+    lacks = 1.0 - rows.mean(axis=0) if counted and len(rows) else np.zeros(speeds.shape[1])
+    rejected = {rotor for rotors in found.values() for rotor in rotors}
+    for rotor in np.flatnonzero((lacks > SILENT) & (lacks < 1.0)).tolist():
+        if rotor not in rejected:
+            said.append(
+                f"rotor {rotor + 1}: no reading for {100 * lacks[rotor]:.0f} % of the flight"
+            )
     return tuple(said)
 
 

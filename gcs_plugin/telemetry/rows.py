@@ -194,7 +194,9 @@ def flight_rows(
     speeds = channels["rotor_speed_rpm"]
     hidden = standing_in_flight(speeds, channels["throttle"], flying)
     channels["rotor_speed_rpm"] = np.where(hidden, np.nan, speeds)
-    unmeasured = rejected_words(measured, hidden, clock_s, flying, counted=not live)
+    unmeasured = rejected_words(
+        measured, channels["rotor_speed_rpm"], hidden, clock_s, flying, counted=not live
+    )
     zero = place_of_zero(signals, clock_s, flying, before.zero)
     put("position_ned", position_sources(signals, zero))
     share = pump_share(signals, context)

@@ -213,7 +213,8 @@ def _battery(signals: Signals, context: TankContext, wanted: int | None) -> Tank
                 continue
             sender = volts.get(number)
             level_v = known_median(sender.values) if sender else np.nan
-            if number == flown or level_v > SENDER_VOLTAGE:
+            dead = flown is None and not level_v > 0.0  # it may be flown on, its voltmeter dead
+            if number == flown or level_v > SENDER_VOLTAGE or dead:
                 continue
         if not np.isfinite(percent[number].values).any():
             continue

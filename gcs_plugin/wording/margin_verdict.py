@@ -35,7 +35,8 @@ from thrustmargin.models.scores import Estimate
 
 #: Why a flight of which the model alone speaks has no good verdict.
 PREDICTED_ALONE = (
-    "predicted alone: neither rotor speeds nor motor outputs in the log show what its rotors did"
+    "predicted: for most of the flight no rotor speed, measured or from motor outputs, "
+    "shows what its rotors did"
 )
 
 

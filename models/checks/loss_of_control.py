@@ -29,6 +29,7 @@ HIT_FORCE = 3.0 * G0  # m/s², mean of a row
 CALM_TILT, CALM_RATE, CALM_S = np.radians(40.0), 2.5, 3.0
 #: s after the last row in flight that still belong to it: motors stop before it hits.
 AFTER_S = 2.0
+SMOOTHED_S = 1.0  # s before the first sign to which it may reach
 #: s before the loss in which an output at its end led to it, and the share that is the end
 LED_S, FULL_OUTPUT = 5.0, 0.98
 
@@ -157,10 +158,13 @@ def losing(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
 
 
 def before_loss(track: FlightTrack, losses: tuple[LossOfControl, ...]) -> FlightTrack:
-    """The track in whose flight only the rows before the first sign of a loss count."""
+    """The track in whose flight only the rows before the first sign of a loss count.
+
+    Not the last second: what is smoothed over it, as a model's turning moments, is of the loss.
+    """
     if not losses:
         return track
-    return replace(track, flying=track.flying & (track.time_s < losses[0].time_s))
+    return replace(track, flying=track.flying & (track.time_s < losses[0].time_s - SMOOTHED_S))
 
 
 def _when(sign: LossOfControl) -> float:

@@ -22,6 +22,7 @@ from typing import Literal
 
 import numpy as np
 
+from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.allocation import mixer
@@ -166,6 +167,9 @@ def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
     use = track.flying[:-2] & track.flying[1:-1] & track.flying[2:] & (step <= 2 * _LONGEST_STEP)
     use &= np.isfinite(acceleration).all(axis=1) & np.isfinite(rate[1:-1]).all(axis=1)
     use &= np.isfinite(smooth).all(axis=1) if smooth.shape[1] else False
+    # A rotor that is asked for all it has may stand still: an output is then no speed.
+    inferred = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(squares)) > 0.0
+    use &= ~((track.throttle >= FULL_OUTPUT) & inferred)[1:-1].any(axis=1)
     if np.sum(use) < FEWEST_ROWS:
         use[:] = False
     return _fast(acceleration[use]), _fast(rate[1:-1][use]), _fast(smooth[use]), step[use]

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.models.checks.full_battery import ceiling_too_high
+from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -123,9 +124,14 @@ def _error(measured: float, airframe: Airframe, behind: tuple[str, ...]) -> floa
 
 
 def thrust_by_outputs(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> Floats:
-    """(T,) N that all motor outputs make by the airframe's ceiling; NaN where one is unknown."""
+    """(T,) N that all motor outputs make by the airframe's ceiling; NaN where one is unknown.
+
+    Nor where some are full and others not: a rotor that stands still is asked for all in vain.
+    """
     limits = ceiling(airframe, track_air(track).density, track.voltage)
-    return np.sum(limits.max_thrust * curve.thrust_share(track.throttle), axis=1)
+    thrust = np.sum(limits.max_thrust * curve.thrust_share(track.throttle), axis=1)
+    full = track.throttle >= FULL_OUTPUT
+    return np.where(full.any(axis=1) & ~full.all(axis=1), np.nan, thrust)
 
 
 def thrust_by_speeds(track: FlightTrack, airframe: Airframe) -> Floats:

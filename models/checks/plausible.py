@@ -192,8 +192,8 @@ def _voltage(track: FlightTrack, airframe: Airframe, battery: StatedBattery) -> 
     share = found / airframe.nominal_voltage
     verdict = _verdict(share, share, CLOSE_VOLTAGE, POSSIBLE_VOLTAGE)
     words = (
-        f"{found:.1f} V in flight, {100 * share:.0f} % of the {airframe.nominal_voltage:.1f} V of "
-        f"airframe {airframe.name}"
+        f"{found:.1f} V in flight, {round(100 * share, 1):g} % of the "
+        f"{airframe.nominal_voltage:.1f} V of airframe {airframe.name}"
     )
     if verdict == "contradicts":
         low, high = POSSIBLE_VOLTAGE

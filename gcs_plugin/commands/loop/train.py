@@ -114,8 +114,8 @@ def train(
     tracks = [log.track for log in claimed(read, unread, progress)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
-    tracks, short = _long_enough(tracks, model)
-    unread += short
+    tracks, unfit = _learnable(tracks, model)
+    unread += unfit
     thermometer = learnt_thermometer(tracks, aircraft)
     tracks = [by_thermometer(track, thermometer) for track in tracks]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
@@ -159,28 +159,31 @@ def train(
     return 1 if unread else 0
 
 
-def _long_enough(
+def _learnable(
     tracks: Sequence[FlightTrack], model: RotorModel
 ) -> tuple[list[FlightTrack], list[UnusedLog]]:
-    """Flights without those that have some rows to learn from but too few, which are to be named.
+    """Flights without those that have some rows to learn from but too few, or speeds of other
+    rotors or seconds, which are to be named.
 
     Raises LogError when none is left.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.identification.rows.usable_flights import too_little
+    from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
     from thrustmargin.models.physics.flight_phases import training_rows
 
-    kept, short = [], []
+    kept, unfit = [], []
     for track in tracks:
-        reason = too_little(track, model) if training_rows(track, model.inputs).any() else None
+        reason = None
+        if training_rows(track, model.inputs).any():
+            reason = too_little(track, model) or wrong_speeds(track, model.airframe)
         if reason is None:
             kept.append(track)
         else:
-            short.append(UnusedLog(name=track.name, reason=reason))
+            unfit.append(UnusedLog(name=track.name, reason=reason))
     if not kept:
-        raise LogError(f"no flight can be used; {listed(short)}")
-    return kept, short
+        raise LogError(f"no flight can be used; {listed(unfit)}")
+    return kept, unfit
 
 
 def _unused(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:

@@ -153,12 +153,13 @@ def claimed(
     What comes after a loss of control is no flight to learn from: left out, with a remark.
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.gcs_plugin.wording.flight_words import lost_rows
+    from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
     from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 
     for log, claim in read:
-        if claim.withheld:
-            reason = f"{'; '.join(claim.withheld)}; {claim.remedy}"
+        reason = not_flown(log.track)  # no airframe helps a log without a flight
+        if reason or claim.withheld:
+            reason = reason or f"{'; '.join(claim.withheld)}; {claim.remedy}"
             unused.append(UnusedLog(name=log.name, reason=reason))
             continue
         if losses := loss_of_control(log.track):

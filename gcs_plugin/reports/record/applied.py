@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.mission.field import sprayed_field
-from thrustmargin.models.flight import FlightTrack, Floats, Origin
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.model.inferred.load_inference import NINETY, with_load
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
@@ -176,9 +176,13 @@ def by_gauge(track: FlightTrack) -> Liquid | None:
 
 
 def by_pump(track: FlightTrack) -> Liquid | None:
-    """What the pump's output summed up to, of a track whose tank level was read from it."""
+    """What the pump's output summed up to, of a track whose tank level was read from it; None where
+    the log pauses in the air, and nothing says what the pump did."""
     source = track.source("tank_kg")
     if source.kind is not SourceKind.INFERRED or source.meaning is Meaning.HOVER_THRUST:
+        return None
+    pauses = np.diff(track.time_s) > TRACK_CHANNELS["tank_kg"].max_age
+    if np.any(pauses & track.flying[:-1] & track.flying[1:]):
         return None
     fall, _ = _fall(track)
     # Of a pump whose flow is not known nothing sums up. What the level began with is no part of it.

@@ -39,7 +39,7 @@ def asked_of(found: Identification) -> tuple[AskedAction, ...]:
     out = [
         _asked(action, f.term.rotor, f.probability)
         for f in sorted(found.found, key=lambda f: f.term.rotor is None)
-        if (action := action_of(f)) and action.part != actions.KEEP.part
+        if (action := action_of(f, found)) and action.part != actions.KEEP.part
     ]
     out += [_asked(actions.INSPECT, one.rotor, one.probability) for one in found.mentioned]
     left = found.left

@@ -38,7 +38,7 @@ class EffectWords:
 
 def effect_sentence(found: Found, whole: Identification) -> str:
     """Part, amount and action of one effect, without a full stop."""
-    action = action_of(found)
+    action = action_of(found, whole)
     asked = [action] if action else []
     if action is actions.INSPECT and whole.problem.of_outputs:
         asked.append(actions.THEN_MOTOR)
@@ -50,9 +50,14 @@ def amount_of(found: Found, whole: Identification) -> str:
     return words_of(found.term).sentence(DescribedEffect(found, whole))
 
 
-def action_of(found: Found) -> Action | None:
-    """What is asked for an effect; a rotor that makes more than it should has another propeller."""
+def action_of(found: Found, whole: Identification) -> Action | None:
+    """What is asked for an effect; a rotor that makes more than it should has another propeller.
+
+    A model that no flight has taught knows no drag: then it is no sign of what was mounted.
+    """
     action = words_of(found.term).action
+    if action is actions.LOOK_FOR_MOUNTED and not whole.model.taught:
+        return actions.KEEP
     gains = action is actions.INSPECT and found.value[found.flight, 0] < 0.0
     return actions.SAME_KIND if gains else action
 

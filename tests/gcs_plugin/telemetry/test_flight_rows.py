@@ -327,7 +327,9 @@ def test_absent_rotor_speeds_are_told():
     log = assemble(recording(), signals, Options())
     assert log.track.notes[-1] == "no rotor speed of motor 2, 4"
     log = assemble(recording(), collected([reports("airspeed", [0.0], [1.0])]), Options())
-    assert log.track.notes[-1] == "no ESC telemetry in the log: rotor speeds are unknown"
+    assert (
+        log.track.notes[-1] == "no ESC telemetry of its motors in the log: rotor speeds are unknown"
+    )
     with pytest.raises(LogError, match=r"north.tlog: 90 messages, but none with rotor speed"):
         assemble(recording(), {}, Options())
 

@@ -190,6 +190,10 @@ def test_the_words_name_the_range_that_was_used():
         ((5, 6, 7, 8), (0, 1, 2, 3), (), (0, 1, 2, 3)),
         ((9, 10, 11, 12), (8, 9, 10), (0, 1), (8, 9, 10, 11)),  # one that is silent
         ((9, 10, 11, 12), (), (0, 1, 2, 3), (8, 9, 10, 11)),  # nothing turned: no reason to move
+        ((1, 2, 3, 4), (8, 9, 10, 11), (0,), (8, 9, 10, 11)),  # all others, as many: in order
+        ((1, 2, 3, 4), (1, 2, 3, 4), (), (-1, -1, -1, -1)),  # shifted, or one dead and the pump's
+        ((1, 2, 3, 4), (0, 1, 2, 3, 4), (), (0, 1, 2, 3)),  # the pump's besides
+        ((1, 2, 3, 4), (1, 2, 3), (0,), (0, 1, 2, 3)),
     ],
 )
 def test_escs_are_matched_by_what_turns(outputs, turn, phantom, escs):
@@ -198,7 +202,8 @@ def test_escs_are_matched_by_what_turns(outputs, turn, phantom, escs):
     found = motors(functions(*outputs), signals=speeds)
     assert found.escs == escs
     assert found.outputs == tuple(output - 1 for output in outputs)
-    moved = escs != found.outputs
+    assert any("which is whose is not known" in note for note in found.notes) == (-1 in escs)
+    moved = escs != found.outputs and -1 not in escs
     assert ("turned and are taken for theirs" in found.esc_words) == moved
     assert "turned" not in found.order_words
 
@@ -207,6 +212,13 @@ def test_outputs_without_a_pulse_or_beyond_the_reported_have_no_throttle():
     assert throttles([[1500, 0, 1500]] * 3, outputs=(1, 2, 4)) == [[0.5] * 3, None, None]
     none = motors(functions(1, 2, 3)).throttle(collected([]), {})
     assert none == [None, None, None]
+    # Taken to be on outputs 1 to 4, of which one never has a pulse: then it is no motor's.
+    assumed = motors({"FRAME_CLASS": 1.0})
+    pumps = collected([reports("servo_us", [[1500, 1700, 0, 1500]] * 3)])
+    assert assumed.throttle(pumps, {}) == [None] * 4
+    driven = collected([reports("servo_us", [[1500, 1700, 1600, 1500]] * 3)])
+    found = assumed.throttle(driven, {})
+    assert [None if s is None else s.values[0] for s in found] == [0.5, 0.7, 0.6, 0.5]
     direct = reports("throttle", [0.1, 0.2, 0.3], 1)
     found = motors(functions(1, 2, 3)).throttle(collected([direct]), {})
     assert found == [None, direct, None]
@@ -222,8 +234,9 @@ def test_what_an_esc_says_of_itself_holds_for_five_seconds():
 def test_rotor_speeds_follow_the_outputs_and_silent_ones_are_none():
     escs = [reports("esc_rpm", [1000.0 + k] * 3, k) for k in (0, 2)]
     escs.append(reports("esc_rpm", [NAN] * 3, 1))
-    found = motors(functions(3, 2, 1)).rotor_speed(collected(escs))
-    assert [None if s is None else s.values[0] for s in found] == [1002.0, None, 1000.0]
+    escs.append(reports("esc_rpm", [-1003.0] * 3, 3))  # a reversed motor on CAN
+    found = motors(functions(3, 2, 1, 4)).rotor_speed(collected(escs))
+    assert [None if s is None else s.values[0] for s in found] == [1002.0, None, 1000.0, 1003.0]
 
 
 def test_words_say_where_rotor_speed_and_throttle_come_from():

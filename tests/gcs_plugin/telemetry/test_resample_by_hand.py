@@ -191,6 +191,8 @@ def test_sorting_keeps_reports_of_one_instant_in_their_order():
     assert (time_s.tolist(), values.tolist()) == ([1.0, 3.0, 3.0], [2.0, 1.0, 3.0])
     same = np.array([1.0, 1.0, 2.0])
     assert in_time_order(same, same)[0] is same
+    endless = in_time_order(same, np.array([np.inf, 2.0, -np.inf]))[1]
+    np.testing.assert_array_equal(endless, [NAN, 2.0, NAN])
 
 
 @pytest.mark.parametrize(("seconds", "chosen"), [(90, "first"), (89, "second")])

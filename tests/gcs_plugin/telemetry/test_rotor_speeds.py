@@ -276,23 +276,47 @@ def test_what_was_no_measurement_is_counted_by_rotor_and_reason():
     measured = MeasuredSpeeds(signals=[], rejected=rejected, memory=())
     hidden = np.zeros((4, 3), dtype=bool)
     hidden[2:, 2] = True
+    none = np.full((4, 3), np.nan)
     held, zero = REASONS[HELD], REASONS[SPEED_ZERO]
-    assert sorted(rejected_words(measured, hidden, clock, flying, counted=True)) == [
+    assert sorted(rejected_words(measured, none, hidden, clock, flying, counted=True)) == [
         f"rotor 1: 2 readings in flight, no measurement: {held}",
         f"rotor 3: 2 readings in flight, no measurement: {zero}",
     ]
     # Those that were left out and those hidden add up; of all rotors it is said once.
     every = {(k, SPEED_ZERO): np.array([2.0]) for k in range(3)}
     measured = MeasuredSpeeds(signals=[], rejected=every, memory=())
-    assert rejected_words(measured, hidden, clock, flying, counted=True) == (
+    assert rejected_words(measured, none, hidden, clock, flying, counted=True) == (
         f"every rotor: 5 readings in flight, no measurement: {zero}",
     )
-    assert rejected_words(measured, hidden, clock, flying, counted=False) == (
+    assert rejected_words(measured, none, hidden, clock, flying, counted=False) == (
         f"every rotor: no measurement: {zero}",
+    )
+    # One reading of each as it spins up does not hide whose sensor is dead.
+    dead = every | {(1, SPEED_ZERO): np.linspace(1.0, 3.0, 31)}
+    measured_dead = MeasuredSpeeds(signals=[], rejected=dead, memory=())
+    nobody = np.zeros((4, 3), dtype=bool)
+    assert rejected_words(measured_dead, none, nobody, clock, flying, counted=True) == (
+        f"rotor 2: 31 readings in flight, no measurement: {zero}",
     )
     pair = MeasuredSpeeds(signals=[], rejected=dict(list(every.items())[:2]), memory=())
-    assert rejected_words(pair, hidden[:2, :2], clock, flying, counted=False) == (
+    assert rejected_words(pair, none, hidden[:2, :2], clock, flying, counted=False) == (
         f"every rotor: no measurement: {zero}",
     )
-    (alone,) = rejected_words(measured, hidden[:, :1], clock, flying, counted=False)[:1]
+    (alone,) = rejected_words(measured, none, hidden[:, :1], clock, flying, counted=False)[:1]
     assert alone.startswith("rotor 1: ")
+
+
+def test_a_rotor_without_readings_for_a_part_of_the_flight_is_reported():
+    clock, flying = np.arange(44.0), np.arange(44) >= 4
+    speeds, hidden = np.full((44, 4), 1000.0), np.zeros((44, 4), dtype=bool)
+    speeds[30:, 1] = np.nan  # 14 of 40 rows in flight, less the 10 in which nobody is heard
+    speeds[34:] = np.nan
+    speeds[:, 2] = np.nan  # never heard: that is said elsewhere
+    speeds[10, 3] = np.nan  # 1 of 30
+    measured = MeasuredSpeeds(signals=[], rejected={}, memory=())
+    said = rejected_words(measured, speeds, hidden, clock, flying, counted=True)
+    assert said == ("rotor 2: no reading for 13 % of the flight",)
+    assert rejected_words(measured, speeds, hidden, clock, flying, counted=False) == ()
+    measured = MeasuredSpeeds(signals=[], rejected={(1, HELD): np.array([9.0])}, memory=())
+    (said,) = rejected_words(measured, speeds, hidden, clock, flying, counted=True)
+    assert said.startswith("rotor 2: 1 readings in flight, no measurement")

@@ -110,6 +110,19 @@ def test_a_tank_battery_by_ml_used_where_its_percentage_agrees():
     assert first[0] == pytest.approx(3.0)
 
 
+@pytest.mark.parametrize("volts", [NAN, 0.0])
+def test_a_flight_battery_with_a_dead_voltmeter_is_no_tank(volts):
+    """Its percentage falls like a tank's, and its capacity in mAh would be ml."""
+    used = [reports("battery_percent", [80.0] * 4, 0)]
+    dead = reports("battery_voltage", [volts] * 4, 0)
+    assert level(*used).signal is level(dead, *used).signal is None
+    # Named by the owner, or with a level sender's voltage, or beside the battery flown on, it is.
+    assert kilograms(dead, *used, source="BATTERY_STATUS 0")[0] == pytest.approx(9.6)
+    assert kilograms(pack(1.5, 0), *used)[0] == pytest.approx(9.6)
+    other = [reports("battery_percent", [50.0] * 4, 1), reports("battery_voltage", [volts] * 4, 1)]
+    assert kilograms(pack(50.0, 0), *used, *other)[0] == pytest.approx(6.0)
+
+
 def pulses(*values: float, output: int = 4, times: Any = TIME) -> Signal:
     table = np.zeros((len(values), 6))
     table[:, output] = values

@@ -158,6 +158,19 @@ def test_pure_noise_is_never_called_a_swap(seed):
     assert check_motor_order(track, F16).verdict == "unclear"
 
 
+def test_a_full_output_is_no_speed():
+    """It may be that of a rotor that stands still: then its place would look wrong."""
+    airframe = load_airframe("agras-t20")
+    track = made_flight(airframe)
+    outputs = np.full((1500, 6), 0.6)
+    outputs[900:, 4] = 0.98
+    track = replace(track, throttle=outputs)
+    assert check_motor_order(track, airframe).rows == 1498  # the first and last have no difference
+    inferred = replace(track, standard_errors={"rotor_speed_rpm": np.full((1500, 6), 9.0)})
+    found = check_motor_order(inferred, airframe)
+    assert (found.rows, found.verdict) == (899, "agrees")
+
+
 def test_without_rotor_speeds_or_rates_it_cannot_tell():
     track = FlightTrack.of(name="x", time_s=np.arange(500.0), rotor_count=4)
     order = check_motor_order(track, F16)

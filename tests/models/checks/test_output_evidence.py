@@ -67,6 +67,17 @@ def test_outputs_lift_the_weight_and_agree_with_the_speeds():
     assert found.error == pytest.approx(np.hypot(0.15 * 0.897, 0.05), rel=0.02)
 
 
+def test_one_full_output_is_no_thrust_and_all_of_them_are():
+    """A rotor that stands still is asked for all in vain: 600 of 900 rows."""
+    track = hover(9.0)
+    outputs = track.throttle.copy()
+    outputs[300:, 1] = 1.0
+    found = output_evidence(replace(track, throttle=outputs), F16, SQUARE)
+    assert found.lifted_kg == pytest.approx(30.1, rel=0.01)
+    found = output_evidence(replace(track, throttle=np.ones((900, 4))), F16, SQUARE)
+    assert found.lifted_kg == pytest.approx(FULL / G0, rel=0.01)
+
+
 @pytest.mark.parametrize("silent", ["rotor_speed_rpm", "throttle"])
 def test_what_is_silent_for_half_of_the_flight_is_compared_with_the_load_of_its_half(silent):
     # 16 to 4 kg: 13 in the middle of the first half, 10 in that of the flight.

@@ -84,6 +84,9 @@ def test_a_contradicting_voltage_says_how_far_the_same_battery_goes():
     (words,) = doubts_of(half, F16, FACTS, PARAMETERS)
     assert "50 % of the" in words
     assert words.endswith("; the same battery stays within 78 % to 122 %")
+    just = replace(TRACK, voltage=np.full_like(TRACK.voltage, 0.778 * F16.nominal_voltage))
+    (words,) = doubts_of(just, F16, FACTS, PARAMETERS)
+    assert "77.8 % of the" in words  # not 78, which it says would do
     (fits,) = (c for c in comparisons(TRACK, F16, FACTS, PARAMETERS) if c.check == "voltage")
     assert fits.words.endswith("of airframe topxgun-f16-sitl")
 

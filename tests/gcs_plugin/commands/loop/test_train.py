@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 
 from tests.gcs_plugin.logs.csv_files import write_csv
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.loop.train import train
+from thrustmargin.gcs_plugin.commands.loop.train import _learnable, train
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.reports.model.model_figures import loss_figure, write_loss_curves
 from thrustmargin.gcs_plugin.reports.model.training_tables import (
@@ -192,6 +193,16 @@ def test_too_few_flights_and_no_flights_end_with_one_line(few_logs, tmp_path, ca
     assert "2 flights with usable rows" in error
     assert error.count("\n") == 1
     assert run(["train", *out]) == 2
+
+
+def test_a_flight_with_swapped_motors_is_not_learnt_from(sitl_logs):
+    track = read_log(sitl_logs / "campaign/v4_m16_q2.5.tlog").track
+    swapped = replace(track, name="b", rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]])
+    model = physics_model(load_airframe("topxgun-f16-sitl"))
+    kept, unfit = _learnable([track, swapped], model)
+    assert kept == [track]
+    assert [one.name for one in unfit] == ["b"]
+    assert unfit[0].reason.startswith("motors 1 and 2 look swapped against airframe topxgun")
 
 
 def test_only_logs_that_cannot_be_read_end_the_work_with_each_reason(tmp_path):

@@ -93,14 +93,14 @@ def test_a_good_flight_that_is_predicted_alone_has_no_margin_and_no_good_rank(
     assert stored["verdict"] == "unknown"
     assert {stored[n] for n in ("worst_margin", "mean_margin", "worst_rotor")} == {None}
     assert set(stored["margin_by_rotor"]) == {None}
-    assert stored["verdict_reason"].startswith("predicted alone")
+    assert stored["verdict_reason"].startswith("predicted: for most of the flight")
     capsys.readouterr()
     assert run(["fleet", store, "--json", str(tmp_path / "fleet.json")]) == 0
     (ranked,) = json.loads((tmp_path / "fleet.json").read_text())["aircraft"]
     assert (ranked["level"], ranked["worst_margin"]) == ("no verdict", None)
     said = capsys.readouterr().out
     assert "none measured" in said
-    assert "1 of 1 flights have no verdict: predicted alone" in said
+    assert "1 of 1 flights have no verdict: predicted: for most of" in said
 
 
 def test_rows_and_sums_are_those_of_the_flight(ingested: tuple[Path, dict, dict]):

@@ -100,8 +100,23 @@ def test_what_follows_a_loss_of_control_is_not_learnt_from_and_that_is_said(tmp_
     read = read_logs([tmp_path / "flight.csv"], unused, console, model=model, given=True)
     (log,) = claimed(read, unused, console)
     assert unused == []
-    assert log.track.time_s[log.track.flying].max() == pytest.approx(59.9 if lost else 89.9)
+    assert log.track.time_s[log.track.flying].max() == pytest.approx(58.9 if lost else 89.9)
     words = (
         "flight.csv: control was lost (tilted up to 120 ° at 1:00): what follows 1:00 is left out"
     )
     assert (words in told.getvalue()) is lost
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_a_log_without_a_flight_says_so_and_asks_for_no_airframe(tmp_path, given):
+    track = made_flight(0)
+    still = replace(track, flying=np.zeros(track.time_s.size, dtype=bool))
+    write_csv(still, tmp_path / "bench.csv")
+    unused, console = [], Console(file=io.StringIO())
+    read = read_logs(
+        [tmp_path / "bench.csv"], unused, console, model=physics_model(F16), given=given
+    )
+    assert list(claimed(read, unused, console)) == []
+    assert [one.reason for one in unused] == [
+        "by this log it never left the ground: as the table says"
+    ]

@@ -29,6 +29,7 @@ from thrustmargin.gcs_plugin.reports.record.job_record import of_liquid, of_prod
 from thrustmargin.gcs_plugin.reports.record.job_rules import due_utc, job_rules, open_items
 from thrustmargin.gcs_plugin.wording.record_words import TITLES, liquid_words, missing_words
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.provenance import SourceKind
 
 STATED = {
     "--product": "=Oil 5",
@@ -215,6 +216,19 @@ def test_a_gauge_and_a_stated_or_inferred_level_are_not_confused():
     stated = replace(log().track.source("tank_kg"), kind="stated")
     sources = {**log().track.sources, "tank_kg": stated}
     assert by_gauge(replace(log().track, sources=sources)) is None
+
+
+def test_what_a_pump_did_in_a_pause_of_the_log_is_not_known():
+    track = log().track
+    summed = replace(track.source("tank_kg"), kind=SourceKind.INFERRED, remarks=("3 L/min",))
+    track = replace(track, sources={**track.sources, "tank_kg": summed})
+    whole = by_pump(track)
+    assert whole is not None
+    assert whole.kg > 1.0
+    row = np.flatnonzero(track.flying)[600]
+    for pause, known in ((2.8, True), (3.2, False)):  # beside the 0.1 s between rows
+        later = track.time_s + np.where(np.arange(track.time_s.size) > row, pause - 0.1, 0.0)
+        assert (by_pump(replace(track, time_s=later)) is not None) == known
 
 
 def made(by: str, kg: float, within: float = 0.0) -> Liquid:

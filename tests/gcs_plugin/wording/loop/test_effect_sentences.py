@@ -219,8 +219,8 @@ def test_no_two_effects_are_called_alike():
             [0.05],
             [0.004],
             None,
-            "The aircraft has 0.05 m² more drag area than its model (0.046 to 0.054): with the "
-            "battery off, look for what was mounted or left open",
+            "The aircraft has 0.05 m² more drag area than its model (0.046 to 0.054): nothing to "
+            "repair; keep it in the model with --out-model",
         ),
         (
             "battery_voltage",
@@ -236,6 +236,15 @@ def test_an_effect_reads_with_its_size_side_and_interval(
     whole, effect, values, half, rotor, sentence
 ):
     assert effect_sentence(found(effect, values, half, rotor=rotor), whole) == sentence
+
+
+def test_drag_is_looked_for_only_where_flights_have_taught_the_model_what_the_aircraft_had(whole):
+    more = found("parasite_drag", [0.05], [0.004])
+    assert effect_sentence(more, whole).endswith(
+        "nothing to repair; keep it in the model with --out-model"
+    )
+    taught = replace(whole, model=replace(whole.model, background_rpm=5.0))
+    assert effect_sentence(more, taught).endswith("look for what was mounted or left open")
 
 
 def test_climb_is_told_as_thrust_lost_at_two_metres_a_second(whole):
