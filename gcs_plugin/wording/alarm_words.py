@@ -59,6 +59,7 @@ CONTROL_WAS_LOST = "Control was lost"
 NOT_THE_AIRFRAME = "NO VERDICT: flight does not fit the airframe"
 AIRFRAME_UNKNOWN = "NO VERDICT: airframe not known"
 MISFIT = "Flight no longer fits its airframe: land, check"
+MOTOR_ORDER = "Motor order differs: rotor names are wrong, check"
 OUTSIDE_TRAINING = "Outside the model's training: less sure"
 TELEMETRY_LOST = "Telemetry lost in flight: fly by sight"
 NO_TELEMETRY = "No telemetry, last on the ground"
@@ -111,7 +112,7 @@ def margin_past(what: str, limit: float) -> str:
 
 def at_limit(rotor: int, place: str) -> str:
     says = say("no thrust left, slow down")
-    return fitting(f"Rotor {rotor} {place_words(place)}: {says}", f"Rotor {rotor}: {says}")
+    return fitting(f"{_of('Rotor', rotor, place)}: {says}", f"Rotor {rotor}: {says}")
 
 
 def was_at_limit(rotor: int) -> str:
@@ -138,7 +139,12 @@ def esc_words(rotor: int, place: str, flags: int) -> str:
     found = [say(words) for bit, words in FAILURES.items() if flags & bit]
     known = ", ".join(found) or say("failure {flags}", flags=flags)
     says = f"{known}: {LAND.text}"
-    return fitting(f"ESC {rotor} {place_words(place)}: {says}", f"ESC {rotor}: {says}")
+    return fitting(f"{_of('ESC', rotor, place)}: {says}", f"ESC {rotor}: {says}")
+
+
+def _of(part: str, number: int, place: str) -> str:
+    """`Rotor 3 front left`; without its place where that is not known."""
+    return " ".join(filter(None, (part, str(number), place_words(place))))
 
 
 def thrust_against_gauge(apart_kg: float) -> str:

@@ -37,7 +37,7 @@ MOST_LETTERS = 50  # of a STATUSTEXT
 def fault_words(fault: RotorFault, names: Sequence[str] = ()) -> str:
     """`Rotor 3 front left 12% (9-15) less thrust: land`, with the 95 % interval of its size.
 
-    `names` are the places of the rotors; left out where there is no room for them.
+    `names` are the places of the rotors; left out where empty or without room for them.
     """
     if fault.rotors:
         numbers = f" {say('or')} ".join(str(rotor + 1) for rotor in fault.rotors)
@@ -46,7 +46,7 @@ def fault_words(fault: RotorFault, names: Sequence[str] = ()) -> str:
     if fault.upper < MOST:
         size = f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
     known = {"rotor": fault.rotor + 1, "size": size}
-    if names:
+    if names and names[fault.rotor]:
         words = say(_AT[fault.kind], place=place_words(names[fault.rotor]), **known)
         if len(words) <= MOST_LETTERS:
             return words

@@ -48,6 +48,7 @@ class AirframeClaim:
     source: str = "LOG"  # log or link of the flight, as a shell takes it
     #: What no longer fits in a flight that was known to be of the airframe: a finding.
     misfit: tuple[str, ...] = ()
+    other_order: bool = False  # its motors are not in the airframe's order: which is which?
     outputs: OutputEvidence | None = None  # what motor outputs say of the load, without the gauge
 
     @property

@@ -15,7 +15,7 @@ CRITICAL, WARNING, NOTICE = 2, 4, 5
 GRAVEST_FIRST = (
     *("telemetry", "control", "stopped", "rotor", "motor", "esc", "battery", "saturation"),
     *("margin", "predicted margin", "margin ahead", "tank", "gauge"),
-    *("rotor speeds", "misfit", "airframe", "envelope"),
+    *("rotor speeds", "misfit", "motor order", "airframe", "envelope"),
 )
 
 

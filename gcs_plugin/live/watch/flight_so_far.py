@@ -97,13 +97,22 @@ class FlightSoFar:
         return 0.0 if track is self._prepared else float(np.nanmedian(beyond))
 
     @cached_property
+    def other_order(self) -> bool:
+        """Whether its motors are in another order than the airframe's, or in other places."""
+        if self.claim.withheld:
+            return False
+        flown = before_loss(self._prepared, loss_of_control(self._prepared))
+        order = check_motor_order(flown, flown_airframe(self.model))
+        return order.verdict not in ("agrees", "unclear")
+
+    @cached_property
     def so_far(self) -> FlightAdvice:
         """As of a report of these rows, with the faults that were found in flight."""
-        track, withheld, state = self._prepared, self.claim.withheld, self.state
+        track, state = self._prepared, self.state
         made = advise(
             analyse(track, self.model, claim=replace(self.claim, outputs=self.outputs)),
             limit=self.limit,
-            names_known=bool(withheld) or _names_known(track, self.model),
+            names_known=not self.other_order,
             history=self.faults,
             goes_on=self.goes_on,
         )
@@ -130,11 +139,6 @@ class FlightSoFar:
     def _answer_so_far(self) -> FlightAnswer:
         known = self.so_far
         return answer_of(known.advice, known.contact, float(self.track.time_s[-1]))
-
-
-def _names_known(track: FlightTrack, model: RotorModel) -> bool:
-    flown = before_loss(track, loss_of_control(track))
-    return check_motor_order(flown, flown_airframe(model)).verdict in ("agrees", "unclear")
 
 
 #: Gives the answer of a flight that is over once that is known.

@@ -34,6 +34,7 @@ def test_the_times_are_those_of_the_table_that_users_read():
         "battery": (1.0, 5.0, "cleared"),
         "gauge": (5.0, 10.0, "cleared"),
         "misfit": (0.0, 0.0, "kept"),
+        "motor order": (0.0, 0.0, "kept"),
         "margin": (7.5, 3.0, "cleared"),
         "predicted margin": (7.5, 3.0, "cleared"),
         "margin ahead": (3.0, 3.0, "cleared"),

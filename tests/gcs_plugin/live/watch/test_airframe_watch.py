@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavproxy_worker import fields, reading, summary
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
@@ -129,15 +130,36 @@ def test_another_number_of_rotors_is_certain_at_once():
     assert not watch.look(LOG.track.rows(slice(5, 10)), LOG.facts, LOG.parameters).withheld
 
 
-def monitored(**settings) -> tuple[VehicleMonitor, list]:
+def monitored(changed=lambda frame: frame, share=0.33, **settings) -> tuple[VehicleMonitor, list]:
     vehicle = VehicleMonitor(1, MODEL, WatchSettings(**settings))
     updates = []
-    frames = [frame for frame in log_frames(FILE) if frame.system == 1]
-    for at in range(0, len(frames) // 3, 25):
+    frames = [changed(frame) for frame in log_frames(FILE) if frame.system == 1]
+    for at in range(0, int(share * len(frames)), 25):
         for frame in frames[at : at + 25]:
             vehicle.take(frame)
         updates += vehicle.updates()
     return vehicle, updates
+
+
+def exchanged(frame: Frame) -> Frame:
+    """With the speeds of ESC 1 and 3 in each other's place: the fourth array of its message."""
+    if frame.id != 11030:  # ESC_TELEMETRY_1_TO_4
+        return frame
+    data, one = bytearray(frame.data), 10 + 24  # behind the header and three arrays
+    three = one + 4
+    data[one : one + 2], data[three : three + 2] = data[three : three + 2], data[one : one + 2]
+    return frame._replace(data=bytes(data))
+
+
+def test_motors_in_another_order_are_an_alarm_and_take_the_places_away():
+    vehicle, updates = monitored(exchanged, 0.7)
+    alarm = vehicle.alarms.listed["motor order", None]
+    assert (alarm.severity, alarm.state) == (4, "active")
+    assert alarm.text == "Motor order differs: rotor names are wrong, check"
+    assert updates[-1].flight.advice.rotor_names == ()
+    page = aircraft_figures(ShownRow(updates[-1].analysis, -1), np.nan)
+    assert {rotor["place"] for rotor in page["rotors"]} == {""}
+    assert ("motor order", None) not in monitored(share=0.7)[0].alarms.listed
 
 
 def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised():
