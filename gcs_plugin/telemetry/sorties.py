@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_table, tabulate
+from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_rows, tabulate
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, Recording, Unflown
 from thrustmargin.gcs_plugin.telemetry.resample import every
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import IDLE
@@ -59,11 +59,11 @@ def sorties_of(
             failed.append(error)
             continue
         if not is_sortie(whole.track, signals):
-            idle.append(log_of_table(whole, recording, signals))
+            idle.append(log_of_rows(whole, recording, signals))
             continue
-        spans = flight_spans(whole.track, float(whole.rows.clock_s[0]), signals)
+        spans = flight_spans(whole.track, float(whole.clock_s[0]), signals)
         if len(spans) == 1:
-            flown.append(log_of_table(whole, recording, signals))
+            flown.append(log_of_rows(whole, recording, signals))
         else:
             del whole  # as large as its sorties together
             ordered = _ordered(signals)
