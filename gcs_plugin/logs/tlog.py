@@ -127,10 +127,6 @@ def _boot(
     kind = int(heart.columns["type"][-1]) if heart else None
     maker = int(heart.columns["autopilot"][-1]) if heart else -1
 
-    def time_before(byte: int) -> float:
-        row = int(np.searchsorted(frames.start, byte)) - 1
-        return float(clock.estimate_s[row]) if row >= 0 else float("nan")
-
     parameters, whole = _parameters(frames, mine, clock.last_row)
     return Recording(
         path=path,
@@ -148,7 +144,7 @@ def _boot(
             unknown_ids=frames.unknown_ids,
             copies=came_twice,
             frames_missing=_missing(component[inside], frames.sequences()[inside]),
-            **damage_of(frames.skipped, time_before),
+            **damage_of(frames.skipped, frames.start, clock.estimate_s),
             clock_jumps=clock.jumps,
             gaps=pauses(clock.estimate_s[inside]),
         ),

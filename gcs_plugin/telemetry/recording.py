@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
@@ -211,14 +212,19 @@ def serial_digits(text: str) -> str:
 
 
 def damage_of(
-    skipped: Sequence[tuple[int, int]], time_before: Callable[[int], float]
+    skipped: Sequence[tuple[int, int]], place: NDArray[np.int64], clock_s: Floats
 ) -> dict[str, Any]:
     """What a LogQuality says of the stretches (offset, length) that were skipped, the 20 longest
-    of them one by one, in file order."""
-    worst = sorted(sorted(skipped, key=lambda place: -place[1])[:20])
+    of them one by one, in file order.
+
+    At the offsets `place` (n,) in the file the vehicle's clock was `clock_s` (n,).
+    """
+    worst = sorted(sorted(skipped, key=lambda stretch: -stretch[1])[:20])
+    before = np.searchsorted(place, [byte for byte, _ in worst])
+    times = np.append(np.nan, clock_s)[before].tolist()
     return {
         "bytes_skipped": sum(length for _, length in skipped),
-        "damage": tuple(Damage(byte, length, time_before(byte)) for byte, length in worst),
+        "damage": tuple(Damage(*lost, time_s) for lost, time_s in zip(worst, times, strict=True)),
         "damaged_places": len(skipped),
     }
 

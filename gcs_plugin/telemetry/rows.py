@@ -145,7 +145,8 @@ def flight_rows(
     if tank.signal is not None:
         others = (level.signal for level in levels if level.signal is not None)
         put("tank_kg", chain((tank.signal,), others if live else ()))
-    spraying = spraying_sources(signals, context, tank.signal, options.sampling, notes)
+    share = pump_share(signals, context)
+    spraying = spraying_sources(share, tank.signal, options.sampling, notes)
     put("spraying", spraying if live else spraying[:1])
 
     by_rotor = {
@@ -184,7 +185,6 @@ def flight_rows(
     unmeasured = rejected_words(measured, hidden, clock_s, flying, counted=not live)
     zero = place_of_zero(signals, clock_s, flying, before.zero)
     put("position_ned", position_sources(signals, zero))
-    share = pump_share(signals, context)
     nothing = np.full(clock_s.size, np.nan)
     total = None if share is None else pumped(share, context)
     pumped_kg = nothing if total is None else last_before(total, clock_s)

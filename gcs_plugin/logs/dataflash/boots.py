@@ -85,14 +85,10 @@ def boots_of(
     units = Units.of(lambda name: messages[name].table if name in messages else None)
     parts = stretches(times.clock_s, path.name)
 
-    def time_before(byte: int) -> float:
-        row = int(np.searchsorted(times.place, byte)) - 1
-        return float(times.clock_s[row]) if row >= 0 else float("nan")
-
     quality = LogQuality(
         bytes=size,
         frames=kept,
-        **damage_of(skipped, time_before),
+        **damage_of(skipped, times.place, times.clock_s),
         clock_jumps=restarts(times.clock_s, parts),
     )
     # What has no time of its own, between two starts, belongs to the later one.

@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     TankContext,
     first_level,
     flight_battery,
+    pump_share,
     tank_levels,
 )
 from thrustmargin.models.flight import FlyingBy
@@ -153,7 +154,7 @@ def test_a_pump_that_is_not_known_gives_no_level():
 def spraying(*signals: Signal, tank: Signal | None = None, sampling: Sampling = "linear", **given):
     context = TankContext(airframe=OURS, parameters=given.pop("parameters", {}), **given)
     notes: list[str] = []
-    found = spraying_sources(collected(signals), context, tank, sampling, notes)
+    found = spraying_sources(pump_share(collected(signals), context), tank, sampling, notes)
     return found[0] if found else None, notes
 
 
