@@ -23,7 +23,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 _SMOOTHED = "smoothed by the autopilot's slew limit"
-_PLACE = ("latlon deg", "latlon deg", "m")
+_PLACE, _WARM = ("latlon deg", "latlon deg", "m"), Meaning.BOARD_TEMPERATURE
 #: Preferred sources first. `unit` holds where the log states none; `index` and `only` apply where
 #: the log has that column (older logs number their sensors by message name).
 RULES: tuple[Rule, ...] = (
@@ -52,16 +52,7 @@ RULES: tuple[Rule, ...] = (
     Rule("CURR", ("Volt",), "voltage", "V"),
     Rule("CURR", ("Curr",), "current", "A"),
     Rule("BARO", ("Press",), "pressure", "Pa", index="I", only=0),
-    Rule(
-        "BARO",
-        ("Temp",),
-        "temperature",
-        "degC",
-        index="I",
-        only=0,
-        meaning=Meaning.BOARD_TEMPERATURE,
-        unknown=(0,),
-    ),
+    Rule("BARO", ("Temp",), "temperature", "degC", index="I", only=0, meaning=_WARM, unknown=(0,)),
     Rule("ORGN", ("Lat", "Lng", "Alt"), "home", _PLACE, index="Type", only=1),
     Rule("ORGN", ("Lat", "Lng", "Alt"), "ekf_origin", _PLACE, index="Type", only=0),
     Rule("ESC", ("Volt",), "esc_voltage", "V", index="Instance"),
