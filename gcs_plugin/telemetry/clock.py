@@ -63,7 +63,7 @@ class Clock:
         own = own_clock(fields)
         if own is None or self.stamp_minus_clock is None or self.on_arrival:
             return estimate
-        if own_clock_wraps(fields):
+        if "time_usec" in (fields.dtype.names or ()) and fields["time_usec"].itemsize == 4:
             own = own + np.round((estimate - own) / _US_WRAP) * _US_WRAP
         return np.where(np.abs(own - estimate) <= TRUST, own, estimate)
 
@@ -98,12 +98,6 @@ def unix_minus_clock(system_time: Columns) -> float | None:
 def gps_times(system_time: Columns) -> Bools:
     """(n,) SYSTEM_TIME messages that know Unix time; without GPS it counts from boot or is 0."""
     return system_time["time_unix_usec"] > 1e15
-
-
-def own_clock_wraps(fields: NDArray[np.void]) -> bool:
-    """True for the messages that count µs in 32 bits."""
-    names = fields.dtype.names or ()
-    return "time_usec" in names and fields.dtype["time_usec"].itemsize == 4
 
 
 def vehicle_clocks(

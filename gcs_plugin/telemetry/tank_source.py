@@ -90,8 +90,9 @@ def tank_levels(
     """
     if source.strip().upper() == "AUTO" and context.airframe is not None:
         source = context.airframe.tank_source
-    kind, _, rest = source.strip().partition(" ")
-    match kind.upper():
+    kind, rest = check_source(source)
+    number = int(rest) if kind in NUMBERED and rest else None
+    match kind:
         case "AUTO":
             yield from _automatic(signals, context)
             return
@@ -101,13 +102,11 @@ def tank_levels(
         case "NAMED_VALUE_FLOAT":
             found = _named(signals, context, rest or "TANK")
         case "FUEL_STATUS":
-            found = _fuel(signals, context, _number(rest, source))
+            found = _fuel(signals, context, number)
         case "BATTERY_STATUS":
-            found = _battery(signals, context, _number(rest, source))
-        case "PUMP":
-            found = _pump(signals, context)
+            found = _battery(signals, context, number)
         case _:
-            raise _unknown(source)
+            found = _pump(signals, context)
     if found is None:
         named = context.airframe is not None and source == context.airframe.tank_source
         by = f", which airframe {context.airframe.name} names" if named and context.airframe else ""
@@ -115,29 +114,23 @@ def tank_levels(
     yield found
 
 
-def check_source(source: str) -> None:
-    """Raise LogError when `source` can be no tank source, before anything is heard."""
+def check_source(source: str) -> tuple[str, str]:
+    """The kind of a tank source in capitals, and its name or number, empty where it has none.
+
+    Raises LogError when it can be no source, before anything is heard.
+    """
     kind, _, rest = source.strip().partition(" ")
-    if kind.upper() not in ("AUTO", "NONE", "NAMED_VALUE_FLOAT", *NUMBERED, "PUMP"):
-        raise _unknown(source)
-    if kind.upper() in NUMBERED:
-        _number(rest, source)
-
-
-def _unknown(source: str) -> LogError:
-    return LogError(
-        f"tank source {source!r} is not known; use auto, none, pump, "
-        "'NAMED_VALUE_FLOAT NAME', 'FUEL_STATUS ID' or 'BATTERY_STATUS ID'"
-    )
-
-
-def _number(text: str, source: str) -> int | None:
-    text = text.strip().removeprefix("id").strip()
-    if not text:
-        return None
-    if not text.isdigit():
-        raise LogError(f"tank source {source!r}: {text!r} is not a number")
-    return int(text)
+    kind = kind.upper()
+    if kind not in ("AUTO", "NONE", "NAMED_VALUE_FLOAT", *NUMBERED, "PUMP"):
+        raise LogError(
+            f"tank source {source!r} is not known; use auto, none, pump, "
+            "'NAMED_VALUE_FLOAT NAME', 'FUEL_STATUS ID' or 'BATTERY_STATUS ID'"
+        )
+    if kind in NUMBERED:
+        rest = rest.strip().removeprefix("id").strip()
+        if rest and not rest.isdigit():
+            raise LogError(f"tank source {source!r}: {rest!r} is not a number")
+    return kind, rest
 
 
 def _automatic(signals: Signals, context: TankContext) -> Iterator[TankLevel]:
