@@ -43,14 +43,14 @@ def anonymous_copy(path: Path) -> bytes:
     """The bytes of the copy. Raises LogError when no vehicle is in the file."""
     data, size = read_bytes(path, PADDING)
     frames = scan(data, size)
-    system, component = frames.systems(), frames.components()
+    system, component = frames.system, frames.component
     numbers = {old: new for new, old in enumerate(vehicle_systems(frames), 1)}
     if not numbers:
         raise LogError(f"{path.name}: no vehicle in it")
     payloads = _payloads(frames, np.isin(system, list(numbers)))
     kept = np.zeros(frames.start.size, dtype=bool)
     kept[list(payloads)] = True
-    sequence = frames.sequences().astype(np.int64)
+    sequence = frames.sequence.astype(np.int64)
     for sender in np.unique(256 * system.astype(int) + component):  # frames lost stay lost
         mine = 256 * system.astype(int) + component == sender
         sequence[mine] -= np.cumsum(~kept[mine])

@@ -53,8 +53,8 @@ class Clock:
     last_row: int
     estimate_s: Floats  # (n,) s since boot of all frames, by the ground's stamps
     stamp_minus_clock: float | None  # typical, or a listener's first; None without an own clock
-    jumps: tuple[tuple[float, float], ...]  # every restart in the file
-    notes: tuple[str, ...]
+    jumps: tuple[tuple[float, float], ...] = ()  # every restart in the file
+    notes: tuple[str, ...] = ()
     on_arrival: bool = False  # every message has the time at which a listener got it
 
     def of(self, fields: NDArray[np.void], rows: Index) -> Floats:
@@ -120,7 +120,7 @@ def vehicle_clocks(
     if rows.size == 0:
         note = "no message carries the vehicle's clock: times are the ground computer's"
         first = int(np.argmax(pilot))
-        yield Clock(0, last, stamps_s - stamps_s[first], None, (), (note,))
+        yield Clock(0, last, stamps_s - stamps_s[first], None, notes=(note,))
         return
     own = own[rows]
     found = stretches(own, name)
@@ -166,9 +166,7 @@ def _clock_of(
         int(inside[-1]) if behind < stamps_s.size else last,
         estimate,
         float(stamps_s[rows[0]] - own[0]) if listened is not None else float(np.median(offset)),
-        (),
-        (),
-        listened is not None,
+        on_arrival=listened is not None,
     )
 
 
