@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
-from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix, unflown_words
+from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -139,18 +139,6 @@ class Recording(LogHeader):
     parameters_whole: bool = True  # False: the vehicle has more than are in the log
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Unflown:
-    """The stretches of a log that are none of its sorties."""
-
-    seconds: tuple[float, ...] = ()  # of each in which nothing left the ground
-    reasons: tuple[str, ...] = ()  # of each that makes no table, why
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        return unflown_words(self.seconds, self.reasons)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FlightLog(LogHeader):
     """One sortie of a log, which mostly holds one alone; times are s from its track's first row."""
@@ -164,7 +152,7 @@ class FlightLog(LogHeader):
     other_units: tuple[str, ...] = ()  # of the notes, those on columns left out for their unit
     sortie: int = 1  # its number in the log, of `sorties` in all
     sorties: int = 1
-    unflown: Unflown = field(default_factory=Unflown)  # the rest of the log
+    unflown: tuple[str, ...] = ()  # what is said of the rest of the log
 
     @property
     def name(self) -> str:

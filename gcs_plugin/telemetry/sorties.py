@@ -13,11 +13,11 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_rows, tabulate
-from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, Recording, Unflown
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, Recording
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import IDLE
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.wording.flight_words import restart_words
+from thrustmargin.gcs_plugin.wording.flight_words import restart_words, unflown_words
 from thrustmargin.models.checks.loss_of_control import loss_of_control
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -72,9 +72,7 @@ def sorties_of(
         longest = max(idle, key=lambda log: log.track.time_s.size)
         flown = [longest]
         idle.remove(longest)
-    unflown = Unflown(
-        seconds=tuple(log.track.duration for log in idle), reasons=tuple(map(str, failed))
-    )
+    unflown = unflown_words([log.track.duration for log in idle], list(map(str, failed)))
     return tuple(
         _numbered(replace(log, sortie=k, sorties=len(flown), unflown=unflown))
         for k, log in enumerate(flown, 1)
@@ -86,9 +84,7 @@ def _numbered(log: FlightLog) -> FlightLog:
     track, restarts = log.track, len(log.quality.clock_jumps)
     notes = (restart_words(restarts),) if restarts else ()
     name = f"{track.name}{log.sortie_suffix}"
-    return replace(
-        log, track=replace(track, name=name, notes=(*notes, *log.unflown.words, *track.notes))
-    )
+    return replace(log, track=replace(track, name=name, notes=(*notes, *log.unflown, *track.notes)))
 
 
 def is_sortie(track: FlightTrack, signals: Signals) -> bool:
