@@ -65,7 +65,7 @@ class TankContext:
 
 def flight_battery(signals: Signals) -> int | None:
     """Battery id of the one that is flown on: the lowest one above a level sender's voltage."""
-    for number, signal in sorted(_batteries(signals, "battery_voltage").items()):
+    for number, signal in _heard(signals, "battery_voltage").items():
         if known_median(signal.values) > SENDER_VOLTAGE:
             return number
     return None
@@ -170,53 +170,41 @@ def _density_notes(context: TankContext) -> tuple[str, ...]:
     return ()
 
 
+def _heard(signals: Signals, channel: str) -> dict[int, Signal]:
+    """The sources of a channel that have a number, by their own, from the lowest on."""
+    found = sorted((int(number), signal) for number, signal in by_index(signals, channel).items())
+    return {number: signal for number, signal in found if np.isfinite(signal.values).any()}
+
+
 def _fuel(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
-    remaining, percent = by_index(signals, "fuel_remaining"), by_index(signals, "fuel_percent")
-    for number in sorted(int(n) for n in {*remaining, *percent}):
-        if wanted is not None and number != wanted:
-            continue
-        signal = remaining.get(number)
-        if signal is not None and np.isfinite(signal.values).any():
-            kilograms = signal.values * 1e-3 * context.liquid_density
-            return TankLevel(_in_kg(signal, kilograms, "ml"), _density_notes(context))
-        signal = percent.get(number)
-        if signal is not None and np.isfinite(signal.values).any():
-            if context.airframe is None:
-                return TankLevel(
-                    None, (f"{signal.source.words} is only a share: give an airframe",)
-                )
-            kilograms = signal.values * 1e-2 * context.airframe.tank_capacity_kg
-            return TankLevel(_in_kg(signal, kilograms, "of the airframe's tank"))
+    remaining, percent = (_heard(signals, f"fuel_{what}") for what in ("remaining", "percent"))
+    number = min({*remaining, *percent} if wanted is None else {wanted}, default=None)
+    if signal := remaining.get(number):
+        kilograms = signal.values * 1e-3 * context.liquid_density
+        return TankLevel(_in_kg(signal, kilograms, "ml"), _density_notes(context))
+    if signal := percent.get(number):
+        if context.airframe is None:
+            return TankLevel(None, (f"{signal.source.words} is only a share: give an airframe",))
+        kilograms = signal.values * 1e-2 * context.airframe.tank_capacity_kg
+        return TankLevel(_in_kg(signal, kilograms, "of the airframe's tank"))
     return None
-
-
-def _batteries(signals: Signals, channel: str) -> dict[int, Signal]:
-    return {int(number): signal for number, signal in by_index(signals, channel).items()}
 
 
 def _battery(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
-    volts = _batteries(signals, "battery_voltage")
-    percent = _batteries(signals, "battery_percent")
-    flown = flight_battery(signals)
-    for number in sorted(percent):
-        if wanted is not None and number != wanted:
-            continue
-        if wanted is None:
-            if number in (MARGIN_ID, TANK_ID):
-                continue
-            sender = volts.get(number)
-            level_v = known_median(sender.values) if sender else np.nan
-            if number == flown or level_v > SENDER_VOLTAGE:
-                continue
-        if not np.isfinite(percent[number].values).any():
-            continue
-        return _battery_level(signals, context, number)
+    volts, flown = _heard(signals, "battery_voltage"), flight_battery(signals)
+    for number, percent in _heard(signals, "battery_percent").items():
+        level_v = known_median(volts[number].values) if number in volts else np.nan
+        no_tank = number in (MARGIN_ID, TANK_ID, flown) or level_v > SENDER_VOLTAGE
+        if number == wanted or (wanted is None and not no_tank):
+            used = _heard(signals, "battery_consumed").get(number)
+            return _battery_level(percent, used, context, number)
     return None
 
 
-def _battery_level(signals: Signals, context: TankContext, number: int) -> TankLevel:
-    percent = _batteries(signals, "battery_percent")[number]
-    used = _batteries(signals, "battery_consumed").get(number)
+def _battery_level(
+    percent: Signal, used: Signal | None, context: TankContext, number: int
+) -> TankLevel:
+    """The level by the % and, where they agree, the ml used that battery `number` reports."""
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
         capacity_l, whose = context.parameters[key] * 1e-3, f"{key} {context.parameters[key]:g} ml"
