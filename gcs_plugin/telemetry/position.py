@@ -259,11 +259,8 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
     sources = []
     fixes = best(signals, "geodetic")
     if fixes is not None and zero is not None:
-        latitude, longitude, altitude = fixes.values.T
-        at_zero = (latitude == 0) & (longitude == 0)
-        inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360) & ~at_zero
-        latitude = np.where(inside, latitude, np.nan)
-        places = np.column_stack([latitude, longitude, plausible("altitude", altitude)])
+        places = np.where(_on_earth(fixes.values)[:, None], fixes.values, np.nan)
+        places[:, 2] = plausible("altitude", places[:, 2])
         source = fixes.source.remarked(f"from {zero.whose}")
         if zero.source is not fixes.source:
             source = source.remarked(f"by {zero.source.name}")

@@ -149,26 +149,22 @@ def flight_rows(
     spraying = spraying_sources(share, tank.signal, options.sampling, notes)
     put("spraying", spraying if live else spraying[:1])
 
-    by_rotor = {
-        "rotor_speed_rpm": speeds_of_escs,
-        "throttle": motors.throttle(signals, parameters),
-    }
+    outputs = motors.throttle(signals, parameters)
     measured = measured_speeds(
-        by_rotor["rotor_speed_rpm"],
-        by_rotor["throttle"],
+        speeds_of_escs,
+        outputs,
         options.airframe,
         look_ahead=not live,
         heard_s=before.heard_s,
         memory=before.rotors,
     )
-    by_rotor["rotor_speed_rpm"] = measured.signals
-    for channel, found in by_rotor.items():
+    for channel, found in (("rotor_speed_rpm", measured.signals), ("throttle", outputs)):
         channels[channel] = _columns(channel, found, clock_s, options.sampling)
         reported[channel] = [signal for signal in found if signal is not None]
     if reported["rotor_speed_rpm"]:
-        sources["rotor_speed_rpm"] = motors.rotor_speed_source(by_rotor["rotor_speed_rpm"])
+        sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
     if reported["throttle"]:
-        sources["throttle"] = motors.throttle_source(by_rotor["throttle"], parameters)
+        sources["throttle"] = motors.throttle_source(outputs, parameters)
     contact, flying_by = before.contact, FlyingBy.GIVEN
     if live:
         flying, by, contact = airborne_so_far(signals, clock_s, channels, options.airframe, contact)

@@ -167,13 +167,11 @@ def _by_rule(rule: Rule, streams: Mapping[str, Stream]) -> list[Signal]:
     numbers = columns.number(rule.index)
     made = []
     for number in _real_numbers(numbers):
-        if rule.only is not None and number != rule.only:
-            continue
-        rows = numbers == number
-        source = rule.source
-        if rule.channel.startswith("battery_"):
-            source = source.of_instance(number)
-        made.append(ordered_signal(rule.channel, source, stream.time_s[rows], values[rows], number))
+        if rule.only in (None, number):
+            rows, battery = numbers == number, rule.channel.startswith("battery_")
+            source = rule.source.of_instance(number if battery else None)
+            one = stream.time_s[rows], values[rows], number
+            made.append(ordered_signal(rule.channel, source, *one))
     return made
 
 
