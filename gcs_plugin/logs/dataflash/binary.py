@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.logs.dataflash.columns import UNITS_OF, filled_cloc
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import (
     FMT_HEAD,
+    LETTERS,
     PADDING,
     FoundMessages,
     scan,
@@ -67,10 +68,11 @@ def _clock(found: FoundMessages) -> tuple[Floats, Bools]:
     offsets: dict[tuple[str, float], Index] = {}
     for number, form in found.formats.items():
         if (own := own_clock(form.columns)) is not None:
-            kind, offset = form.dtype.fields[own[0]][:2]
-            if kind.str in ("<u8", "<i8", "<u4"):
-                at = offsets.setdefault((kind.str, own[1]), np.zeros(256, dtype=np.int64))
-                at[number] = offset
+            at = form.columns.index(own[0])
+            *before, kind = (LETTERS[letter][0] for letter in form.letters[: at + 1])
+            if kind in ("<u8", "<i8", "<u4"):
+                offset = offsets.setdefault((kind, own[1]), np.zeros(256, dtype=np.int64))
+                offset[number] = 3 + sum(np.dtype(one).itemsize for one in before)
     for (kind, unit), offset in offsets.items():
         rows = np.flatnonzero(offset[found.type])
         if rows.size:
