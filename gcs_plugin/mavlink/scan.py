@@ -161,7 +161,9 @@ def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
     sender = gather(data, start + np.where(data[start] == V2, 4, 2), 3)
     gaps = gaps_between(start, end, size, stamp)
     skipped, bad, unverified = _explain_gaps(data, gaps, size, stamp) if gaps else ([], 0, [])
-    return Frames(data, start, ids, length, *sender.T, tuple(skipped), bad, tuple(unverified))
+    who = sender.T  # sequence number, system, component
+    lost = tuple(skipped), bad, tuple(unverified)
+    return Frames(data, start, ids, length, who[0], who[1], who[2], *lost)
 
 
 def _good_in_chunk(

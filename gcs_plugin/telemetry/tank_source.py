@@ -178,7 +178,7 @@ def _heard(signals: Signals, channel: str) -> dict[int, Signal]:
 
 def _fuel(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
     remaining, percent = (_heard(signals, f"fuel_{what}") for what in ("remaining", "percent"))
-    number = min({*remaining, *percent} if wanted is None else {wanted}, default=None)
+    number = min({*remaining, *percent} if wanted is None else {wanted}, default=-1)
     if signal := remaining.get(number):
         kilograms = signal.values * 1e-3 * context.liquid_density
         return TankLevel(_in_kg(signal, kilograms, "ml"), _density_notes(context))
