@@ -21,6 +21,7 @@ Sampling = Literal["linear", "hold"]
 #: Rows closer than this to the one before are thinned out: at most 10 Hz, with room for jitter.
 ROW_SPACING = 0.09
 GRID = 0.1  # s between rows when no report triggers them
+_BLOCK = 1 << 14
 
 
 def within(channel: str, values: Floats) -> bool:
@@ -58,7 +59,14 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
         return np.full((time_s.size, *values.shape[1:]), np.nan)
     if sampling == "linear" and TRACK_CHANNELS[channel].averaged and _is_fast(when):
         when, values = _averaged(when, values)
-    return _at(TRACK_CHANNELS[channel], when, values, time_s, sampling)
+    if time_s.size <= _BLOCK:
+        return _at(TRACK_CHANNELS[channel], when, values, time_s, sampling)
+    # In blocks: the steps between take several times the memory of the result.
+    result = np.empty((time_s.size, *values.shape[1:]))
+    for low in range(0, time_s.size, _BLOCK):
+        rows = slice(low, low + _BLOCK)
+        result[rows] = _at(TRACK_CHANNELS[channel], when, values, time_s[rows], sampling)
+    return result
 
 
 def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
