@@ -18,7 +18,6 @@ class BoundedQueue(Generic[T]):
         self.limit = limit
         self._keep_newest = keep_newest
         self.dropped = 0
-        self.most = 0  # the longest that the queue has been
         self._items: deque[T] = deque()
         self._ready = threading.Condition()
         self._closed = False
@@ -35,7 +34,6 @@ class BoundedQueue(Generic[T]):
             self._items.extend(items)
             while len(self._items) > self.limit:
                 self._items.popleft()
-            self.most = max(self.most, len(self._items))
             self._ready.notify()
 
     def take(self, timeout: float) -> list[T]:

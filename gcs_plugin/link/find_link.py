@@ -10,10 +10,9 @@ import contextlib
 import time
 from collections.abc import Callable, Iterable, Sequence
 
+from thrustmargin.gcs_plugin.link.listener import Link
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
-from thrustmargin.gcs_plugin.link.transport import Address, Transport
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.gcs_plugin.mavlink.who_sends import HEARTBEAT, NO_AUTOPILOT, NO_VEHICLES
 from thrustmargin.models.errors import LinkError
 
@@ -44,7 +43,7 @@ class LinkFinder:
     ) -> None:
         self.tried: dict[str, str] = {}
         self._urls, self._serials = urls, serials
-        self._open: dict[str, tuple[Transport, dict[Address | None, FrameSplitter]]] = {}
+        self._open: dict[str, Link] = {}
         self._opened_s = self._turned_s = -OPEN_EVERY
 
     def find(self, seconds: float) -> str | None:
@@ -65,8 +64,8 @@ class LinkFinder:
 
     def close(self) -> None:
         """Give all ports free."""
-        for transport, _ in self._open.values():
-            transport.close()
+        for link in self._open.values():
+            link.transport.close()
         self._open.clear()
         self._opened_s = self._turned_s = -OPEN_EVERY
 
@@ -78,23 +77,21 @@ class LinkFinder:
         serials = [f"{device},{baud}" for device in self._serials()]
         for url in list(self._open):
             if url not in self._urls and url not in serials:
-                self._open.pop(url)[0].close()  # the other rate has its turn
+                self._open.pop(url).transport.close()  # the other rate has its turn
         for url in (*self._urls, *serials):
             if url in self._open:
                 continue
             try:
-                self._open[url] = open_transport(url), {}
+                self._open[url] = Link(url, 0, open_transport(url))
                 self.tried.setdefault(url, NOTHING_CAME)
             except LinkError as error:
                 self.tried[url] = str(error).removeprefix(f"{url}: ")
 
     def _vehicle_on(self, url: str) -> bool:
-        transport, splitters = self._open[url]
+        link = self._open[url]
         with contextlib.suppress(EOFError):
-            for chunk in transport.receive(LOOK):
-                splitter = splitters.setdefault(chunk.peer, FrameSplitter())
-                feed = splitter.feed_datagram if transport.datagrams else splitter.feed
-                frames = feed(chunk.data, 0)
+            for chunk in link.transport.receive(LOOK):
+                frames, _ = link.frames(chunk, 0)
                 if any(frame.verified for frame in frames):
                     self.tried[url] = NO_VEHICLE
                 if any(map(of_autopilot, frames)):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
-import time
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from thrustmargin.gcs_plugin.link.sockets import AGAIN, TcpClient, TcpServer, Udp
+from thrustmargin.gcs_plugin.link.sockets import Reopened, TcpClient, TcpServer, Udp
 from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport, parse_url
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.errors import LinkError
@@ -37,46 +35,25 @@ def open_transport(url: str) -> Transport:
         raise LinkError(f"{url}: cannot be opened: {error.strerror or error}{hint}") from error
 
 
-class SerialPort(Transport):
+class SerialPort(Reopened):
     """A serial port by pyserial; opened again when it vanishes (a pulled USB plug)."""
 
     def __init__(self, path: str, baud: int) -> None:
         import serial
 
-        self._open = partial(serial.Serial, path, baud, timeout=0.1, write_timeout=1.0)
-        self._port: Any = self._open()
+        self._make = partial(serial.Serial, path, baud, timeout=0.1, write_timeout=1.0)
+        self._end = self._make()
 
-    @property
-    def ready(self) -> bool:
-        return self._port is not None
+    def _open(self, timeout: float) -> Any:  # noqa: ARG002
+        return self._make()
 
-    def receive(self, timeout: float) -> list[Chunk]:
-        if self._port is None:
-            try:
-                self._port = self._open()
-            except OSError:
-                time.sleep(min(timeout, AGAIN))
-                return []
-        try:
-            self._port.timeout = timeout
-            data = self._port.read(1)
-            if data:
-                data += self._port.read(self._port.in_waiting)
-        except OSError:
-            self._port.close()
-            self._port = None
-            return []
-        return [Chunk(data)] if data else []
+    def _read(self, end: Any, timeout: float) -> bytes:
+        end.timeout = timeout
+        data = end.read(1)
+        return data + end.read(end.in_waiting) if data else b""
 
-    def send(self, data: bytes, peer: Address | None = None) -> None:  # noqa: ARG002
-        port = self._port
-        if port is not None:
-            with contextlib.suppress(OSError):
-                port.write(data)
-
-    def close(self) -> None:
-        if self._port is not None:
-            self._port.close()
+    def _write(self, end: Any, data: bytes) -> None:
+        end.write(data)
 
 
 class TelemetryLog(Transport):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,44 +44,23 @@ def play(
     Raises LogError when the log holds no frame.
     """
     stop = threading.Event()
-    answers = threading.Thread(target=_ignore_answers, args=(transport, stop), daemon=True)
+
+    def ignore_answers() -> None:
+        while not stop.is_set():
+            transport.receive(0.1)
+
+    answers = threading.Thread(target=ignore_answers, daemon=True)
     answers.start()
+    frames = sent = 0
+    log_s = late = 0.0
     try:
         while not transport.ready:
             time.sleep(0.02)
-        return _play(path, transport, speed, loop, progress)
-    finally:
-        stop.set()
-        answers.join()
-
-
-def _ignore_answers(transport: Transport, stop: threading.Event) -> None:
-    while not stop.is_set():
-        transport.receive(0.1)
-
-
-def _play(
-    path: Path,
-    transport: Transport,
-    speed: float,
-    loop: bool,
-    progress: Callable[[Played], None] | None,
-) -> Played:
-    started = time.monotonic()
-    due = 0.0  # s of playing
-    frames = sent = 0
-    log_s = late = 0.0
-    last_call = started
-    for _ in itertools.count() if loop else range(1):
-        last_us: int | None = None
-        for stamp_us, data in stamped_frames(path):
+        started = last_call = time.monotonic()
+        for stamp_us, last_us, data in _in_turn(path, loop=loop):
             # A stamp that steps back (a clock set while recording) costs no time.
-            step = 0.0 if last_us is None else max(stamp_us - last_us, 0) * 1e-6
-            last_us = stamp_us
-            step = min(step, LONGEST_PAUSE)
-            log_s += step
-            due += step / speed
-            ahead = started + due - time.monotonic()
+            log_s += min(max(stamp_us - last_us, 0) * 1e-6, LONGEST_PAUSE)
+            ahead = started + log_s / speed - time.monotonic()
             if ahead > TICK:
                 time.sleep(ahead)
             late = max(late, -ahead)
@@ -90,4 +69,16 @@ def _play(
             if progress is not None and time.monotonic() - last_call > 0.25:
                 last_call = time.monotonic()
                 progress(Played(frames, sent, log_s, late))
-    return Played(frames, sent, log_s, late)
+        return Played(frames, sent, log_s, late)
+    finally:
+        stop.set()
+        answers.join()
+
+
+def _in_turn(path: Path, *, loop: bool) -> Iterator[tuple[int, int, bytes]]:
+    """Stamp, that of the frame before, and each frame of the log; again and again with `loop`."""
+    for _ in itertools.count() if loop else range(1):
+        before: int | None = None
+        for stamp_us, data in stamped_frames(path):
+            yield stamp_us, stamp_us if before is None else before, data
+            before = stamp_us

@@ -1,4 +1,4 @@
-"""UDP and TCP as transports."""
+"""UDP, TCP, and whatever else is opened again when it has ended, as transports."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import ipaddress
 import socket
 import sys
 import time
+from typing import Any
 
 from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport
 
@@ -108,75 +109,92 @@ class Udp(Transport):
         self._socket.close()
 
 
-class _TcpStream(Transport):
-    """One connection at a time, of either direction."""
+class Reopened(Transport):
+    """One stream of bytes at a time, opened again whenever it has ended."""
 
-    def __init__(self) -> None:
-        self._stream: socket.socket | None = None
+    _end: Any = None
+
+    def _open(self, timeout: float) -> Any:
+        """A new stream. Raises OSError, TimeoutError where `timeout` s were waited for it."""
+        raise NotImplementedError
+
+    def _read(self, end: Any, timeout: float) -> bytes:
+        """What came; empty when nothing did. Raises OSError when the stream has ended."""
+        raise NotImplementedError
+
+    def _write(self, end: Any, data: bytes) -> None:
+        raise NotImplementedError
 
     @property
     def ready(self) -> bool:
-        return self._stream is not None
+        return self._end is not None
 
-    def _take(self, timeout: float) -> list[Chunk]:
-        stream = self._stream
-        if stream is None:
-            return []
+    def receive(self, timeout: float) -> list[Chunk]:
         try:
-            stream.settimeout(timeout)
-            data = stream.recv(LARGEST_READ)
+            if self._end is None:
+                self._end = self._open(timeout)
         except TimeoutError:
             return []
         except OSError:
-            data = b""
-        self.emptied = len(data) < LARGEST_READ
-        if data:
-            return [Chunk(data)]
-        self._drop()
-        return []
-
-    def _adopt(self, stream: socket.socket) -> None:
-        stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._stream = stream
+            time.sleep(min(timeout, AGAIN))
+            return []
+        try:
+            data = self._read(self._end, timeout)
+        except TimeoutError:
+            return []
+        except OSError:
+            self._drop()
+            return []
+        return [Chunk(data)] if data else []
 
     def _drop(self) -> None:
-        if self._stream is not None:
-            self._stream.close()
-            self._stream = None
+        end, self._end = self._end, None
+        if end is not None:
+            end.close()
 
     def send(self, data: bytes, peer: Address | None = None) -> None:  # noqa: ARG002
-        stream = self._stream
-        if stream is not None:
+        end = self._end
+        if end is not None:
             with contextlib.suppress(OSError):
-                stream.sendall(data)
+                self._write(end, data)
 
     def close(self) -> None:
         self._drop()
+
+
+class _TcpStream(Reopened):
+    """A TCP connection of either direction."""
+
+    def _read(self, end: socket.socket, timeout: float) -> bytes:
+        end.settimeout(timeout)
+        self.emptied = True
+        data = end.recv(LARGEST_READ)
+        if not data:
+            raise ConnectionError("the other side has closed it")
+        self.emptied = len(data) < LARGEST_READ
+        return data
+
+    def _write(self, end: socket.socket, data: bytes) -> None:
+        end.sendall(data)
 
 
 class TcpClient(_TcpStream):
     """Connects, and again whenever the connection ends."""
 
     def __init__(self, address: Address) -> None:
-        super().__init__()
         self._address = address
-        self._adopt(socket.create_connection(address, timeout=3.0))
+        self._end = self._open(3.0)
 
-    def receive(self, timeout: float) -> list[Chunk]:
-        if self._stream is None:
-            try:
-                self._adopt(socket.create_connection(self._address, timeout=AGAIN))
-            except OSError:
-                time.sleep(min(timeout, AGAIN))
-                return []
-        return self._take(timeout)
+    def _open(self, timeout: float) -> socket.socket:
+        end = socket.create_connection(self._address, timeout=max(timeout, AGAIN))
+        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return end
 
 
 class TcpServer(_TcpStream):
     """Waits for a client; the next one is let in when it has gone."""
 
     def __init__(self, address: Address) -> None:
-        super().__init__()
         self._door = socket.create_server(address)
 
     @property
@@ -184,15 +202,11 @@ class TcpServer(_TcpStream):
         """Where the socket is bound."""
         return self._door.getsockname()[:2]
 
-    def receive(self, timeout: float) -> list[Chunk]:
-        if self._stream is None:
-            try:
-                self._door.settimeout(timeout)
-                stream, _ = self._door.accept()
-            except (TimeoutError, BlockingIOError):
-                return []
-            self._adopt(stream)
-        return self._take(timeout)
+    def _open(self, timeout: float) -> socket.socket:
+        self._door.settimeout(timeout)
+        end, _ = self._door.accept()
+        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return end
 
     def close(self) -> None:
         super().close()

@@ -25,9 +25,9 @@ from thrustmargin.models.errors import LogError
 
 #: Messages whose latitude and longitude (1e-7 °) and altitude (mm) are moved.
 PLACES = {
-    "GLOBAL_POSITION_INT": ("lat", "lon", "alt"),
-    "HOME_POSITION": ("latitude", "longitude", "altitude"),
-    "GPS_GLOBAL_ORIGIN": ("latitude", "longitude", "altitude"),
+    rule.message: rule.fields
+    for rule in MAVLINK_RULES
+    if rule.channel in ("geodetic", "home", "ekf_origin")
 }
 SCALES = (1e-7, 1e-7, 1e-3)
 NEW_PLACE = (0.0, -30.0)  # °; not 0, 0, which stands for no fix
@@ -43,14 +43,14 @@ def anonymous_copy(path: Path) -> bytes:
     """The bytes of the copy. Raises LogError when no vehicle is in the file."""
     data, size = read_bytes(path, PADDING)
     frames = scan(data, size)
-    system, component = frames.systems(), frames.components()
+    system, component = frames.system, frames.component
     numbers = {old: new for new, old in enumerate(vehicle_systems(frames), 1)}
     if not numbers:
         raise LogError(f"{path.name}: no vehicle in it")
     payloads = _payloads(frames, np.isin(system, list(numbers)))
     kept = np.zeros(frames.start.size, dtype=bool)
     kept[list(payloads)] = True
-    sequence = frames.sequences().astype(np.int64)
+    sequence = frames.sequence.astype(np.int64)
     for sender in np.unique(256 * system.astype(int) + component):  # frames lost stay lost
         mine = 256 * system.astype(int) + component == sender
         sequence[mine] -= np.cumsum(~kept[mine])
@@ -92,7 +92,7 @@ def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]
 
 
 def _move(
-    values: NDArray[np.void], names: tuple[str, str, str], origin: tuple[float, float] | None
+    values: NDArray[np.void], names: tuple[str, ...], origin: tuple[float, float] | None
 ) -> tuple[float, float] | None:
     """Move the places of some messages in place; returns what becomes NEW_PLACE: the first fix."""
     latitude, longitude, altitude = (values[n] * s for n, s in zip(names, SCALES, strict=True))

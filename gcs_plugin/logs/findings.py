@@ -119,8 +119,3 @@ def names_wrong(findings: Iterable[Finding]) -> list[str]:
     """Why the names of the rotors cannot be trusted, a sentence each; none where they can."""
     wrong = (one for one in findings if one.spoils is Spoils.ROTOR_NAMES)
     return [f"rotor names {NAMES_WRONG}{one.words}" for one in wrong]
-
-
-def names_known(findings: Iterable[Finding]) -> bool:
-    """Whether it is known which rotor of a log is which."""
-    return all(one.spoils is not Spoils.ROTOR_NAMES for one in findings)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from thrustmargin.gcs_plugin.logs.findings import Finding, names_known
+from thrustmargin.gcs_plugin.logs.findings import Finding, names_wrong
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
@@ -31,7 +31,7 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
     found = inspect_log(log, analysis.model.airframe, analysis.claim).findings
     return LogAnswer(
         findings=found,
-        made=advise(analysis, limit=limit, names_known=names_known(found)),
+        made=advise(analysis, limit=limit, names_known=not names_wrong(found)),
         contact=first_contact_of(log, analysis.claim),
     )
 

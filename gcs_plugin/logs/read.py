@@ -12,10 +12,8 @@ from pkgutil import walk_packages
 from typing import Any
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
-from thrustmargin.gcs_plugin.telemetry.resample import Sampling
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import AirframeError, LogError
-from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.whole_file import regular
 
 _LOOK = 1 << 20  # bytes in which the format shows
@@ -43,50 +41,17 @@ class LogFormat:
     read: Callable[[Path, int | None, Options], tuple[FlightLog, ...]]
 
 
-def read_log(
-    path: str | Path,
-    *,
-    vehicle: int | None = None,
-    airframe: Airframe | None = None,
-    sampling: Sampling = "linear",
-    tank: str = "auto",
-    tank_start_kg: float | None = None,
-    load: float | None = None,
-    load_end: float | None = None,
-    air_temperature: float | None = None,
-    any_vehicle: bool = False,
-) -> FlightLog:
+def read_log(path: str | Path, **options: Any) -> FlightLog:
     """Read one vehicle's flight from a .tlog, DataFlash .BIN or .log, PX4 .ulg or .csv file.
 
     Of a log with several sorties it is the one that was longest in the air; its `sorties` says how
-    many there are, and `read_sorties` gives all.
-
-    `vehicle` is the system id (default: the one that reports rotor speeds, and of several the one
-    that has the rotors of `airframe`); `airframe` gives
-    the number of rotors, the tank and the liquid; `sampling` puts other channels onto the rows by
-    interpolation ("linear") or as a live listener would ("hold"); `tank` names the source of the
-    tank level as `telemetry.tank_source` lists them; `tank_start_kg` is what a tank without a
-    gauge held at the start of the log. `load` and `load_end`, kg on board at the start and at the
-    end, take the place of any gauge, `air_temperature` in K that of the autopilot's own reading
-    (see `telemetry.statements`). `any_vehicle` reads one that is no multirotor, too. Raises
-    LogError when the file holds no flight or is of another vehicle, AirframeError when the
-    airframe has another number of rotors.
+    many there are. `options` and what is raised as of `read_sorties`, which gives all.
 
         >>> log = read_log("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> log.track.rotor_speed_rpm.shape
         (2210, 4)
     """
-    options = Options(
-        airframe=airframe,
-        sampling=sampling,
-        tank=tank,
-        tank_start_kg=tank_start_kg,
-        load=load,
-        load_end=load_end,
-        air_temperature=air_temperature,
-    )
-    logs = _sorties(Path(path), vehicle, options, any_vehicle=any_vehicle)
-    return max(logs, key=lambda log: log.track.flying_s)
+    return max(read_sorties(path, **options), key=lambda log: log.track.flying_s)
 
 
 def read_sorties(
@@ -97,34 +62,33 @@ def read_sorties(
     sought: bool = True,
     **options: Any,
 ) -> tuple[FlightLog, ...]:
-    """Every sortie of one vehicle in a log, in order, numbered; `options` as of `read_log`.
+    """Every sortie of one vehicle in a log, in order, numbered.
 
-    Of several vehicles the one with the airframe's rotors is `sought`. A sortie ends with a restart
-    of the vehicle, or on the ground: disarmed, for long, or with a fuller tank or battery
-    afterwards. Where nothing flew, it is the longest stretch. Raises as `read_log`.
+    A sortie ends with a restart of the vehicle, or on the ground: disarmed, for long, or with a
+    fuller tank or battery afterwards. Where nothing flew, it is the longest stretch.
+
+    `vehicle` is the system id (default: the one that reports rotor speeds, and of several the one
+    that has the rotors of the airframe, unless that is not `sought`). `any_vehicle` reads one that
+    is no multirotor, too. The other `options` are those of `telemetry.statements.Options`:
+    `airframe` gives the number of rotors, the tank and the liquid; `sampling` puts other channels
+    onto the rows by interpolation ("linear") or as a live listener would ("hold"); `tank` names the
+    source of the tank level as `telemetry.tank_source` lists them; `tank_start_kg` is what a tank
+    without a gauge held at the start of the log. `load` and `load_end`, kg on board at the start
+    and at the end, take the place of any gauge, `air_temperature` in K that of the autopilot's own
+    reading. Raises LogError when the file holds no flight or is of another vehicle, AirframeError
+    when the airframe has another number of rotors.
 
         >>> len(read_sorties("sitl_logs/campaign/v4_m16_q2.5.tlog"))
         1
     """
-    made = Options(**options)
-    return _sorties(Path(path), vehicle, made, any_vehicle=any_vehicle, sought=sought)
-
-
-def _sorties(
-    path: Path,
-    vehicle: int | None,
-    options: Options,
-    *,
-    any_vehicle: bool,
-    sought: bool = True,
-) -> tuple[FlightLog, ...]:
+    path, made = Path(path), Options(**options)
     try:
         try:
-            kind, logs = _read_as(path, vehicle, options)
+            kind, logs = _read_as(path, vehicle, made)
         except AirframeError:
             if vehicle is not None or not sought:
                 raise
-            kind, logs = _read_as(path, _that_fits(path, options), options)
+            kind, logs = _read_as(path, _that_fits(path, made), made)
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file; check the name") from error
     except OSError as error:

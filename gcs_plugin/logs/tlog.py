@@ -75,14 +75,16 @@ def tlog_boots(
     notes: list[str] = []
     vehicles = vehicle_systems(frames)
     chosen = _choose(path, frames, vehicles, vehicle)
-    again = copies(frames) & (frames.systems() == chosen)
+    again = copies(frames) & (frames.system == chosen)
     came_twice = int(np.count_nonzero(again))
     if came_twice:
         frames = frames.among(~again)
         notes.append(copies_words(came_twice))
-    system, component = frames.systems(), frames.components()
+    system, component = frames.system, frames.component
     mine = system == chosen
-    autopilots = _autopilots(frames, mine, component)
+    rows, beats = named(frames, "HEARTBEAT", mine)
+    # More than one are two aircraft with one system id, or a spare.
+    autopilots = np.unique(component[rows[of_vehicles(beats)]]).tolist()
     pilot = _main_component(frames, mine, component, autopilots)
     if others := [number for number in autopilots if number != pilot]:
         mine &= ~np.isin(component, others)
@@ -110,7 +112,7 @@ def _boot(
     path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock, came_twice: int
 ) -> Recording:
     """The messages of one vehicle, whose frames are `mine` (n,), in one stretch of its clock."""
-    component, chosen = frames.components(), int(frames.systems()[np.argmax(mine)])
+    component, chosen = frames.component, int(frames.system[np.argmax(mine)])
     inside = mine.copy()
     inside[: clock.first_row] = False
     inside[clock.last_row + 1 :] = False
@@ -127,11 +129,9 @@ def _boot(
     kind = int(heart.columns["type"][-1]) if heart else None
     maker = int(heart.columns["autopilot"][-1]) if heart else -1
 
-    def time_before(byte: int) -> float:
-        row = int(np.searchsorted(frames.start, byte)) - 1
-        return float(clock.estimate_s[row]) if row >= 0 else float("nan")
-
     parameters, whole = _parameters(frames, mine, clock.last_row)
+    said = streams.get("SYSTEM_TIME")
+    by_gps = None if said is None else unix_minus_clock(said.columns)
     return Recording(
         path=path,
         format="tlog",
@@ -140,15 +140,15 @@ def _boot(
         parameters_whole=whole,
         waypoints=_waypoints(frames, chosen, clock.last_row),
         messages=_texts(streams),
-        unix_minus_clock=_unix_offset(streams, clock),
+        unix_minus_clock=clock.stamp_minus_clock if by_gps is None else by_gps,
         quality=LogQuality(
             bytes=frames.data.size - PADDING,
             frames=int(frames.start.size),
             bad_checksum=frames.bad_checksum,
             unknown_ids=frames.unknown_ids,
             copies=came_twice,
-            frames_missing=_missing(component[inside], frames.sequences()[inside]),
-            **damage_of(frames.skipped, time_before),
+            frames_missing=_missing(component[inside], frames.sequence[inside]),
+            **damage_of(frames.skipped, frames.start, clock.estimate_s),
             clock_jumps=clock.jumps,
             gaps=pauses(clock.estimate_s[inside]),
         ),
@@ -173,7 +173,7 @@ def vehicle_systems(frames: Frames) -> list[int]:
 
     Where there is none at all in the log: those that send flight data and are no ground station.
     """
-    system = frames.systems()
+    system = frames.system
     rows, beats = named(frames, "HEARTBEAT")
     flown = np.unique(system[rows[of_vehicles(beats)]])
     if not flown.size:
@@ -190,19 +190,12 @@ def _choose(path: Path, frames: Frames, vehicles: list[int], wanted: int | None)
             there = ", ".join(map(str, vehicles))
             raise LogError(f"{path.name}: no vehicle {wanted}; it holds vehicle {there}")
         return wanted
-    system = frames.systems()
+    system = frames.system
     escs = [message_ids()[r.message] for r in MAVLINK_RULES if r.channel == "esc_rpm"]
     sends_rpm = np.isin(frames.id, escs)
     counts = np.bincount(system, minlength=256)
     rpms = np.bincount(system[sends_rpm], minlength=256)
     return max(vehicles, key=lambda s: (rpms[s] > 0, counts[s]))
-
-
-def _autopilots(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -> list[int]:
-    """Components of one vehicle with a heartbeat of an autopilot; more than one are two aircraft
-    with one system id, or a spare."""
-    rows, beats = named(frames, "HEARTBEAT", mine)
-    return np.unique(component[rows[of_vehicles(beats)]]).tolist()
 
 
 def _main_component(
@@ -240,7 +233,7 @@ def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ..
 
     Items whose count was not heard change those that were known.
     """
-    system = frames.systems()
+    system = frames.system
     events: list[tuple[int, str, np.void]] = []
     for name in _MISSION:
         rows, fields = named(frames, name, np.arange(frames.id.size) <= last_row)
@@ -277,13 +270,6 @@ def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
             lines.append((time, piece(raw)))
         open_id = number
     return tuple((time, text.strip()) for time, text in lines)
-
-
-def _unix_offset(streams: dict[str, Stream], clock: Clock) -> float | None:
-    """Seconds from the vehicle's clock to Unix time: its own (GPS) time, else the log's stamps."""
-    stream = streams.get("SYSTEM_TIME")
-    known = None if stream is None else unix_minus_clock(stream.columns)
-    return clock.stamp_minus_clock if known is None else known
 
 
 def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:

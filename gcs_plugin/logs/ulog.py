@@ -79,7 +79,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         quality=LogQuality(
             bytes=path.stat().st_size,
             frames=int(sum(t.size for t in times)),
-            **damage_of(whole.skipped, lambda _: float("nan")),
+            **damage_of(whole.skipped, np.empty(0, np.int64), np.empty(0)),
             gaps=pauses(seconds),
         ),
         vehicle=own,

@@ -71,6 +71,8 @@ def _status_armed(topic: Columns) -> Floats:
 _PLACE = ("lat", "lon", "alt")
 _ANGLES = ("roll_body", "pitch_body")
 _ARMED = 2  # arming_state
+_AIR, _WARM = "vehicle_air_data", Meaning.BOARD_TEMPERATURE
+_DISTANCE = ("dist_bottom", "dist_bottom_valid")
 _REF = ("ref_lat", "ref_lon", "ref_alt")
 _WIND = ("windspeed_north", "windspeed_east")
 _POSITION, _BATTERY, _FUEL = "vehicle_local_position", "battery_status", "fuel_tank_status"
@@ -91,13 +93,7 @@ RULES: tuple[Rule, ...] = (
     Rule("home_position", _PLACE, "home", convert=_home),
     Rule("vehicle_global_position", ("alt",), "altitude", "m"),
     Rule(_POSITION, ("ref_alt", "z", "z_global"), "altitude", convert=_altitude),
-    Rule(
-        _POSITION,
-        ("dist_bottom", "dist_bottom_valid"),
-        "height_agl",
-        convert=_ground_distance,
-        note="above ground",
-    ),
+    Rule(_POSITION, _DISTANCE, "height_agl", convert=_ground_distance, note="above ground"),
     Rule(_POSITION, ("z",), "height_agl", convert=_height, note=_ABOVE_ORIGIN),
     Rule("vehicle_land_detected", ("landed",), "landed", convert=_landed),
     Rule("actuator_armed", ("armed",), "armed"),
@@ -106,16 +102,9 @@ RULES: tuple[Rule, ...] = (
     Rule("airspeed", ("true_airspeed_m_s",), "airspeed", "m/s"),
     Rule("wind", _WIND, "wind_ned", convert=_level_wind, note="level"),
     Rule("wind_estimate", _WIND, "wind_ned", convert=_level_wind, note="level"),
-    Rule("vehicle_air_data", ("baro_pressure_pa",), "pressure", "Pa"),
-    Rule("vehicle_air_data", ("ambient_temperature",), "temperature", "degC", unknown=(0,)),
-    Rule(
-        "vehicle_air_data",
-        ("baro_temp_celcius",),
-        "temperature",
-        "degC",
-        meaning=Meaning.BOARD_TEMPERATURE,
-        unknown=(0,),
-    ),
+    Rule(_AIR, ("baro_pressure_pa",), "pressure", "Pa"),
+    Rule(_AIR, ("ambient_temperature",), "temperature", "degC", unknown=(0,)),
+    Rule(_AIR, ("baro_temp_celcius",), "temperature", "degC", meaning=_WARM, unknown=(0,)),
     Rule(_BATTERY, ("voltage_v",), "battery_voltage", "V", unknown=(0.0,)),
     Rule(_BATTERY, ("current_a",), "battery_current", "A", unknown=(-1.0,)),
     Rule(_BATTERY, ("remaining",), "battery_percent", "share", unknown=(-1.0,)),

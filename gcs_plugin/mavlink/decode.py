@@ -120,7 +120,9 @@ ESC_TELEMETRY_FIRST: Mapping[str, int] = MappingProxyType(
 _PLACE = ("degE7", "degE7", "mm")
 _RATES, _FORCE = ("rollspeed", "pitchspeed", "yawspeed"), ("xacc", "yacc", "zacc")
 _T, _WARM = ("temperature",), Meaning.BOARD_TEMPERATURE
-_AS_SENT = "in mG, as ArduPilot sends them"
+_AS_SENT, _OWN_ORIGIN = "in mG, as ArduPilot sends them", "from the autopilot's own origin"
+_DISTANCE, _DOWN = ("current_distance",), "rangefinder, looking down"
+_TURNED = "direction it comes from, turned round"
 _QUATERNION = ("q1", "q2", "q3", "q4")
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 
@@ -167,35 +169,17 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("GLOBAL_POSITION_INT", ("lat", "lon", "alt"), "geodetic", _PLACE),
     Rule("HOME_POSITION", ("latitude", "longitude", "altitude"), "home", _PLACE),
     Rule("GPS_GLOBAL_ORIGIN", ("latitude", "longitude", "altitude"), "ekf_origin", _PLACE),
-    Rule(
-        "LOCAL_POSITION_NED",
-        ("x", "y", "z"),
-        "position_ned",
-        "m",
-        note="from the autopilot's own origin",
-    ),
+    Rule("LOCAL_POSITION_NED", ("x", "y", "z"), "position_ned", "m", note=_OWN_ORIGIN),
     Rule("LOCAL_POSITION_NED", ("vx", "vy", "vz"), "velocity_ned", "m/s"),
     Rule("GLOBAL_POSITION_INT", ("vx", "vy", "vz"), "velocity_ned", "cm/s"),
     Rule("GLOBAL_POSITION_INT", ("alt",), "altitude", "mm"),
     Rule("VFR_HUD", ("alt",), "altitude", "m"),
-    Rule(
-        "DISTANCE_SENSOR",
-        ("current_distance",),
-        "height_agl",
-        convert=_downward_distance,
-        note="rangefinder, looking down",
-    ),
+    Rule("DISTANCE_SENSOR", _DISTANCE, "height_agl", convert=_downward_distance, note=_DOWN),
     Rule("RANGEFINDER", ("distance",), "height_agl", "m", unknown=(0.0,)),
     Rule("GLOBAL_POSITION_INT", ("relative_alt",), "height_agl", "mm", meaning=Meaning.ABOVE_HOME),
     Rule("VFR_HUD", ("airspeed",), "airspeed", "m/s"),
     Rule("WIND_COV", ("wind_x", "wind_y", "wind_z"), "wind_ned", "m/s", note="NED vector"),
-    Rule(
-        "WIND",
-        ("direction", "speed"),
-        "wind_ned",
-        convert=_wind_from_direction,
-        note="direction it comes from, turned round",
-    ),
+    Rule("WIND", ("direction", "speed"), "wind_ned", convert=_wind_from_direction, note=_TURNED),
     Rule("BATTERY_STATUS", ("voltages",), "battery_voltage", index="id", convert=_battery_voltage),
     *_by_id(
         "BATTERY_STATUS",

@@ -246,29 +246,12 @@ class Walk:
 
 def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
     """The frame that these bytes are; None when they are not one whole frame."""
-    if data[:1] == _MAGIC_V2 and data[2:3] == _UNSIGNED and len(data) == data[1] + _AROUND:
-        # As almost every datagram: a known message of MAVLink 2, seen without a search.
-        number = data[7] | data[8] << 8 | data[9] << 16
-        most, extra = _known_ids().get(number, _NO_ID)
-        if data[1] <= most and crc16.mcrf4xx(data[1:-2] + extra) == data[-2] | data[-1] << 8:
-            return Frame(data, number, data[5], data[6], data[4], True, stamp_us, link)
     verdict, head = examine(data + bytes(HEADER_PADDING), 0, len(data), closed=True)
     if verdict not in (FrameKind.GOOD, FrameKind.UNVERIFIED) or head is None:
         return None
     if head.length != len(data):
         return None
     return made(data, verdict, head, stamp_us, link)
-
-
-_MAGIC_V2, _UNSIGNED, _NO_ID = bytes((V2,)), b"\0", (-1, b"")
-_AROUND = 12  # bytes of an unsigned MAVLink 2 frame beside its payload
-
-
-@cache
-def _known_ids() -> dict[int, tuple[int, bytes]]:
-    """Message id -> largest payload and the byte that its checksum ends with."""
-    known = (layout for layout in layouts().values() if layout.id < ID_LIMIT)
-    return {layout.id: (layout.dtype.itemsize, bytes((layout.crc_extra,))) for layout in known}
 
 
 def made(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, link: int) -> Frame:

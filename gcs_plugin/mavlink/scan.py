@@ -51,7 +51,9 @@ class Frames:
     start: Index  # (n,) offset of the magic byte
     id: NDArray[np.uint16]  # (n,)
     length: NDArray[np.uint16]  # (n,) bytes of the whole frame
-    sender: Bytes  # (n, 3) sequence number, system, component
+    sequence: Bytes  # (n,) numbers; and the ids of who sends
+    system: Bytes
+    component: Bytes
     skipped: tuple[tuple[int, int], ...]  # (offset, length) of stretches with no frame kept
     bad_checksum: int
     unverified: tuple[tuple[int, int], ...]  # (offset of the magic byte, unknown id)
@@ -63,7 +65,7 @@ class Frames:
 
     def among(self, kept: Bools) -> Frames:
         """Those of the frames that are `kept` (n,)."""
-        names = ("start", "id", "length", "sender")
+        names = ("start", "id", "length", "sequence", "system", "component")
         return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
     def unstamped(self) -> bool:
@@ -72,18 +74,6 @@ class Frames:
             return False
         room = np.diff(self.start) - self.length[:-1]
         return bool(np.mean(room < STAMP) > 0.5)
-
-    def systems(self) -> Bytes:
-        """(n,) system id of each frame."""
-        return self.sender[:, 1]
-
-    def components(self) -> Bytes:
-        """(n,) component id of each frame."""
-        return self.sender[:, 2]
-
-    def sequences(self) -> Bytes:
-        """(n,) sequence number of each frame."""
-        return self.sender[:, 0]
 
     def stamps_s(self) -> NDArray[np.float64]:
         """(n,) Unix seconds written before each frame."""
@@ -144,7 +134,7 @@ def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
     end = start + header(data, start, layout_table().size).length
     boot_ms, system = np.full(start.size, np.nan), np.zeros(start.size, dtype=np.uint8)
     place = np.searchsorted(start, frames.start)
-    system[place] = frames.systems()
+    system[place] = frames.system
     for number in BOOT_CLOCKS:
         rows, fields = named(frames, layouts()[number].name)
         boot_ms[place[rows]] = fields["time_boot_ms"]
@@ -171,7 +161,9 @@ def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
     sender = gather(data, start + np.where(data[start] == V2, 4, 2), 3)
     gaps = gaps_between(start, end, size, stamp)
     skipped, bad, unverified = _explain_gaps(data, gaps, size, stamp) if gaps else ([], 0, [])
-    return Frames(data, start, ids, length, sender, tuple(skipped), bad, tuple(unverified))
+    who = sender.T  # sequence number, system, component
+    lost = tuple(skipped), bad, tuple(unverified)
+    return Frames(data, start, ids, length, who[0], who[1], who[2], *lost)
 
 
 def _good_in_chunk(

@@ -29,12 +29,6 @@ class FrameCounts:
     bad_checksum: int = 0  # whole frames whose checksum is wrong
     bytes_skipped: int = 0  # bytes that belong to no frame kept
 
-    def add(self, frame: Frame) -> None:
-        """Count a frame that came alone."""
-        self.bytes += len(frame.data)
-        self.frames += 1
-        self.unknown += not frame.verified
-
 
 class FrameSplitter:
     """Cuts the bytes of one sender into frames; keeps an unfinished frame for the next call.
@@ -64,7 +58,10 @@ class FrameSplitter:
         """
         if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
             # As almost every datagram: nothing to search, and nothing left over.
-            self.counts.add(frame)
+            counts = self.counts
+            counts.bytes += len(data)
+            counts.frames += 1
+            counts.unknown += not frame.verified
             self.passed, self._expected, self._cleared = data, 0, 0
             return [frame]
         if self._rest and data and data[0] in (V1, V2):

@@ -44,9 +44,9 @@ def copies(frames: Frames) -> Bools:
     So numbers are counted on, by the shorter way round from each frame to the next: a copy that
     comes up to 127 frames late has the number of the first again.
     """
-    sender = frames.systems().astype(np.int64) << 8 | frames.components()
+    sender = frames.system.astype(np.int64) << 8 | frames.component
     order = np.argsort(sender, kind="stable")
-    step = np.diff(frames.sequences()[order].astype(np.int64), prepend=0)
+    step = np.diff(frames.sequence[order].astype(np.int64), prepend=0)
     numbered = (sender[order] << 40) + np.cumsum((step + 128) % 256 - 128)
     # By sender and number, and in the order of the file where both are the same.
     by_number = np.argsort(numbered, kind="stable")

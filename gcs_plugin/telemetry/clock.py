@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +53,8 @@ class Clock:
     last_row: int
     estimate_s: Floats  # (n,) s since boot of all frames, by the ground's stamps
     stamp_minus_clock: float | None  # typical, or a listener's first; None without an own clock
-    jumps: tuple[tuple[float, float], ...]  # every restart in the file
-    notes: tuple[str, ...]
+    jumps: tuple[tuple[float, float], ...] = ()  # every restart in the file
+    notes: tuple[str, ...] = ()
     on_arrival: bool = False  # every message has the time at which a listener got it
 
     def of(self, fields: NDArray[np.void], rows: Index) -> Floats:
@@ -64,7 +63,7 @@ class Clock:
         own = own_clock(fields)
         if own is None or self.stamp_minus_clock is None or self.on_arrival:
             return estimate
-        if own_clock_wraps(fields):
+        if "time_usec" in (fields.dtype.names or ()) and fields["time_usec"].itemsize == 4:
             own = own + np.round((estimate - own) / _US_WRAP) * _US_WRAP
         return np.where(np.abs(own - estimate) <= TRUST, own, estimate)
 
@@ -101,12 +100,6 @@ def gps_times(system_time: Columns) -> Bools:
     return system_time["time_unix_usec"] > 1e15
 
 
-def own_clock_wraps(fields: NDArray[np.void]) -> bool:
-    """True for the messages that count µs in 32 bits."""
-    names = fields.dtype.names or ()
-    return "time_usec" in names and fields.dtype["time_usec"].itemsize == 4
-
-
 def vehicle_clocks(
     name: str, frames: Frames, pilot: Bools, stamps_s: Floats, *, listened: Bools | None = None
 ) -> Iterator[Clock]:
@@ -127,7 +120,7 @@ def vehicle_clocks(
     if rows.size == 0:
         note = "no message carries the vehicle's clock: times are the ground computer's"
         first = int(np.argmax(pilot))
-        yield Clock(0, last, stamps_s - stamps_s[first], None, (), (note,))
+        yield Clock(0, last, stamps_s - stamps_s[first], None, notes=(note,))
         return
     own = own[rows]
     found = stretches(own, name)
@@ -173,9 +166,7 @@ def _clock_of(
         int(inside[-1]) if behind < stamps_s.size else last,
         estimate,
         float(stamps_s[rows[0]] - own[0]) if listened is not None else float(np.median(offset)),
-        (),
-        (),
-        listened is not None,
+        on_arrival=listened is not None,
     )
 
 
@@ -219,8 +210,13 @@ class ArrivalClock:
         """The vehicle's clock at a time of the ground's clock, s; NaN before any is known."""
         if not self.known:
             return float("nan")
-        known = np.array([_Known.of(self)]).T
+        known = np.array([self.goes_by]).T
         return float(_held_back(known, np.array([1000 * stamp_us]))[0]) * 1e-9
+
+    @property
+    def goes_by(self) -> tuple[int, int, int]:
+        """What a stamp goes by: `newest`, `stamp` and the median offset."""
+        return self.newest, self.stamp, sorted(self.offsets)[len(self.offsets) // 2]
 
     def after(self, own: int, stamp: int) -> tuple[ArrivalClock, str]:
         """The clock after one clocked message, and what to report."""
@@ -243,18 +239,6 @@ class ArrivalClock:
         offsets = (*self.offsets, stamp - own)[-WINDOW:]
         newest = max(own, self.newest)
         return ArrivalClock(offsets, newest, stamp, self.last, self.boot, None, self.late), note
-
-
-class _Known(NamedTuple):
-    """What a stamp goes by, ns."""
-
-    newest: int
-    stamp: int
-    offset: int  # the median
-
-    @classmethod
-    def of(cls, clock: ArrivalClock) -> Self:
-        return cls(clock.newest, clock.stamp, sorted(clock.offsets)[len(clock.offsets) // 2])
 
 
 def _held_back(known: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -282,12 +266,6 @@ def arrival_times(
     it. Raises ValueError when no clock is known and none comes.
     """
     stamps = 1000 * stamps_us.astype(np.int64)
-    steady = _steady(clock, stamps, own_s)
-    if steady is not None:
-        held, after = steady
-        times = _rising(held, clock.last)
-        boots = np.full(stamps.size, clock.boot, dtype=np.int64)
-        return _seconds(times), boots, replace(after, last=int(times[-1])), ()
     clocked = np.flatnonzero(np.isfinite(own_s)).tolist()
     if not clock.known and not clocked:
         raise ValueError("no message carries the vehicle's clock")
@@ -301,7 +279,7 @@ def arrival_times(
     if not clock.known:
         states[0] = replace(states[1], last=_LONG_AGO)
     boots = np.array([state.boot for state in states], dtype=np.int64)[which]
-    known = np.array([_Known.of(state) for state in states], dtype=np.int64)
+    known = np.array([state.goes_by for state in states], dtype=np.int64)
     held = _held_back(known[which].T, stamps)
     held[:early] = stamps[:early] - states[0].offsets[0]
     for boot in np.unique(boots).tolist():
@@ -310,38 +288,13 @@ def arrival_times(
     # While a clock that went back may be a restart, nothing is sure of either start.
     boots[np.array([state.earlier is not None for state in states])[which]] = -1
     after = replace(states[-1], last=int(held[-1])) if held.size else states[-1]
-    return _seconds(held), boots, after, tuple(notes)
-
-
-def _seconds(nanoseconds: NDArray[np.int64]) -> Floats:
-    return nanoseconds.astype(np.float64) * 1e-9
+    return held.astype(np.float64) * 1e-9, boots, after, tuple(notes)
 
 
 def _rising(held: NDArray[np.int64], last: int) -> NDArray[np.int64]:
     """Times (n,) at least a nanosecond after the one before: the order of the messages is kept."""
     count = np.arange(1, held.size + 1)
     return np.maximum.accumulate(np.concatenate([[last], held - count]))[1:] + count
-
-
-def _steady(
-    clock: ArrivalClock, stamps: NDArray[np.int64], own_s: Floats
-) -> tuple[NDArray[np.int64], ArrivalClock] | None:
-    """Stamps (n,) held back, and the clock after them, of messages of a clock that runs on as it
-    should; None where any is the first, late, ahead, or of a restart: then each is looked at."""
-    if len(clock.offsets) < WINDOW or clock.earlier is not None or not stamps.size:
-        return None
-    clocked = np.isfinite(own_s)
-    own, came = np.round(1e9 * own_s[clocked]).astype(np.int64), stamps[clocked]
-    newest = np.maximum.accumulate(np.concatenate([[clock.newest], own]))
-    stamp, ahead = np.concatenate([[clock.stamp], came]), own - newest[:-1]
-    if (ahead < -1e9 * BACKWARD).any() or (ahead - np.diff(stamp) > 1e9 * JUMP).any():
-        return None
-    offsets = np.concatenate([clock.offsets, came - own])
-    windows = offsets[np.arange(newest.size)[:, None] + np.arange(WINDOW)]
-    known = np.stack([newest, stamp, np.sort(windows, axis=1)[:, WINDOW // 2]])
-    last = tuple(offsets[-WINDOW:].tolist())
-    after = replace(clock, offsets=last, newest=int(newest[-1]), stamp=int(stamp[-1]))
-    return _held_back(known[:, np.cumsum(clocked)], stamps), after
 
 
 def _steps(offset: Floats) -> Index:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
+from thrustmargin.gcs_plugin.telemetry.motors import motor_map
 from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets, stated_battery
 from thrustmargin.gcs_plugin.telemetry.recording import (
     ChannelReport,
@@ -50,21 +49,13 @@ _REPORTED_AS = {
 _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
 
 
-class Table(NamedTuple):
-    """A flight as rows, and what a log of it is made of."""
-
-    track: FlightTrack
-    rows: FlightRows
-    motors: MotorMap
-
-
 def assemble(recording: Recording, signals: Signals, options: Options) -> FlightLog:
     """The flight of one vehicle as a log. Raises what `tabulate` does."""
-    return log_of_table(tabulate(recording, signals, options), recording, signals)
+    return log_of_rows(tabulate(recording, signals, options), recording, signals)
 
 
-def tabulate(recording: Recording, signals: Signals, options: Options) -> Table:
-    """The flight of one vehicle as a table; without rotors where it is no multirotor.
+def tabulate(recording: Recording, signals: Signals, options: Options) -> FlightRows:
+    """The rows of one vehicle's flight; without rotors where it is no multirotor.
 
     Raises LogError when nothing in it makes a flight, AirframeError when the airframe given has
     another number of rotors.
@@ -85,29 +76,29 @@ def tabulate(recording: Recording, signals: Signals, options: Options) -> Table:
         motor_order=recording.motor_order,
         esc_order=recording.esc_order,
     )
-    rows = flight_rows(signals, motors, recording.parameters, options)
+    rows = flight_rows(
+        signals,
+        motors,
+        recording.parameters,
+        options,
+        name=name,
+        unix_minus_clock=recording.unix_minus_clock,
+        notes=(*recording.notes, *motors.notes),
+    )
     if rows is None:
         raise LogError(
             f"{name}: {recording.quality.frames} messages, but none with rotor speed, attitude, "
             "position or tank level and a time; there is no flight to show"
         )
-    if rows.clock_s[-1] - rows.clock_s[0] > _LONGEST:
-        days = (rows.clock_s[-1] - rows.clock_s[0]) / 86_400
+    if rows.track.duration > _LONGEST:
+        days = rows.track.duration / 86_400
         raise LogError(f"{name}: its times span {days:.0f} days; the log is too damaged")
-    start_s, unix = float(rows.clock_s[0]), recording.unix_minus_clock
-    track = rows.track(
-        name,
-        start_s,
-        motors.rotor_count,
-        start_unix_s=None if unix is None else float(unix + start_s),
-        notes=(*recording.notes, *motors.notes, *rows.notes),
-    )
-    return Table(track, rows, motors)
+    return rows
 
 
-def log_of_table(table: Table, recording: Recording, signals: Signals) -> FlightLog:
-    """What is known of a flight besides its table."""
-    track, rows, motors = table
+def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> FlightLog:
+    """The log with the flight's rows, and what is known besides."""
+    track, motors = rows.track, rows.motors
     start_s = float(rows.clock_s[0])
     # What is reported and not in the table, then what a reader met and could not use.
     unused = {
@@ -203,7 +194,7 @@ def _unused_because(name: str, silent: Iterable[Signal], rows: FlightRows) -> st
     """Why a channel that is reported has no number in the table."""
     if not any(np.isfinite(signal.values).any() for signal in silent):
         return "never with a value"
-    if TRACK_CHANNELS[name].per_rotor and name not in rows.sources:
+    if TRACK_CHANNELS[name].per_rotor and name not in rows.track.sources:
         return "of no known motor"
     return "no value that can be believed or is in time"
 

@@ -60,9 +60,9 @@ def airborne(
     on = _motors_on(signals, clock_s)
     if not on.any():
         return _grounded(clock_s, FlyingBy.DISARMED)
-    height = channels.get("height_agl")
-    output = _known_mean(channels["throttle"]) if "throttle" in channels else np.empty(0)
-    driven = np.isfinite(output) & on if output.size else np.zeros(clock_s.size, dtype=np.bool_)
+    height, speeds = channels.get("height_agl"), channels["rotor_speed_rpm"]
+    output = _known_mean(channels["throttle"])
+    driven = np.isfinite(output) & on
     if driven.any():
         above_idle = driven & (output > IDLE_OUTPUT)
         if not above_idle.any():
@@ -82,20 +82,18 @@ def airborne(
             return Airborne(flying, FlyingBy.LANDED_STATE, landed.source.words)
         words = f"{landed.source.words}, and {CLEAR:g} m clear of it"
         return Airborne(_clear_of_ground(flying, height), FlyingBy.LANDED_STATE, words)
-    measured = "rotor_speed_rpm" in channels and np.isfinite(channels["rotor_speed_rpm"]).any()
+    measured = bool(np.isfinite(speeds).any())
     if not measured and np.count_nonzero(driven) >= FEWEST_ROWS:
         # Nothing hovers at one output: even in still air every motor is always corrected.
         spread = np.ptp(channels["throttle"][driven], axis=0)
         if np.all(spread[np.isfinite(spread)] == 0):
             return _grounded(clock_s, FlyingBy.CONSTANT_OUTPUTS)
-    speeds = channels.get("rotor_speed_rpm")
-    thrust = _known_mean(np.square(speeds)) if speeds is not None else np.empty(0)
-    by = FlyingBy.ROTOR_SPEEDS
-    if not np.isfinite(thrust).any():
-        thrust, by = output, FlyingBy.MOTOR_OUTPUTS
-    elif not driven.any() and _too_slow(thrust[on], speeds, height, airframe):
-        return _grounded(clock_s, FlyingBy.SLOW_ROTORS)
-    lifting = thrust[on] if thrust.size else thrust
+    thrust, by = output, FlyingBy.MOTOR_OUTPUTS
+    if measured:
+        thrust, by = _known_mean(np.square(speeds)), FlyingBy.ROTOR_SPEEDS
+        if not driven.any() and _too_slow(thrust[on], speeds.shape[1], height, airframe):
+            return _grounded(clock_s, FlyingBy.SLOW_ROTORS)
+    lifting = thrust[on]
     if not on[0] and height is not None and _stayed_down(height, on):
         return _grounded(clock_s, FlyingBy.NEVER_ROSE)
     if np.any(lifting > 0):
@@ -145,12 +143,12 @@ def _stayed_down(height: Floats, on: Bools) -> bool:
 
 
 def _too_slow(
-    squares: Floats, speeds: Floats | None, height: Floats | None, airframe: Airframe | None
+    squares: Floats, rotors: int, height: Floats | None, airframe: Airframe | None
 ) -> bool:
     """Whether rotors (their mean squared speeds, rpm²) carry too little, and nothing rose."""
-    if airframe is None or speeds is None or not np.isfinite(squares).any():
+    if airframe is None or not np.isfinite(squares).any():
         return False
-    most = airframe.thrust_coefficient * speeds.shape[1] * float(np.nanmax(squares))
+    most = airframe.thrust_coefficient * rotors * float(np.nanmax(squares))
     rose = height is not None and np.isfinite(height).any() and float(np.nanmax(height)) > RISEN
     return most < IDLE_SHARE * airframe.empty_mass * G0 and not rose
 
@@ -184,12 +182,11 @@ def airborne_so_far(
     speeds = channels["rotor_speed_rpm"]
     # Zero says nothing: most ESCs report it while they have not measured.
     carried = (np.abs(speeds) > 0.0).any(axis=1) & (airframe is not None)
-    least = IDLE_SHARE * airframe.empty_mass * G0 if airframe is not None else 0.0
-    coefficient = airframe.thrust_coefficient if airframe is not None else 0.0
-    lifted = coefficient * np.nansum(np.square(speeds), axis=1) > least
     heights = channels.get("height_agl", np.full(clock_s.size, NAN))
     flying = np.where(np.isfinite(motors_on), motors_on > 0, heights > RISEN)
-    flying = np.where(carried, lifted, flying)
+    if airframe is not None:
+        thrust = airframe.thrust_coefficient * np.nansum(np.square(speeds), axis=1)
+        flying = np.where(carried, thrust > IDLE_SHARE * airframe.empty_mass * G0, flying)
     for row in np.flatnonzero(np.isfinite(state)).tolist():
         flying[row] = int(state[row]) in (IN_AIR, TAKING_OFF, LANDING)
         if not flying[row]:
@@ -202,9 +199,8 @@ def airborne_so_far(
             flying[row] = clear
         elif contact.on_ground and not contact.clear:
             flying[row] = np.isnan(contact.height)
-    output = _known_mean(channels["throttle"]) if "throttle" in channels else np.empty(0)
-    if output.size:
-        flying &= ~(output <= IDLE_OUTPUT) | np.isfinite(state) | carried
+    idle = _known_mean(channels["throttle"]) <= IDLE_OUTPUT
+    flying &= ~idle | np.isfinite(state) | carried
     flying &= ~(motors_on == 0)
     words = "rotor speeds, else armed" if landed is None else landed.source.words
     return flying.astype(np.bool_), words, contact
@@ -263,11 +259,8 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
     sources = []
     fixes = best(signals, "geodetic")
     if fixes is not None and zero is not None:
-        latitude, longitude, altitude = fixes.values.T
-        at_zero = (latitude == 0) & (longitude == 0)
-        inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360) & ~at_zero
-        latitude = np.where(inside, latitude, np.nan)
-        places = np.column_stack([latitude, longitude, plausible("altitude", altitude)])
+        places = np.where(_on_earth(fixes.values)[:, None], fixes.values, np.nan)
+        places[:, 2] = plausible("altitude", places[:, 2])
         source = fixes.source.remarked(f"from {zero.whose}")
         if zero.source is not fixes.source:
             source = source.remarked(f"by {zero.source.name}")

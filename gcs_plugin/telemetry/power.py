@@ -10,7 +10,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling, last_before
 from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, by_index
-from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, flight_battery, pump_share
+from thrustmargin.gcs_plugin.telemetry.tank_source import flight_battery
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import NOT_REPORTED, Provenance, SourceKind
 from thrustmargin.models.vehicle_facts import StatedBattery
@@ -131,18 +131,13 @@ def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float
 
 
 def spraying_sources(
-    signals: Signals,
-    context: TankContext,
-    tank: Signal | None,
-    sampling: Sampling,
-    notes: list[str],
+    share: Signal | None, tank: Signal | None, sampling: Sampling, notes: list[str]
 ) -> tuple[Signal, ...]:
-    """1 while the pump runs, preferred first: by its servo output, by the falling tank.
+    """1 while the pump runs, preferred first: by its output `share`, by the falling tank.
 
     Adds to `notes` when the output is not known.
     """
     sources = []
-    share = pump_share(signals, context)
     if share is not None:
         on = (share.values > 0.0).astype(np.float64)
         if sampling == "hold":

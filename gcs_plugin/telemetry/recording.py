@@ -10,17 +10,18 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
-from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix, unflown_words
+from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -138,18 +139,6 @@ class Recording(LogHeader):
     parameters_whole: bool = True  # False: the vehicle has more than are in the log
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Unflown:
-    """The stretches of a log that are none of its sorties."""
-
-    seconds: tuple[float, ...] = ()  # of each in which nothing left the ground
-    reasons: tuple[str, ...] = ()  # of each that makes no table, why
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        return unflown_words(self.seconds, self.reasons)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FlightLog(LogHeader):
     """One sortie of a log, which mostly holds one alone; times are s from its track's first row."""
@@ -163,7 +152,7 @@ class FlightLog(LogHeader):
     other_units: tuple[str, ...] = ()  # of the notes, those on columns left out for their unit
     sortie: int = 1  # its number in the log, of `sorties` in all
     sorties: int = 1
-    unflown: Unflown = field(default_factory=Unflown)  # the rest of the log
+    unflown: tuple[str, ...] = ()  # what is said of the rest of the log
 
     @property
     def name(self) -> str:
@@ -211,14 +200,19 @@ def serial_digits(text: str) -> str:
 
 
 def damage_of(
-    skipped: Sequence[tuple[int, int]], time_before: Callable[[int], float]
+    skipped: Sequence[tuple[int, int]], place: NDArray[np.int64], clock_s: Floats
 ) -> dict[str, Any]:
     """What a LogQuality says of the stretches (offset, length) that were skipped, the 20 longest
-    of them one by one, in file order."""
-    worst = sorted(sorted(skipped, key=lambda place: -place[1])[:20])
+    of them one by one, in file order.
+
+    At the offsets `place` (n,) in the file the vehicle's clock was `clock_s` (n,).
+    """
+    worst = sorted(sorted(skipped, key=lambda stretch: -stretch[1])[:20])
+    before = np.searchsorted(place, [byte for byte, _ in worst])
+    times = np.append(np.nan, clock_s)[before].tolist()
     return {
         "bytes_skipped": sum(length for _, length in skipped),
-        "damage": tuple(Damage(byte, length, time_before(byte)) for byte, length in worst),
+        "damage": tuple(Damage(*lost, time_s) for lost, time_s in zip(worst, times, strict=True)),
         "damaged_places": len(skipped),
     }
 

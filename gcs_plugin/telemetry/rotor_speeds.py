@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -18,9 +17,6 @@ from thrustmargin.models.checks.speed_readings import (
     ZERO,
     LastReading,
     checked_readings,
-    last_of_sure,
-    surely_measured,
-    tip_limit,
     too_fast,
 )
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, Floats
@@ -68,9 +64,8 @@ def measured_speeds(
     if len(memory) != len(speeds):
         memory = [RotorMemory()] * len(speeds)
     known = [None if s is None else _known(s) for s in speeds]
-    together_s, sure = _surely_measured(known, airframe, heard_s, memory, look_ahead=look_ahead)
-    of_tails: dict[int, tuple[Floats, Floats]] = {}
     at_s, last_rpm = np.empty(0), np.empty((0, 0))
+    tails: dict[int, tuple[Floats, Floats]] = {}  # of rotors that report together
     signals: list[Signal | None] = []
     rejected: dict[tuple[int, int], Floats] = {}
     after: list[RotorMemory] = []
@@ -81,22 +76,13 @@ def measured_speeds(
             continue
         first = int(signal.time_s.searchsorted(heard_s, side="right"))
         time_s, rpm = signal.time_s[first:], signal.values[first:]
-        before, output = memory[rotor], outputs[rotor]
-        since = (time_s[-1] if time_s.size else heard_s) - _TAIL
-        if sure[rotor]:
-            last = last_of_sure(before.last, time_s, rpm, partial(_output_at, output))
-            if last is not None:
-                new = signal._replace(time_s=together_s, values=rpm)
-                made, tail = _after_tail(before.tail, new, since, of_tails)
-                signals.append(made)
-                after.append(RotorMemory(last, tail))
-                continue
-        output, asked = _demand(outputs[rotor], time_s)
         if not last_rpm.size or not np.array_equal(time_s, at_s):  # most report all rotors at once
-            at_s, last_rpm = time_s, _last_speeds(known, time_s)
+            at_s, last_rpm, tails = time_s, _last_speeds(known, time_s), {}
+        output, asked = _demand(outputs[rotor], at_s)
         others = _median(last_rpm[[k for k in range(len(known)) if k != rotor]])
+        before = memory[rotor]
         verdict, last = checked_readings(
-            time_s,
+            at_s,
             rpm,
             output=output,
             asked=asked,
@@ -107,41 +93,15 @@ def measured_speeds(
         if airframe is not None:
             verdict[too_fast(rpm, others, airframe.propeller_diameter)] = LONE
         good = verdict == MEASURED
-        new = signal._replace(time_s=time_s[good], values=rpm[good])
-        made, tail = _after_tail(before.tail, new, since, {})
+        whole = bool(good.all())
+        new = signal._replace(time_s=at_s if whole else at_s[good], values=rpm[good])
+        since = (at_s[-1] if at_s.size else heard_s) - _TAIL
+        made, tail = _after_tail(before.tail, new, since, tails if whole else {})
         signals.append(made)
         after.append(RotorMemory(last, tail))
         for why in set(verdict[~good].tolist()):
             rejected[rotor, why] = time_s[verdict == why]
     return MeasuredSpeeds(signals=signals, rejected=MappingProxyType(rejected), memory=tuple(after))
-
-
-def _surely_measured(
-    known: Sequence[Signal | None],
-    airframe: Airframe | None,
-    heard_s: float,
-    memory: Sequence[RotorMemory],
-    *,
-    look_ahead: bool,
-) -> tuple[Floats, Bools]:
-    """(n,) times of the new readings where all rotors report together, and (R,) rotors of which all
-    of those are measurements."""
-    nobody = np.empty(0), np.zeros(len(known), dtype=np.bool_)
-    there = [signal for signal in known if signal is not None]
-    if look_ahead or not there or len(there) < len(known):
-        return nobody
-    time_s = there[0].time_s
-    if not all(s.time_s is time_s or np.array_equal(s.time_s, time_s) for s in there):
-        return nobody
-    first = int(time_s.searchsorted(heard_s, side="right"))
-    if first == time_s.size:
-        return nobody
-    most = TRACK_CHANNELS["rotor_speed_rpm"].high
-    if airframe is not None:
-        most = min(most, tip_limit(airframe.propeller_diameter))
-    rpm = np.array([signal.values[first:] for signal in there])
-    time_s = time_s[first:]
-    return time_s, surely_measured(time_s, rpm, [m.last for m in memory], most)
 
 
 def _after_tail(
@@ -235,18 +195,6 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
     idle = output.time_s[output.values <= IDLE]
     idle_s = np.append(-np.inf, idle)[idle.searchsorted(time_s, side="right")]
     return share, (share > IDLE) & ~(time_s - idle_s < SPIN_UP)
-
-
-def _output_at(output: Signal | None, time_s: float) -> float:
-    """The output of `_demand` at one time."""
-    if output is None:
-        return np.nan
-    row = int(output.time_s.searchsorted(time_s, side="right")) - 1
-    while row >= 0 and not np.isfinite(output.values[row]):
-        row -= 1
-    return (
-        float(output.values[row]) if row >= 0 and time_s - output.time_s[row] <= FRESH else np.nan
-    )
 
 
 def _last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
@@ -47,7 +46,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     pumped,
     tank_levels,
 )
-from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, FlyingBy, Origin
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, FlyingBy
 from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
@@ -59,6 +58,7 @@ class Carried:
     """What the rows of one vehicle need from before the signals that are still kept."""
 
     heard_s: float = -np.inf  # vehicle's clock up to which reports have made their rows
+    start_s: float | None = None  # of the first row
     row_s: float = -np.inf  # of the last row
     contact: GroundContact = field(default_factory=GroundContact)
     rotors: tuple[RotorMemory, ...] = ()
@@ -70,34 +70,14 @@ class Carried:
 class FlightRows:
     """Every channel of T rows, and what a listener must keep for the next ones."""
 
+    track: FlightTrack
     clock_s: Floats  # (T,) vehicle's clock
-    channels: Mapping[str, Floats]  # as in TRACK_CHANNELS
-    flying: Bools
-    flying_by: FlyingBy
-    origin: Origin | None
-    sources: Mapping[str, Provenance]
-    standard_errors: Mapping[str, Floats]  # of channels that were not measured
+    motors: MotorMap
     reported: Mapping[str, list[Signal]]
-    notes: tuple[str, ...]
     unmeasured: tuple[str, ...]  # of the notes, those on readings that are no measurement
     pump_share: Floats  # (T,) 0 off to 1 full, as last reported
     pumped_kg: Floats  # (T,) by the pump's output since it was first heard
     carried: Carried
-
-    def track(self, name: str, start_s: float, rotor_count: int, **more: Any) -> FlightTrack:
-        """The rows as a FlightTrack whose time counts from the vehicle's clock `start_s`."""
-        return FlightTrack.of(
-            name=name,
-            time_s=self.clock_s - start_s,
-            rotor_count=rotor_count,
-            flying=self.flying,
-            flying_by=self.flying_by,
-            origin=self.origin,
-            sources=self.sources,
-            standard_errors=self.standard_errors,
-            **{"notes": self.notes} | more,
-            **self.channels,
-        )
 
 
 def flight_rows(
@@ -106,12 +86,18 @@ def flight_rows(
     parameters: Mapping[str, float],
     options: Options,
     carried: Carried | None = None,
+    *,
+    name: str = "",
+    unix_minus_clock: float | None = None,
+    notes: Iterable[str] = (),
 ) -> FlightRows | None:
     """Every channel on the rows that the signals make; None when they make none.
 
-    With sampling "hold" no row depends on a later report, and `carried` makes the rows of a stretch
-    those of the flight in one piece, if `signals` still has the last KEPT seconds before it. Raises
-    LogError when the tank source that the options name is not there.
+    Time counts from the first row of all; `unix_minus_clock`, s, is added to the vehicle's clock
+    for Unix time. The `notes` given stand before those on the rows. With sampling "hold" no row
+    depends on a later report, and `carried` makes the rows of a stretch those of the flight in one
+    piece, if `signals` still has the last KEPT seconds before it. Raises LogError when the tank
+    source that the options name is not there.
     """
     live = options.sampling == "hold"
     before = Carried() if carried is None else carried
@@ -119,7 +105,8 @@ def flight_rows(
     clock_s = row_times(signals, speeds_of_escs, before, options.sampling)
     if clock_s.size == 0:
         return None
-    notes: list[str] = []
+    start_s = float(clock_s[0]) if before.start_s is None else before.start_s
+    notes = list(notes)
     channels: dict[str, Floats] = {}
     sources: dict[str, Provenance] = {}
     reported: dict[str, list[Signal]] = {}
@@ -158,29 +145,26 @@ def flight_rows(
     if tank.signal is not None:
         others = (level.signal for level in levels if level.signal is not None)
         put("tank_kg", chain((tank.signal,), others if live else ()))
-    spraying = spraying_sources(signals, context, tank.signal, options.sampling, notes)
+    share = pump_share(signals, context)
+    spraying = spraying_sources(share, tank.signal, options.sampling, notes)
     put("spraying", spraying if live else spraying[:1])
 
-    by_rotor = {
-        "rotor_speed_rpm": speeds_of_escs,
-        "throttle": motors.throttle(signals, parameters),
-    }
+    outputs = motors.throttle(signals, parameters)
     measured = measured_speeds(
-        by_rotor["rotor_speed_rpm"],
-        by_rotor["throttle"],
+        speeds_of_escs,
+        outputs,
         options.airframe,
         look_ahead=not live,
         heard_s=before.heard_s,
         memory=before.rotors,
     )
-    by_rotor["rotor_speed_rpm"] = measured.signals
-    for channel, found in by_rotor.items():
+    for channel, found in (("rotor_speed_rpm", measured.signals), ("throttle", outputs)):
         channels[channel] = _columns(channel, found, clock_s, options.sampling)
         reported[channel] = [signal for signal in found if signal is not None]
     if reported["rotor_speed_rpm"]:
-        sources["rotor_speed_rpm"] = motors.rotor_speed_source(by_rotor["rotor_speed_rpm"])
+        sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
     if reported["throttle"]:
-        sources["throttle"] = motors.throttle_source(by_rotor["throttle"], parameters)
+        sources["throttle"] = motors.throttle_source(outputs, parameters)
     contact, flying_by = before.contact, FlyingBy.GIVEN
     if live:
         flying, by, contact = airborne_so_far(signals, clock_s, channels, options.airframe, contact)
@@ -199,7 +183,6 @@ def flight_rows(
     )
     zero = place_of_zero(signals, clock_s, flying, before.zero)
     put("position_ned", position_sources(signals, zero))
-    share = pump_share(signals, context)
     nothing = np.full(clock_s.size, np.nan)
     total = None if share is None else pumped(share, context)
     pumped_kg = nothing if total is None else last_before(total, clock_s)
@@ -215,20 +198,29 @@ def flight_rows(
         reported[channel] = [Signal(channel, source, clock_s, values)]
         if error is not None:
             errors[channel] = error
-    return FlightRows(
-        clock_s=clock_s,
-        channels=channels,
+    track = FlightTrack.of(
+        name=name,
+        time_s=clock_s - start_s,
+        rotor_count=motors.rotor_count,
+        start_unix_s=None if unix_minus_clock is None else unix_minus_clock + start_s,
         flying=flying,
         flying_by=flying_by,
         origin=None if zero is None else zero.origin,
         sources=sources,
         standard_errors=errors,
-        reported=reported,
         notes=(*notes, *unmeasured),
+        **channels,
+    )
+    return FlightRows(
+        track=track,
+        clock_s=clock_s,
+        motors=motors,
+        reported=reported,
         unmeasured=unmeasured,
         pump_share=nothing if share is None else last_before(share, clock_s),
         pumped_kg=pumped_kg,
         carried=Carried(
+            start_s=start_s,
             row_s=float(clock_s[-1]),
             contact=contact,
             rotors=measured.memory,

@@ -12,13 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_table, tabulate
-from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, Recording, Unflown
-from thrustmargin.gcs_plugin.telemetry.resample import every
+from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_rows, tabulate
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, Recording
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import IDLE
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.wording.flight_words import restart_words
+from thrustmargin.gcs_plugin.wording.flight_words import restart_words, unflown_words
 from thrustmargin.models.checks.loss_of_control import loss_of_control
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -59,24 +58,21 @@ def sorties_of(
             failed.append(error)
             continue
         if not is_sortie(whole.track, signals):
-            idle.append(log_of_table(whole, recording, signals))
+            idle.append(log_of_rows(whole, recording, signals))
             continue
-        spans = flight_spans(whole.track, float(whole.rows.clock_s[0]), signals)
+        spans = flight_spans(whole.track, float(whole.clock_s[0]), signals)
         if len(spans) == 1:
-            flown.append(log_of_table(whole, recording, signals))
+            flown.append(log_of_rows(whole, recording, signals))
         else:
             del whole  # as large as its sorties together
-            ordered = _ordered(signals)
-            flown += (assemble(*_cut(recording, signals, span, ordered), options) for span in spans)
+            flown += (assemble(*_cut(recording, signals, span), options) for span in spans)
     if not flown and not idle:
         raise failed[0]
     if not flown:
         longest = max(idle, key=lambda log: log.track.time_s.size)
         flown = [longest]
         idle.remove(longest)
-    unflown = Unflown(
-        seconds=tuple(log.track.duration for log in idle), reasons=tuple(map(str, failed))
-    )
+    unflown = unflown_words([log.track.duration for log in idle], list(map(str, failed)))
     return tuple(
         _numbered(replace(log, sortie=k, sorties=len(flown), unflown=unflown))
         for k, log in enumerate(flown, 1)
@@ -88,9 +84,7 @@ def _numbered(log: FlightLog) -> FlightLog:
     track, restarts = log.track, len(log.quality.clock_jumps)
     notes = (restart_words(restarts),) if restarts else ()
     name = f"{track.name}{log.sortie_suffix}"
-    return replace(
-        log, track=replace(track, name=name, notes=(*notes, *log.unflown.words, *track.notes))
-    )
+    return replace(log, track=replace(track, name=name, notes=(*notes, *log.unflown, *track.notes)))
 
 
 def is_sortie(track: FlightTrack, signals: Signals) -> bool:
@@ -164,38 +158,25 @@ def _within(signals: Signals, channel: str, start: float, end: float) -> tuple[F
     return found.time_s[rows], found.values[rows]
 
 
-def _ordered(signals: Signals) -> set[int]:
-    """Ids of the signals' arrays of times that never go back: a sortie is a slice of them."""
-    times = {id(s.time_s): s.time_s for found in signals.values() for s in found}
-    return {key for key, time_s in times.items() if every(time_s[1:] >= time_s[:-1])}
-
-
-def _cut(
-    recording: Recording, signals: Signals, span: Span, ordered: set[int]
-) -> tuple[Recording, Signals]:
+def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording, Signals]:
     """One sortie of a recording and its signals, those that last with what they said before."""
     start, end = span
     quality = recording.quality
     gaps = tuple(gap for gap in quality.gaps if start <= gap[0] < end)
     messages = tuple(said for said in recording.messages if start <= said[0] < end)
     part = replace(recording, messages=messages, quality=replace(quality, gaps=gaps))
-    return part, dict(_cut_signals(signals, span, ordered))
+    return part, dict(_cut_signals(signals, span))
 
 
-def _cut_signals(
-    signals: Signals, span: Span, ordered: set[int]
-) -> Iterator[tuple[str, tuple[Signal, ...]]]:
+def _cut_signals(signals: Signals, span: Span) -> Iterator[tuple[str, tuple[Signal, ...]]]:
     for channel, found in signals.items():
-        start, end = span_of = (-np.inf if channel in _LASTING else span[0]), span[1]
+        start = -np.inf if channel in _LASTING else span[0]
         kept: list[Signal] = []
         whole, time_s, rows = None, np.empty(0), slice(0)
         for signal in found:
             if signal.time_s is not whole:
                 whole = signal.time_s
-                if id(whole) in ordered:
-                    rows = slice(*whole.searchsorted(span_of))
-                else:
-                    rows = (whole >= start) & (whole < end)
+                rows = slice(*whole.searchsorted((start, span[1])))
                 time_s = whole[rows]  # of several signals at once: they stay so
             if time_s.size:
                 kept.append(signal._replace(time_s=time_s, values=signal.values[rows]))

@@ -25,7 +25,7 @@ LONGEST_STEP = 2.0  # s between rows beyond which nothing is summed up
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """How to read: see `logs.read_log`."""
+    """How to read: see `logs.read_sorties`."""
 
     airframe: Airframe | None = None
     sampling: Sampling = "linear"

@@ -65,7 +65,7 @@ class TankContext:
 
 def flight_battery(signals: Signals) -> int | None:
     """Battery id of the one that is flown on: the lowest one above a level sender's voltage."""
-    for number, signal in sorted(_batteries(signals, "battery_voltage").items()):
+    for number, signal in _heard(signals, "battery_voltage").items():
         if known_median(signal.values) > SENDER_VOLTAGE:
             return number
     return None
@@ -90,8 +90,9 @@ def tank_levels(
     """
     if source.strip().upper() == "AUTO" and context.airframe is not None:
         source = context.airframe.tank_source
-    kind, _, rest = source.strip().partition(" ")
-    match kind.upper():
+    kind, rest = check_source(source)
+    number = int(rest) if kind in NUMBERED and rest else None
+    match kind:
         case "AUTO":
             yield from _automatic(signals, context)
             return
@@ -101,13 +102,11 @@ def tank_levels(
         case "NAMED_VALUE_FLOAT":
             found = _named(signals, context, rest or "TANK")
         case "FUEL_STATUS":
-            found = _fuel(signals, context, _number(rest, source))
+            found = _fuel(signals, context, number)
         case "BATTERY_STATUS":
-            found = _battery(signals, context, _number(rest, source))
-        case "PUMP":
-            found = _pump(signals, context)
+            found = _battery(signals, context, number)
         case _:
-            raise _unknown(source)
+            found = _pump(signals, context)
     if found is None:
         named = context.airframe is not None and source == context.airframe.tank_source
         by = f", which airframe {context.airframe.name} names" if named and context.airframe else ""
@@ -115,29 +114,23 @@ def tank_levels(
     yield found
 
 
-def check_source(source: str) -> None:
-    """Raise LogError when `source` can be no tank source, before anything is heard."""
+def check_source(source: str) -> tuple[str, str]:
+    """The kind of a tank source in capitals, and its name or number, empty where it has none.
+
+    Raises LogError when it can be no source, before anything is heard.
+    """
     kind, _, rest = source.strip().partition(" ")
-    if kind.upper() not in ("AUTO", "NONE", "NAMED_VALUE_FLOAT", *NUMBERED, "PUMP"):
-        raise _unknown(source)
-    if kind.upper() in NUMBERED:
-        _number(rest, source)
-
-
-def _unknown(source: str) -> LogError:
-    return LogError(
-        f"tank source {source!r} is not known; use auto, none, pump, "
-        "'NAMED_VALUE_FLOAT NAME', 'FUEL_STATUS ID' or 'BATTERY_STATUS ID'"
-    )
-
-
-def _number(text: str, source: str) -> int | None:
-    text = text.strip().removeprefix("id").strip()
-    if not text:
-        return None
-    if not text.isdigit():
-        raise LogError(f"tank source {source!r}: {text!r} is not a number")
-    return int(text)
+    kind = kind.upper()
+    if kind not in ("AUTO", "NONE", "NAMED_VALUE_FLOAT", *NUMBERED, "PUMP"):
+        raise LogError(
+            f"tank source {source!r} is not known; use auto, none, pump, "
+            "'NAMED_VALUE_FLOAT NAME', 'FUEL_STATUS ID' or 'BATTERY_STATUS ID'"
+        )
+    if kind in NUMBERED:
+        rest = rest.strip().removeprefix("id").strip()
+        if rest and not rest.isdigit():
+            raise LogError(f"tank source {source!r}: {rest!r} is not a number")
+    return kind, rest
 
 
 def _automatic(signals: Signals, context: TankContext) -> Iterator[TankLevel]:
@@ -177,54 +170,42 @@ def _density_notes(context: TankContext) -> tuple[str, ...]:
     return ()
 
 
+def _heard(signals: Signals, channel: str) -> dict[int, Signal]:
+    """The sources of a channel that have a number, by their own, from the lowest on."""
+    found = sorted((int(number), signal) for number, signal in by_index(signals, channel).items())
+    return {number: signal for number, signal in found if np.isfinite(signal.values).any()}
+
+
 def _fuel(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
-    remaining, percent = by_index(signals, "fuel_remaining"), by_index(signals, "fuel_percent")
-    for number in sorted(int(n) for n in {*remaining, *percent}):
-        if wanted is not None and number != wanted:
-            continue
-        signal = remaining.get(number)
-        if signal is not None and np.isfinite(signal.values).any():
-            kilograms = signal.values * 1e-3 * context.liquid_density
-            return TankLevel(_in_kg(signal, kilograms, "ml"), _density_notes(context))
-        signal = percent.get(number)
-        if signal is not None and np.isfinite(signal.values).any():
-            if context.airframe is None:
-                return TankLevel(
-                    None, (f"{signal.source.words} is only a share: give an airframe",)
-                )
-            kilograms = signal.values * 1e-2 * context.airframe.tank_capacity_kg
-            return TankLevel(_in_kg(signal, kilograms, "of the airframe's tank"))
+    remaining, percent = (_heard(signals, f"fuel_{what}") for what in ("remaining", "percent"))
+    number = min({*remaining, *percent} if wanted is None else {wanted}, default=-1)
+    if signal := remaining.get(number):
+        kilograms = signal.values * 1e-3 * context.liquid_density
+        return TankLevel(_in_kg(signal, kilograms, "ml"), _density_notes(context))
+    if signal := percent.get(number):
+        if context.airframe is None:
+            return TankLevel(None, (f"{signal.source.words} is only a share: give an airframe",))
+        kilograms = signal.values * 1e-2 * context.airframe.tank_capacity_kg
+        return TankLevel(_in_kg(signal, kilograms, "of the airframe's tank"))
     return None
-
-
-def _batteries(signals: Signals, channel: str) -> dict[int, Signal]:
-    return {int(number): signal for number, signal in by_index(signals, channel).items()}
 
 
 def _battery(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
-    volts = _batteries(signals, "battery_voltage")
-    percent = _batteries(signals, "battery_percent")
-    flown = flight_battery(signals)
-    for number in sorted(percent):
-        if wanted is not None and number != wanted:
-            continue
-        if wanted is None:
-            if number in (MARGIN_ID, TANK_ID):
-                continue
-            sender = volts.get(number)
-            level_v = known_median(sender.values) if sender else np.nan
-            dead = flown is None and not level_v > 0.0  # it may be flown on, its voltmeter dead
-            if number == flown or level_v > SENDER_VOLTAGE or dead:
-                continue
-        if not np.isfinite(percent[number].values).any():
-            continue
-        return _battery_level(signals, context, number)
+    volts, flown = _heard(signals, "battery_voltage"), flight_battery(signals)
+    for number, percent in _heard(signals, "battery_percent").items():
+        level_v = known_median(volts[number].values) if number in volts else np.nan
+        dead = flown is None and not level_v > 0.0  # it may be flown on, its voltmeter dead
+        no_tank = number in (MARGIN_ID, TANK_ID, flown) or level_v > SENDER_VOLTAGE or dead
+        if number == wanted or (wanted is None and not no_tank):
+            used = _heard(signals, "battery_consumed").get(number)
+            return _battery_level(percent, used, context, number)
     return None
 
 
-def _battery_level(signals: Signals, context: TankContext, number: int) -> TankLevel:
-    percent = _batteries(signals, "battery_percent")[number]
-    used = _batteries(signals, "battery_consumed").get(number)
+def _battery_level(
+    percent: Signal, used: Signal | None, context: TankContext, number: int
+) -> TankLevel:
+    """The level by the % and, where they agree, the ml used that battery `number` reports."""
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
         capacity_l, whose = context.parameters[key] * 1e-3, f"{key} {context.parameters[key]:g} ml"

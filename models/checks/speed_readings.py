@@ -15,7 +15,6 @@ know, since they look like a speed that lags or a rotor that jumps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -89,52 +88,12 @@ def checked_readings(
     return verdict, last
 
 
-def surely_measured(
-    time_s: Floats, rpm: Floats, before: Sequence[LastReading], most: float
-) -> Bools:
-    """(R,) True of rotors of whose new readings (R, n) `checked_readings` can mark none and none is
-    faster than `most` rpm: they turn, do not leap, change, and not for long do they stay the same.
-
-    `time_s` (n,) are those of all rotors. What is not surely so may be a measurement too.
-    """
-    size, earlier = np.abs(rpm), np.empty(rpm.shape)
-    earlier[:, 0], earlier[:, 1:] = [last.value for last in before], rpm[:, :-1]
-    limit = np.minimum(JUMP * np.fmax(np.abs(earlier), SLOW), most)
-    usual, changes = (size >= TURNING) & (size <= limit), rpm != earlier
-    short = np.array([not b.held and time_s[-1] - b.since_s < HELD_S for b in before])
-    return usual.all(axis=1) & (changes.all(axis=1) | (short & changes.any(axis=1)))
-
-
-def last_of_sure(
-    before: LastReading, time_s: Floats, rpm: Floats, output: Callable[[float], float]
-) -> LastReading | None:
-    """The last reading of a rotor whose new ones (n,) are surely measured, by its motor output at
-    a time; None where that is not known."""
-    change = np.abs(rpm - np.append(before.value, rpm[:-1]))
-    changes = np.flatnonzero(change != 0.0)
-    driven = [output(at_s) for at_s in time_s[changes[-1] :].tolist()]
-    if np.isnan(driven).any():
-        return None
-    return LastReading(
-        value=float(rpm[-1]),
-        since_s=float(time_s[changes[-1]]),
-        low=max(min(driven), FLOOR),
-        high=max(*driven, FLOOR),
-        step=min(before.step, float(np.fmin.reduce(change[changes]))),
-    )
-
-
-def tip_limit(propeller_diameter: float) -> float:
-    """rpm at which the tips of a propeller outrun sound."""
-    return SOUND * 60.0 / (np.pi * propeller_diameter)
-
-
 def too_fast(rpm: Floats, others: Floats, propeller_diameter: float) -> Bools:
     """(n,) True where the tips would outrun sound while the other rotors are well below that.
 
     Where all rotors are beyond, the unit of the readings or the airframe is wrong.
     """
-    limit = tip_limit(propeller_diameter)
+    limit = SOUND * 60.0 / (np.pi * propeller_diameter)
     with np.errstate(invalid="ignore"):
         return (np.abs(rpm) > limit) & (others < limit / JUMP)
 

@@ -134,7 +134,7 @@ def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
     """Remarks on the log of a sortie that holds others, stretches that are none, or columns that
     are left out."""
     several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
-    return (*several, *log.unflown.words, *log.other_units)
+    return (*several, *log.unflown, *log.other_units)
 
 
 def unnamed(error: Exception, path: Path) -> str:

@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,7 +136,6 @@ class VehicleTelemetry:
         self._buffer = SignalBuffer(KEPT)
         self._carried = Carried()
         self._heard_s = -math.inf  # vehicle's clock up to which reports are in the buffer
-        self._start_s = math.nan  # vehicle's clock at the first row
         self._unix_minus_clock = math.nan  # s from the vehicle's clock to Unix time
         self._gps_time = False  # by SYSTEM_TIME, and no longer by the ground's clock
         self._last_escs: dict[str, Stream] = {}
@@ -283,40 +283,41 @@ class VehicleTelemetry:
         notes = list(motors.notes)
         if motors.assumed:
             notes.append(order_assumed(motors.order_words, self._asked))
+        rows_of = partial(
+            flight_rows,
+            signals,
+            motors,
+            state.parameters,
+            carried=carried,
+            name=f"vehicle {state.system}",
+            unix_minus_clock=self._unix_minus_clock,
+        )
         try:
-            made = flight_rows(signals, motors, state.parameters, self._options, carried)
+            made = rows_of(self._options)
         except LogError as error:
             # Named by the user and not heard (yet): no other source steps in unasked.
             notes.append(str(error))
-            options = replace(self._options, tank="none")
-            made = flight_rows(signals, motors, state.parameters, options, carried)
+            made = rows_of(replace(self._options, tank="none"))
         if made is None:
             self._carried = carried  # what came belongs to the next row: rotors report one by one
             return None
         self._carried = replace(made.carried, heard_s=until_s)
         for signal in made.reported.get("tank_kg", ()):
             self._tank_s = np.fmax(self._tank_s, signal.time_s[known_rows(signal.values)][-1])
-        self._flew |= bool(made.flying.any())
-        self._rested |= self._flew and state.disarmed and not made.flying[-1]
-        if math.isnan(self._start_s):
-            self._start_s = float(made.clock_s[0])
+        self._flew |= bool(made.track.flying.any())
+        self._rested |= self._flew and state.disarmed and not made.track.flying[-1]
         item = best(signals, "mission_item")
         rows, asked = made.clock_s.size, self._options.tank == "none"
         return LiveRows(
             boot=boot,
-            track=made.track(
-                f"vehicle {state.system}",
-                self._start_s,
-                motors.rotor_count,
-                start_unix_s=self._unix_minus_clock + self._start_s,
-            ),
+            track=made.track,
             clock_s=made.clock_s,
             stamp_us=np.zeros(rows, dtype=np.int64),
             pump_share=made.pump_share,
             pumped_kg=made.pumped_kg,
             mission_item=np.full(rows, np.nan) if item is None else last_before(item, made.clock_s),
             esc_failures=motors.failures(signals, made.clock_s),
-            notes=(*notes, *(n for n in made.notes if n != LEFT_OUT or asked)),
+            notes=(*notes, *(n for n in made.track.notes if n != LEFT_OUT or asked)),
         )
 
     def _layout(self, state: VehicleState, signals: Signals) -> MotorMap | None:

@@ -20,16 +20,9 @@ from thrustmargin.gcs_plugin.logs.dataflash.message_scan import (
     scan,
 )
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat
-from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
+from thrustmargin.gcs_plugin.mavlink.scan import Index, gather, read_bytes
 from thrustmargin.gcs_plugin.telemetry.recording import NotThisFormat, Recording, without_leaps
 from thrustmargin.models.flight import Bools, Floats
-
-#: Columns of the vehicle's clock: their letters, bytes, type and s of one.
-_CLOCKS = (
-    ("TimeUS", ("Q", "q"), 8, "<u8", 1e-6),
-    ("TimeMS", ("I",), 4, "<u4", 1e-3),
-    ("T", ("I",), 4, "<u4", 1e-3),
-)
 
 
 def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recording]:
@@ -71,19 +64,20 @@ def _clock(found: FoundMessages) -> tuple[Floats, Bools]:
     """(n,) s since boot of each message, NaN where it has none; (n,) False where it is damaged."""
     clock = np.full(found.start.size, np.nan)
     usable = np.ones(found.start.size, dtype=np.bool_)
-    for column, letters, width, kind, unit in _CLOCKS:
-        # Where in a message its clock is, 0 in those that have none in this unit.
-        offset = np.zeros(256, dtype=np.int64)
-        for number, form in found.formats.items():
-            own = own_clock(form.columns)
-            at = form.columns.index(column) if own is not None and own[0] == column else -1
-            if at >= 0 and form.letters[at] in letters:
-                before = form.letters[:at]
-                offset[number] = 3 + sum(np.dtype(LETTERS[x][0]).itemsize for x in before)
+    # Where in a message of each type its clock is, by what it is written as; 0 in all others.
+    offsets: dict[tuple[str, float], Index] = {}
+    for number, form in found.formats.items():
+        if (own := own_clock(form.columns)) is not None:
+            at = form.columns.index(own[0])
+            *before, kind = (LETTERS[letter][0] for letter in form.letters[: at + 1])
+            if kind in ("<u8", "<i8", "<u4"):
+                offset = offsets.setdefault((kind, own[1]), np.zeros(256, dtype=np.int64))
+                offset[number] = 3 + sum(np.dtype(one).itemsize for one in before)
+    for (kind, unit), offset in offsets.items():
         rows = np.flatnonzero(offset[found.type])
         if rows.size:
             start = found.start[rows] + offset[found.type[rows]]
-            raw = gather(found.data, start, width).view(kind).ravel()
+            raw = gather(found.data, start, np.dtype(kind).itemsize).view(kind).ravel()
             clock[rows] = without_leaps(raw * unit)
             usable[rows] = np.isfinite(clock[rows])
     old = not any(form.columns[:1] == ("TimeUS",) for form in found.formats.values())

@@ -56,6 +56,13 @@ class Messages(NamedTuple):
     clock_s: Floats  # since boot; NaN unknown
     place: Index  # offset in the file
 
+    def between(self, first: int, end: int) -> Messages:
+        """Those from byte `first` up to `end`, of a type with a clock those that have a time."""
+        rows = (self.place >= first) & (self.place < end)
+        if own_clock(self.form.columns) is not None:
+            rows &= np.isfinite(self.clock_s)
+        return Messages(self.form, self.table[rows], self.clock_s[rows], self.place[rows])
+
 
 class Times(NamedTuple):
     """The vehicle's clock along the file: (n,) s since boot and the offsets at which it is said."""
@@ -85,54 +92,42 @@ def boots_of(
     units = Units.of(lambda name: messages[name].table if name in messages else None)
     parts = stretches(times.clock_s, path.name)
 
-    def time_before(byte: int) -> float:
-        row = int(np.searchsorted(times.place, byte)) - 1
-        return float(times.clock_s[row]) if row >= 0 else float("nan")
-
     quality = LogQuality(
         bytes=size,
         frames=kept,
-        **damage_of(skipped, time_before),
+        **damage_of(skipped, times.place, times.clock_s),
         clock_jumps=restarts(times.clock_s, parts),
     )
     # What has no time of its own, between two starts, belongs to the later one.
     ends = [*(int(times.place[part.last]) + 1 for part in parts[:-1]), size]
     for part, (first, end) in zip(parts, pairwise([0, *ends]), strict=True):
-
-        def lookup(
-            name: str, first: int = first, end: int = end
-        ) -> tuple[DataFlashColumns, Floats] | None:
-            if (found := messages.get(name)) is None:
-                return None
-            inside = (found.place >= first) & (found.place < end)
-            if own_clock(found.form.columns) is not None:
-                inside &= np.isfinite(found.clock_s)
-            if not inside.any():
-                return None
-            scale, label = units.describe(found.form, text=in_text)
-            return DataFlashColumns(found.table[inside], scale, label), found.clock_s[inside]
-
+        found = {n: messages[n].between(first, end) for n in MESSAGES if n in messages}
+        made = {name: _stream(own, units, in_text=in_text) for name, own in found.items()}
+        streams = {name: stream for name, stream in made.items() if stream is not None}
         gaps = pauses(times.clock_s[part.first : part.last + 1])
-        yield _recording_of(path, format_name, lookup, replace(quality, gaps=gaps), vehicle)
+        yield _recording_of(path, format_name, streams, replace(quality, gaps=gaps), vehicle)
+
+
+def _stream(found: Messages, units: Units, *, in_text: bool) -> Stream | None:
+    """The messages as a Stream; None where they have no time, or lack what they are read for."""
+    name = found.form.name
+    scale, label = units.describe(found.form, text=in_text)
+    if not found.place.size or any(column not in scale for column in REQUIRED.get(name, ())):
+        return None
+    # A damaged description can hide a message's time; parameters and missions need none.
+    if name not in _TIMELESS and not np.isfinite(found.clock_s).all():
+        return None
+    return Stream(found.clock_s, DataFlashColumns(found.table, scale, label))
 
 
 def _recording_of(
     path: Path,
     format_name: str,
-    lookup: Callable[[str], tuple[DataFlashColumns, Floats] | None],
+    streams: Mapping[str, Stream],
     quality: LogQuality,
     vehicle: int | None,
 ) -> Recording:
-    """A Recording from the columns and times of each message."""
-    streams: dict[str, Stream] = {}
-    for name in MESSAGES:
-        found = lookup(name)
-        if found is None or any(c not in found[0] for c in REQUIRED.get(name, ())):
-            continue
-        columns, time_s = found
-        # A damaged description can hide a message's time; parameters and missions need none.
-        if name in _TIMELESS or np.isfinite(time_s).all():
-            streams[name] = Stream(time_s, columns)
+    """A Recording from the streams of one boot."""
     parameters: dict[str, float] = {}
     if "PARM" in streams:
         columns = columns_of(streams["PARM"])

@@ -123,18 +123,16 @@ class Units:
         A letter with a factor of its own (centi, 1e-7) takes no MULT; in text logs its numbers
         are scaled already.
         """
-        scale = {}
-        for name, letter in zip(form.columns, form.letters, strict=True):
-            scale[name] = 1.0 if text else LETTERS[letter][1]
-        label: dict[str, str] = {}
+        scale: dict[str, float] = {}
         ids, multipliers = self.of_type.get(form.type, ("", ""))
-        for name, unit in zip(form.columns, ids, strict=False):
-            label[name] = self.label.get(ord(unit) & 0xFF, "")
-        for name, letter, code in zip(form.columns, form.letters, multipliers, strict=False):
+        units = (self.label.get(ord(unit) & 0xFF, "") for unit in ids)
+        label = dict(zip(form.columns, units, strict=False))
+        codes = multipliers.ljust(len(form.columns), "\0")
+        for name, letter, code in zip(form.columns, form.letters, codes, strict=False):
+            scale[name] = 1.0 if text else LETTERS[letter][1]
             if letter not in SCALED_LETTERS and label.get(name, "") not in NO_UNIT:
                 # 0 stands for "no multiplier".
                 scale[name] = self.factor.get(ord(code) & 0xFF, 1.0) or 1.0
-        for name, letter in zip(form.columns, form.letters, strict=True):
             if name in _HUNDREDTHS.get(form.name, ()) and letter in "hHiI":
                 scale[name] = 0.01
         return scale, label

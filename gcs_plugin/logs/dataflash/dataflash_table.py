@@ -23,7 +23,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 _SMOOTHED = "smoothed by the autopilot's slew limit"
-_PLACE = ("latlon deg", "latlon deg", "m")
+_PLACE, _WARM = ("latlon deg", "latlon deg", "m"), Meaning.BOARD_TEMPERATURE
 #: Preferred sources first. `unit` holds where the log states none; `index` and `only` apply where
 #: the log has that column (older logs number their sensors by message name).
 RULES: tuple[Rule, ...] = (
@@ -52,16 +52,7 @@ RULES: tuple[Rule, ...] = (
     Rule("CURR", ("Volt",), "voltage", "V"),
     Rule("CURR", ("Curr",), "current", "A"),
     Rule("BARO", ("Press",), "pressure", "Pa", index="I", only=0),
-    Rule(
-        "BARO",
-        ("Temp",),
-        "temperature",
-        "degC",
-        index="I",
-        only=0,
-        meaning=Meaning.BOARD_TEMPERATURE,
-        unknown=(0,),
-    ),
+    Rule("BARO", ("Temp",), "temperature", "degC", index="I", only=0, meaning=_WARM, unknown=(0,)),
     Rule("ORGN", ("Lat", "Lng", "Alt"), "home", _PLACE, index="Type", only=1),
     Rule("ORGN", ("Lat", "Lng", "Alt"), "ekf_origin", _PLACE, index="Type", only=0),
     Rule("ESC", ("Volt",), "esc_voltage", "V", index="Instance"),
@@ -176,13 +167,11 @@ def _by_rule(rule: Rule, streams: Mapping[str, Stream]) -> list[Signal]:
     numbers = columns.number(rule.index)
     made = []
     for number in _real_numbers(numbers):
-        if rule.only is not None and number != rule.only:
-            continue
-        rows = numbers == number
-        source = rule.source
-        if rule.channel.startswith("battery_"):
-            source = source.of_instance(number)
-        made.append(ordered_signal(rule.channel, source, stream.time_s[rows], values[rows], number))
+        if rule.only in (None, number):
+            rows, battery = numbers == number, rule.channel.startswith("battery_")
+            source = rule.source.of_instance(number if battery else None)
+            one = stream.time_s[rows], values[rows], number
+            made.append(ordered_signal(rule.channel, source, *one))
     return made
 
 

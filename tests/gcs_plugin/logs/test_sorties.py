@@ -31,7 +31,7 @@ def test_a_restart_between_two_flights_makes_two_sorties(tmp_path: Path):
         "day.tlog sortie 2 of 2",
     ]
     assert [log.track.name for log in (first, second)] == [first.name, second.name]
-    assert first.unflown.words == ()
+    assert first.unflown == ()
 
 
 def test_disarmed_on_the_ground_between_two_flights_makes_two_sorties(tmp_path: Path):
@@ -98,14 +98,14 @@ def test_a_boot_on_the_bench_is_said_and_no_sortie(tmp_path: Path):
     path.write_bytes(BIN_BYTES[: ENDS[3000]] + BIN_BYTES)
     (log,) = read_sorties(path)
     assert (log.name, log.sorties) == ("bench.BIN", 1)
-    assert log.unflown.words == ("no verdict on a stretch without flight, 2.0 s in all",)
+    assert log.unflown == ("no verdict on a stretch without flight, 2.0 s in all",)
     # The same of a telemetry log whose first boot was never armed: heartbeats begin disarmed.
     bench = b"".join(frames_of(HEAVY)[:300])
     day = tmp_path / "bench.tlog"
     day.write_bytes(bench + rebooted(tmp_path / "day.tlog").read_bytes())
     found = read_sorties(day)
     assert [log.sortie for log in found] == [1, 2]
-    assert found[0].unflown.seconds[0] > 1.0
+    assert "a stretch without flight" in found[0].unflown[0]
     # One that holds nothing else is read as before.
     day.write_bytes(bench)
     assert len(read_sorties(day)) == 1

@@ -173,9 +173,9 @@ def test_a_frame_too_short_for_its_message_has_its_zeros_put_back():
     table = columns(found, np.arange(2), layouts()[0])
     assert table["custom_mode"].tolist() == [0x0605, 0x04030201]
     assert table["mavlink_version"].tolist() == [0, 9]
-    assert found.systems().tolist() == [11, 11]
-    assert found.components().tolist() == [12, 12]
-    assert found.sequences().tolist() == [7, 8]
+    assert found.system.tolist() == [11, 11]
+    assert found.component.tolist() == [12, 12]
+    assert found.sequence.tolist() == [7, 8]
 
 
 def test_fields_of_a_frame_that_could_not_be_checked_are_not_read():

@@ -74,9 +74,9 @@ def test_stamps_and_senders_equal_pymavlinks():
         np.array(column) for column in zip(*theirs, strict=True)
     )
     np.testing.assert_allclose(found.stamps_s(), stamps, atol=2e-6)
-    np.testing.assert_array_equal(found.systems(), systems)
-    np.testing.assert_array_equal(found.components(), components)
-    np.testing.assert_array_equal(found.sequences(), sequences)
+    np.testing.assert_array_equal(found.system, systems)
+    np.testing.assert_array_equal(found.component, components)
+    np.testing.assert_array_equal(found.sequence, sequences)
 
 
 def test_a_whole_log_has_nothing_skipped():

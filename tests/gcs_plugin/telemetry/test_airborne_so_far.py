@@ -31,11 +31,13 @@ def flying(
     contact=None,
 ):
     """Rows one second apart that count as flying, and what is known of the ground after them."""
-    channels = {"rotor_speed_rpm": np.full((rows, 2), NAN) if speeds is None else speeds}
+    unknown = np.full((rows, 2), NAN)
+    channels = {
+        "rotor_speed_rpm": unknown if speeds is None else speeds,
+        "throttle": unknown if throttle is None else throttle,
+    }
     if height is not None:
         channels["height_agl"] = np.asarray(height, float)
-    if throttle is not None:
-        channels["throttle"] = throttle
     found, words, after = airborne_so_far(
         collected(signals),
         np.arange(float(rows)),

@@ -130,28 +130,28 @@ def made(signals: list[Signal], options: Options = LIVE, carried: Carried | None
 def test_live_rows_hold_the_last_report_of_every_channel():
     rows = made(flight())
     np.testing.assert_allclose(rows.clock_s, 100.0 + np.arange(120) / 10)
-    np.testing.assert_array_equal(rows.channels["rotor_speed_rpm"][7], [1000, 1001, 1002, 1003])
-    np.testing.assert_array_equal(rows.channels["throttle"][7], [0.5] * 4)
-    np.testing.assert_allclose(rows.channels["voltage"][[0, 1, 2]], [50.0, 50.0, 50.2])
+    np.testing.assert_array_equal(rows.track.rotor_speed_rpm[7], [1000, 1001, 1002, 1003])
+    np.testing.assert_array_equal(rows.track.throttle[7], [0.5] * 4)
+    np.testing.assert_allclose(rows.track.voltage[[0, 1, 2]], [50.0, 50.0, 50.2])
     # 0.2 m above the ground's height at 2 s: 1/8 m at 2.2 s, 1/4 at 2.4.
-    assert np.flatnonzero(rows.flying)[0] == 24
-    assert rows.flying[24:].all()
+    assert np.flatnonzero(rows.track.flying)[0] == 24
+    assert rows.track.flying[24:].all()
     # Half of 0.12 kg/s from 4 s on, as last reported at 11.8 s: 7.8 s.
     assert rows.pump_share[[39, 40, 119]].tolist() == [0.0, 0.5, 0.5]
     assert rows.pumped_kg[[40, 42, 119]] == pytest.approx([0.0, 0.012, 0.468])
-    assert rows.channels["tank_kg"][119] == pytest.approx(4.532)
-    assert rows.channels["spraying"][[39, 40]].tolist() == [0.0, 1.0]
-    np.testing.assert_allclose(rows.channels["position_ned"][119], [0.0, 0.0, -1.0], atol=1e-6)
+    assert rows.track.tank_kg[119] == pytest.approx(4.532)
+    assert rows.track.spraying[[39, 40]].tolist() == [0.0, 1.0]
+    np.testing.assert_allclose(rows.track.position_ned[119], [0.0, 0.0, -1.0], atol=1e-6)
     assert (
-        rows.sources["position_ned"].words == "GLOBAL_POSITION_INT x (from home; by HOME_POSITION)"
+        rows.track.sources["position_ned"].words
+        == "GLOBAL_POSITION_INT x (from home; by HOME_POSITION)"
     )
-    assert rows.sources["rotor_speed_rpm"].words == "esc_rpm x (as numbered)"
-    assert rows.sources["throttle"].words == "servo_us x (as numbered)"
-    assert rows.sources["flying"].words == "landed x"
-    assert rows.origin is not None
-    assert rows.origin.altitude == 50.0
-    track = rows.track("x", 99.0, 4)
-    assert (track.time_s[0], track.rotor_count, track.notes) == (1.0, 4, rows.notes)
+    assert rows.track.sources["rotor_speed_rpm"].words == "esc_rpm x (as numbered)"
+    assert rows.track.sources["throttle"].words == "servo_us x (as numbered)"
+    assert rows.track.sources["flying"].words == "landed x"
+    assert rows.track.origin is not None
+    assert rows.track.origin.altitude == 50.0
+    assert (rows.track.time_s[0], rows.track.rotor_count) == (0.0, 4)
 
 
 @pytest.mark.parametrize("cut", [1.05, 2.45, 4.3, 9.0])
@@ -165,10 +165,12 @@ def test_rows_in_pieces_are_those_in_one_piece(cut):
     second = made(flight(), carried=replace(first.carried, heard_s=until))
     assert first.clock_s.size + second.clock_s.size == 120
     for name in TRACK_CHANNELS:
-        if name in whole.channels:
-            parts = [p.channels[name] for p in (first, second)]
-            np.testing.assert_allclose(np.concatenate(parts), whole.channels[name], atol=1e-6)
-    for name in ("flying", "pump_share", "pumped_kg"):
+        if whole.track.reports(name):
+            parts = [getattr(p.track, name) for p in (first, second)]
+            np.testing.assert_allclose(np.concatenate(parts), getattr(whole.track, name), atol=1e-6)
+    flying = np.concatenate([first.track.flying, second.track.flying])
+    np.testing.assert_array_equal(flying, whole.track.flying)
+    for name in ("pump_share", "pumped_kg"):
         parts = [getattr(p, name) for p in (first, second)]
         np.testing.assert_allclose(np.concatenate(parts), getattr(whole, name))
     assert second.carried.row_s == pytest.approx(111.9)
@@ -181,14 +183,14 @@ def test_rows_in_pieces_are_those_in_one_piece(cut):
 
 def test_recorded_rows_lie_between_their_reports():
     rows = made(flight(), Options(airframe=OURS, tank_start_kg=5.0))
-    np.testing.assert_allclose(rows.channels["voltage"][[0, 1, 2]], [50.0, 50.1, 50.2])
-    assert rows.channels["tank_kg"][41] == pytest.approx(5.0 - 0.006)
-    assert rows.sources["flying"].words == "landed x, and 0.2 m clear of it"
-    assert rows.sources["tank_kg"].words.startswith(
+    np.testing.assert_allclose(rows.track.voltage[[0, 1, 2]], [50.0, 50.1, 50.2])
+    assert rows.track.tank_kg[41] == pytest.approx(5.0 - 0.006)
+    assert rows.track.sources["flying"].words == "landed x, and 0.2 m clear of it"
+    assert rows.track.sources["tank_kg"].words.startswith(
         "pump output (servo 5, summed from the stated 5 kg"
     )
     # In the air to the end: only the start is cut, above 0.2 m from 2.4 s on.
-    assert np.flatnonzero(rows.flying)[0] == 24
+    assert np.flatnonzero(rows.track.flying)[0] == 24
 
 
 def test_a_live_channel_takes_the_first_source_that_is_fresh():
@@ -196,11 +198,11 @@ def test_a_live_channel_takes_the_first_source_that_is_fresh():
     first = reports("airspeed", [0.0, 1.0], [5.0, 6.0], source="first")
     second = reports("airspeed", times, [1.0, 2.0, 3.0, 4.0], source="second")
     rows = made([first, second, rotor(0, times)])
-    assert rows.channels["airspeed"].tolist() == [5.0, 6.0, 6.0, 4.0]
-    assert rows.sources["airspeed"].words == "first"
+    assert rows.track.airspeed.tolist() == [5.0, 6.0, 6.0, 4.0]
+    assert rows.track.sources["airspeed"].words == "first"
     assert rows.reported["airspeed"] == [first, second]
     recorded = made([first, second, rotor(0, times)], replace(LIVE, sampling="linear"))
-    assert recorded.channels["airspeed"].tolist() == [1.0, 2.0, 3.0, 4.0]  # it covers more
+    assert recorded.track.airspeed.tolist() == [1.0, 2.0, 3.0, 4.0]  # it covers more
     assert recorded.reported["airspeed"] == [second]
 
 
@@ -213,7 +215,7 @@ def test_a_listener_reads_spraying_from_the_tank_until_its_pump_has_a_pulse():
     signals = collected([rotor(0, times), reports("servo_us", times, pulses), tank])
     live = flight_rows(signals, servo, {}, LIVE)
     assert live is not None
-    assert live.channels["spraying"][[0, 55, 60, 99]].tolist() == [0.0, 1.0, 0.0, 0.0]
+    assert live.track.spraying[[0, 55, 60, 99]].tolist() == [0.0, 1.0, 0.0, 0.0]
 
 
 def test_a_rotor_at_zero_in_flight_whose_output_is_unknown_is_not_measured():
@@ -222,7 +224,7 @@ def test_a_rotor_at_zero_in_flight_whose_output_is_unknown_is_not_measured():
     landed = reports("landed", [100.0, 102.0], [1.0, 2.0])
     stopped = reports("esc_rpm", times, np.where(times < 101.0, 1000.0, 0.0), 3)
     rows = made([*others, stopped, landed], Options(sampling="linear"))
-    speeds = rows.channels["rotor_speed_rpm"]
+    speeds = rows.track.rotor_speed_rpm
     assert speeds[10:20, 3].tolist() == [0.0] * 10  # on the ground a rotor may stand
     assert np.isnan(speeds[20:, 3]).all()
     assert (speeds[:, :3] == 1000.0).all()
@@ -244,24 +246,24 @@ def test_a_recorded_tank_is_that_of_the_most_trusted_gauge_and_of_no_other():
     trusted = reports("named_value", times[:3], [9.0, 8.0, 7.0], "TANK", source="named")
     other = reports("fuel_remaining", times, 1000.0 * np.arange(10.0), 0, source="fuel")
     rows = made([trusted, other, rotor(0, times)], replace(LIVE, sampling="linear"))
-    assert rows.sources["tank_kg"].words == "named"
-    assert rows.channels["tank_kg"][:3].tolist() == [9.0, 8.0, 7.0]
-    assert np.isnan(rows.channels["tank_kg"][-1])
+    assert rows.track.sources["tank_kg"].words == "named"
+    assert rows.track.tank_kg[:3].tolist() == [9.0, 8.0, 7.0]
+    assert np.isnan(rows.track.tank_kg[-1])
 
 
 def test_what_is_not_heard_is_not_made_up():
     rows = made([rotor(0, [0.0, 1.0])])
     assert np.isnan(rows.pump_share).all()
     assert np.isnan(rows.pumped_kg).all()
-    assert (rows.origin, rows.carried.zero, rows.carried.pumped) == (None, None, None)
-    assert "tank_kg" not in rows.channels
-    assert "throttle" not in rows.sources
-    assert np.isnan(rows.channels["rotor_speed_rpm"][:, 1:]).all()
+    assert (rows.track.origin, rows.carried.zero, rows.carried.pumped) == (None, None, None)
+    assert not rows.track.reports("tank_kg")
+    assert "throttle" not in rows.track.sources
+    assert np.isnan(rows.track.rotor_speed_rpm[:, 1:]).all()
     assert flight_rows({}, FOUR, {}, LIVE) is None
     # A gauge that was asked for and is not there is an error; asked to leave it out, none.
     with pytest.raises(LogError, match="no tank level from 'pump'"):
         made([rotor(0, [0.0])], replace(LIVE, tank="pump"))
-    assert "tank_kg" not in made(flight(), replace(LIVE, tank="none")).channels
+    assert not made(flight(), replace(LIVE, tank="none")).track.reports("tank_kg")
 
 
 def recording(**given: Any) -> Recording:
@@ -395,9 +397,10 @@ def test_reports_of_a_channel_are_counted_with_their_pauses():
 @pytest.mark.parametrize("sampling", ["hold", "linear"])
 def test_only_what_is_stated_with_an_error_carries_one(sampling):
     rows = made(flight(), Options(load=3.0, air_temperature=291.15, sampling=sampling))
-    assert rows.sources["tank_kg"].words.startswith("stated: 3 kg")
-    assert rows.channels["temperature"].tolist() == [291.15] * rows.clock_s.size
-    assert {k: set(v.tolist()) for k, v in rows.standard_errors.items()} == {"temperature": {2.0}}
+    assert rows.track.sources["tank_kg"].words.startswith("stated: 3 kg")
+    assert rows.track.temperature.tolist() == [291.15] * rows.clock_s.size
+    errors = {k: set(v.tolist()) for k, v in rows.track.standard_errors.items()}
+    assert errors == {"temperature": {2.0}}
 
 
 def test_a_listener_keeps_all_that_a_row_may_look_back_at():

@@ -208,48 +208,6 @@ def test_readings_that_were_heard_are_not_looked_at_again():
     assert found.signals[0].time_s.tolist() == [1.0]
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_pieces_taken_together_are_judged_as_each_rotor_by_itself(seed, monkeypatch):
-    """Twenty pieces of readings that repeat, leap, stop, hold, or pass the tips' limit at times."""
-    rng = np.random.default_rng(seed)
-    airframe = load_airframe("topxgun-f16-sitl")
-    time_s = np.cumsum(rng.uniform(0.1, 0.3, 200))
-    speeds = np.round(rng.normal(2000.0, 4.0, (200, 4)), 0)
-    outputs = 0.5 + 0.01 * rng.normal(size=(200, 4))
-    for _ in range(8):
-        row, rotor, length = rng.integers(200), rng.integers(4), rng.integers(1, 30)
-        odd = rng.choice([0.0, 20.0, 2001.0, 4500.0, 8000.0, np.nan])
-        speeds[row : row + length, rotor] = odd
-        outputs[rng.integers(200) :, rng.integers(4)] += rng.choice([0.0, 0.1, -0.45, np.nan])
-
-    def judged():
-        memory, heard_s, kept = (), -np.inf, []
-        for end in range(10, 201, 10):
-            one = measured_speeds(
-                [Signal("esc_rpm", sent("E"), time_s[:end], speeds[:end, k], k) for k in range(4)],
-                [Signal("throttle", sent("S"), time_s[:end], outputs[:end, k]) for k in range(4)],
-                airframe,
-                look_ahead=False,
-                heard_s=heard_s,
-                memory=memory,
-            )
-            memory, heard_s = one.memory, time_s[end - 1]
-            rejected = {key: times.tolist() for key, times in one.rejected.items()}
-            signals = [s for s in one.signals if s is not None]
-            assert all(s.time_s.shape == s.values.shape for s in signals)
-            shown = [(s.time_s.tolist(), s.values.tolist()) for s in signals]
-            kept.append((rejected, shown, [repr(m.last) for m in memory]))
-        return kept
-
-    together = judged()
-    assert any(rejected for rejected, _, _ in together)
-    monkeypatch.setattr(
-        "thrustmargin.gcs_plugin.telemetry.rotor_speeds._surely_measured",
-        lambda known, *_, **__: (np.empty(0), np.zeros(len(known), dtype=bool)),
-    )
-    assert judged() == together
-
-
 def test_hover_motors_that_idle_do_not_lift():
     nan = float("nan")
     speeds = np.array([[900.0, 950.0], [0.0, 0.0], [0.0, 0.0], [900.0, nan], [nan, nan]])

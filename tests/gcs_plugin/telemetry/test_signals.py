@@ -225,7 +225,7 @@ def test_a_waypoint_in_degrees_and_none_at_zero():
 
 def test_the_twenty_longest_damaged_places_in_the_order_of_the_file():
     skipped = [(1000 * k, 30 - k if k % 2 else 5) for k in range(30)]
-    found = damage_of(skipped, lambda byte: byte / 10)["damage"]
+    found = damage_of(skipped, 1000 * np.arange(30) - 1, np.arange(0.0, 3000.0, 100.0))["damage"]
     # Odd ones are 29, 27, .. 1 bytes: the twelve above 5, then the first eight of 5 bytes.
     odd, even = range(1, 24, 2), range(0, 15, 2)
     assert [d.byte // 1000 for d in found] == sorted([*odd, *even])

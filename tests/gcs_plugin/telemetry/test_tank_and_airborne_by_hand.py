@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     TankContext,
     first_level,
     flight_battery,
+    pump_share,
     tank_levels,
 )
 from thrustmargin.models.flight import FlyingBy
@@ -166,7 +167,7 @@ def test_a_pump_that_is_not_known_gives_no_level():
 def spraying(*signals: Signal, tank: Signal | None = None, sampling: Sampling = "linear", **given):
     context = TankContext(airframe=OURS, parameters=given.pop("parameters", {}), **given)
     notes: list[str] = []
-    found = spraying_sources(collected(signals), context, tank, sampling, notes)
+    found = spraying_sources(pump_share(collected(signals), context), tank, sampling, notes)
     return found[0] if found else None, notes
 
 
@@ -202,16 +203,20 @@ def test_a_tank_that_falls_by_more_than_half_a_litre_a_minute_is_sprayed():
 CLOCK = np.arange(12.0)
 
 
+def table(clock, channels) -> dict[str, np.ndarray]:
+    """The channels on rows, those of the rotors unknown where they are not given."""
+    unknown = np.full((clock.size, 2), NAN)
+    given = {name: np.asarray(v, float) for name, v in channels.items()}
+    return {"rotor_speed_rpm": unknown, "throttle": unknown} | given
+
+
 def flying(*signals: Signal, **channels) -> tuple[list[int], str]:
-    found = airborne(
-        collected(signals), CLOCK, {name: np.asarray(v, float) for name, v in channels.items()}
-    )
+    found = airborne(collected(signals), CLOCK, table(CLOCK, channels))
     return np.flatnonzero(found.flying).tolist(), found.words
 
 
 def grounded_by(*signals: Signal, airframe: Airframe | None = None, clock=CLOCK, **channels):
-    made = {name: np.asarray(v, float) for name, v in channels.items()}
-    found = airborne(collected(signals), clock, made, airframe)
+    found = airborne(collected(signals), clock, table(clock, channels), airframe)
     assert not found.flying.any()
     return found.by
 
@@ -316,10 +321,10 @@ def test_rotors_that_never_carry_half_of_the_empty_weight():
     slow = [[1107.0, 1107.0]] * 12
     assert grounded_by(airframe=ours, rotor_speed_rpm=slow) is FlyingBy.SLOW_ROTORS
     fast = np.full((12, 2), 1107.5)
-    assert airborne({}, CLOCK, {"rotor_speed_rpm": fast}, ours).flying.all()
+    assert airborne({}, CLOCK, table(CLOCK, {"rotor_speed_rpm": fast}), ours).flying.all()
     # What rose flew, and its speeds are of another scale, which is not said here.
     rose = {"rotor_speed_rpm": np.full((12, 2), 200.0), "height_agl": np.arange(12.0)}
-    assert airborne({}, CLOCK, rose, ours).flying.all()
+    assert airborne({}, CLOCK, table(CLOCK, rose), ours).flying.all()
 
 
 def test_armed_in_the_log_and_never_higher_than_it_stood():
