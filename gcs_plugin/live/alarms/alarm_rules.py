@@ -298,7 +298,7 @@ def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
     gauge, pump, thrust = balance.gauge, balance.pump, balance.thrust
     if not parts(gauge, pump):
         return ""
-    if balance.level_kg < 0.3 and gauge < pump:
+    if balance.level_kg < 0.3 and gauge < pump and not balance.apart_kg > settings.tank_mass_kg:
         return words.TANK_EMPTY
     if gauge > pump:
         backed = parts(thrust, pump) and thrust > pump

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, serviced
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
+from thrustmargin.models.checks.frozen import without_frozen
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
@@ -55,7 +56,7 @@ class FlightAdvice:
 class FlightSoFar:
     """One flight up to a row; its answer is worked out when a screen asks for it."""
 
-    track: FlightTrack  # as measured
+    track: FlightTrack  # as reported
     state: VehicleState
     model: RotorModel
     claim: AirframeClaim
@@ -75,17 +76,22 @@ class FlightSoFar:
         return self.state.parameters
 
     @cached_property
+    def measured(self) -> FlightTrack:
+        """Its rows without what instruments say that stood still in it, as of a file."""
+        return without_frozen(self.track, flown_airframe(self.model), self.parameters)
+
+    @cached_property
     def outputs(self) -> OutputEvidence | None:
         """What the motor outputs of all its rows say of the load: the claim was decided in the
         first climb, where they show more than the weight."""
         if self.claim.withheld:
             return None
-        return output_evidence(self.track, flown_airframe(self.model), self.parameters)
+        return output_evidence(self.measured, flown_airframe(self.model), self.parameters)
 
     @cached_property
     def _prepared(self) -> FlightTrack:
         craft = None if self.claim.withheld else flown_airframe(self.model)
-        return prepared(self.track, craft, self.parameters)
+        return prepared(self.measured, craft, self.parameters)
 
     @cached_property
     def beyond_gauge_kg(self) -> float:
@@ -117,7 +123,7 @@ class FlightSoFar:
             goes_on=self.goes_on,
         )
         pilot = AUTOPILOTS.get(state.autopilot, "unknown")
-        known = self.track, self.claim, state.parameters, state.facts
+        known = self.measured, self.claim, state.parameters, state.facts
         return FlightAdvice(made.advice, first_contact(*known, autopilot=pilot))
 
     @property
@@ -172,7 +178,7 @@ class SortieRows:
         state: VehicleState,
         events: Sequence[AlarmEvent],
     ) -> None:
-        """Take the next rows as they were measured, at `clock_s` (T,) of the vehicle; `events` is
+        """Take the next rows as they were reported, at `clock_s` (T,) of the vehicle; `events` is
         what the alarms found in them."""
         self._zero_s = float(clock_s[0] - track.time_s[0])
         self._said = claim, state

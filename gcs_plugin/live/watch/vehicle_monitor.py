@@ -198,13 +198,13 @@ class VehicleMonitor:
             last, self._unsettled, self._inferred = None, 0, Inferred()
             self._ahead.restart()
             self._sortie = SortieRows(self._model, self.alarms, self._landed.answer)
-        window, start, measured = slice(0, 0), None, None
+        window, start, reported = slice(0, 0), None, None
         if last is not None:
             window, start = self._window(last)
         if new is not None:
-            parameters = self.state.parameters
-            measured = self._frozen.without_frozen(new.track, parameters)
-            notes = (*new.notes, *measured.notes[len(new.track.notes) :])
+            parameters, reported = self.state.parameters, new.track
+            measured = self._frozen.without_frozen(reported, parameters)
+            notes = (*new.notes, *measured.notes[len(reported.notes) :])
             new = replace(new, track=measured, notes=notes)
             start = self._claimed(new, start)
             airframe = None if self.claim.withheld else flown_airframe(self._model)
@@ -246,11 +246,11 @@ class VehicleMonitor:
             if new is None
             else np.pad(new.esc_failures, ((first, 0), (0, 0)), constant_values=np.nan),
         )
-        if new is None or measured is None:
+        if new is None or reported is None:
             self._sortie.settle()
             self._sortie.restate()
         else:
-            self._sortie.add(measured, new.clock_s, self.claim, self.state, events)
+            self._sortie.add(reported, new.clock_s, self.claim, self.state, events)
             self._landed.forget(float(new.stamp_us[-1]) - self._sortie.kept_s * 1e6)
         kept = self.last
         self.last = Update(

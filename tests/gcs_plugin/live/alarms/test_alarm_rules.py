@@ -174,6 +174,12 @@ def test_a_tank_is_empty_below_three_hundred_grams():
         assert rules.pump_verdict(given, USUAL) == words
 
 
+def test_a_tank_that_the_rotors_still_carry_is_not_empty():
+    for apart, words in ((3.1, rules.words.GAUGE_WRONG), (2.9, rules.words.TANK_EMPTY)):
+        given = balance(gauge=0.0, pump=1.5, thrust=1.5, level_kg=0.0, apart_kg=apart)
+        assert rules.pump_verdict(given, USUAL) == words
+
+
 def link(rule: Any, silent: float, behind=(0.0,) * 4, *, flying: bool = True):
     now = LinkNow(silent=silent, rotors_behind=np.array(behind), flying=flying)
     check = rule(USUAL, now)
