@@ -17,7 +17,7 @@ from thrustmargin.models.flight import FlightTrack, FlyingBy
 GROUNDED_BY: Mapping[FlyingBy, str] = MappingProxyType(
     {
         FlyingBy.DISARMED: "the vehicle says that it was disarmed throughout",
-        FlyingBy.IDLE_OUTPUTS: "its motor outputs never rose above idle",
+        FlyingBy.IDLE_OUTPUTS: "its motor outputs never rose above idle while it was armed",
         FlyingBy.CONSTANT_OUTPUTS: "its motor outputs never changed",
         FlyingBy.SLOW_ROTORS: "its rotors never carried half of the empty weight",
         FlyingBy.NEVER_ROSE: "its motors ran up and it never rose from where it stood",
