@@ -111,6 +111,10 @@ class FlightSoFar:
         order = check_motor_order(flown, flown_airframe(self.model))
         return order.verdict not in ("agrees", "unclear")
 
+    def shown_by(self, claim: AirframeClaim) -> AirframeClaim:
+        """A claim, with what all its rows show of outputs and motor order."""
+        return replace(claim, outputs=self.outputs, other_order=self.other_order)
+
     @cached_property
     def so_far(self) -> FlightAdvice:
         """As of a report of these rows, with the faults that were found in flight."""

@@ -212,9 +212,7 @@ class VehicleMonitor:
             new = replace(new, track=track)
         track = with_rows(last, window, new)
         flight = self._sortie.now
-        claim = self.claim
-        if flight is not None:
-            claim = replace(claim, outputs=flight.outputs, other_order=flight.other_order)
+        claim = self.claim if flight is None else flight.shown_by(self.claim)
         analysis = analyse(track, self._model, start=start, claim=claim)
         if flight is not None and not claim.withheld:
             analysis = heavier(analysis, flight.beyond_gauge_kg)

@@ -9,6 +9,7 @@ import pytest
 
 from tests.gcs_plugin.live.alarms.test_alarms import MODEL, balance, hover
 from thrustmargin.gcs_plugin.live.alarms import alarm_rules as rules
+from thrustmargin.gcs_plugin.live.alarms import tank_rules
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, Debounce
 from thrustmargin.gcs_plugin.live.alarms.alarm_checks import LinkNow, RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import RULES
@@ -165,19 +166,22 @@ def test_a_rotor_is_at_its_end_by_its_output_or_by_its_speed(share, on, off):
 )
 def test_when_two_estimates_of_the_tank_part(given, parts):
     found = balance(**given)
-    assert bool(rules.pump_verdict(found, USUAL) or rules.mass_verdict(found, USUAL)) == parts
+    assert (
+        bool(tank_rules.pump_verdict(found, USUAL) or tank_rules.mass_verdict(found, USUAL))
+        == parts
+    )
 
 
 def test_a_tank_is_empty_below_three_hundred_grams():
     for level, words in ((0.29, rules.words.TANK_EMPTY), (0.31, rules.words.TANK_CLOGGED)):
         given = balance(gauge=0.1, pump=1.5, thrust=0.1, level_kg=level)
-        assert rules.pump_verdict(given, USUAL) == words
+        assert tank_rules.pump_verdict(given, USUAL) == words
 
 
 def test_a_tank_that_the_rotors_still_carry_is_not_empty():
     for apart, words in ((3.1, rules.words.GAUGE_WRONG), (2.9, rules.words.TANK_EMPTY)):
         given = balance(gauge=0.0, pump=1.5, thrust=1.5, level_kg=0.0, apart_kg=apart)
-        assert rules.pump_verdict(given, USUAL) == words
+        assert tank_rules.pump_verdict(given, USUAL) == words
 
 
 def link(rule: Any, silent: float, behind=(0.0,) * 4, *, flying: bool = True):
