@@ -14,6 +14,8 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.findings import names_wrong
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.log_answer import first_contact_of
 from thrustmargin.gcs_plugin.wording.report_words import (
     command,
@@ -22,6 +24,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
 )
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.physics.airframe import load_airframe
 
 ROOT = Path(__file__).resolve().parents[3]
 PATH = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
@@ -68,6 +71,16 @@ def test_of_a_known_aircraft_or_of_nothing_that_flies_there_is_no_first_contact(
     assert first_contact_of(LOG, AirframeClaim()) is None
     ground = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
     assert first_contact_of(replace(LOG, track=ground), UNKNOWN) is None
+
+
+def test_two_numbers_of_motors_are_a_layout_to_ask_for_and_no_rotor_names():
+    log = replace(LOG, facts=replace(LOG.facts, rotor_conflict="6 by MAV_TYPE 13"))
+    contact = first_contact_of(log, UNKNOWN)
+    assert (contact.layout, contact.asked[0]) == (None, "layout")
+    found = inspect_log(log, load_airframe("topxgun-f16-sitl"), UNKNOWN).findings
+    (words,) = names_wrong(found)
+    assert words.endswith("4 rotors by FRAME_CLASS 1, but 6 by MAV_TYPE 13")
+    assert not names_wrong(inspect_log(LOG, load_airframe("topxgun-f16-sitl"), UNKNOWN).findings)
 
 
 @pytest.mark.parametrize("gauge", [True, False])
