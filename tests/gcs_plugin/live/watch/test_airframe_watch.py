@@ -1,5 +1,6 @@
 """A vehicle that flies now is recognised, doubted and believed again, and never flickers."""
 
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,9 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
+from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
+from thrustmargin.gcs_plugin.live.alarms.alarm_checks import RowsNow
+from thrustmargin.gcs_plugin.live.alarms.alarm_rules import esc, saturation
 from thrustmargin.gcs_plugin.live.announce import figures
 from thrustmargin.gcs_plugin.live.console import numbers
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
@@ -160,6 +164,25 @@ def test_motors_in_another_order_are_an_alarm_and_take_the_places_away():
     page = aircraft_figures(ShownRow(updates[-1].analysis, -1), np.nan)
     assert {rotor["place"] for rotor in page["rotors"]} == {""}
     assert ("motor order", None) not in monitored(share=0.7)[0].alarms.listed
+    now = RowsNow(analysis=updates[-1].analysis, rows=slice(-1, None))
+    assert saturation(AlarmSettings(), now).text(0, 2) == "Rotor 3: no thrust left, slow down"
+    flags = replace(now, esc_failures=np.full_like(now.analysis.utilisation, 4.0))
+    assert esc(AlarmSettings(), flags).text(0, 1) == "ESC 2: too hot: land"
+
+
+def stuck(frame: Frame) -> Frame:
+    """With a tank gauge that stands at 12 kg."""
+    if frame.id != 251 or not frame.payload[8:].startswith(b"TANK"):  # NAMED_VALUE_FLOAT
+        return frame
+    value = 10 + 4  # behind the header and the time
+    data = frame.data[:value] + struct.pack("<f", 12.0) + frame.data[value + 4 :]
+    return frame._replace(data=data)
+
+
+def test_a_gauge_that_stood_still_is_left_out_of_the_flight_so_far_from_its_start():
+    flight = monitored(stuck, 0.9)[1][-1].flight
+    assert np.nanmax(flight.track.tank_kg) == np.nanmin(flight.track.tank_kg[-600:]) == 12.0
+    assert np.isnan(flight.measured.tank_kg).all()
 
 
 def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised():

@@ -95,7 +95,8 @@ def test_nothing_known_shows_no_number_at_all():
 
 
 def test_the_output_of_each_motor_stands_beside_what_is_unknown():
-    outputs = np.tile([0.51, 0.52, 0.53, np.nan], (ROWS, 1))
+    outputs = np.full((ROWS, 4), 0.4)
+    outputs[10] = 0.51, 0.52, 0.53, np.nan
     figures = aircraft_figures(ShownRow(flight(throttle=outputs), 10), math.nan)
     assert [r["output"] for r in figures["rotors"]] == [0.51, 0.52, 0.53, None]
 
