@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     BAND,
     INK,
     PREDICTED,
+    Figure,
     Panel,
     above_limit,
     band,
@@ -19,8 +20,8 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     limit_across,
     line,
     over_time,
+    titled,
 )
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, titled
 from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
 from thrustmargin.gcs_plugin.wording.report_words import IN_USE
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog, written
-from thrustmargin.gcs_plugin.wording.loop.asked import asked_of
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import asked_of, effect_thing
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     answer,
     excluded_rows,

@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     MEASURED,
     OVER,
     PREDICTED,
+    Figure,
     Panel,
     above_limit,
     band,
@@ -23,8 +24,9 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     milliseconds,
     over_time,
     rotor_panels,
+    scatter,
+    titled,
 )
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, route_map
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, SPINS

@@ -10,7 +10,7 @@ import math
 
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
-from thrustmargin.gcs_plugin.wording.plans.beside_words import beside_words
+from thrustmargin.gcs_plugin.wording.plans.plan_words import beside_words
 from thrustmargin.mission.ahead.plan_flight import PlanConditions
 from thrustmargin.mission.beside.blame import Off, shown_day, which_was_off
 from thrustmargin.mission.beside.plan_to_fly import PlanToFly, known_before

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared import written
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
+from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fault_words import (
     DESCENDED,

@@ -18,11 +18,11 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     end_rows,
     share,
 )
-from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import (
+from thrustmargin.gcs_plugin.reports.margin.load import (
+    load_rows,
     one_rotor_out_use,
     redundancy_rows,
 )
-from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
     alarm_row,

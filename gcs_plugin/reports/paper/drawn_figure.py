@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.reports.paper.canvas import (
     SvgCanvas,
     with_fonts,
 )
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace
+from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure, Trace
 from thrustmargin.models.flight import Floats
 
 WIDTH_PX = 1000.0  # of a figure; two maps stand beside each other

@@ -15,7 +15,7 @@ from lxml.html import HtmlElement, document_fromstring
 
 from thrustmargin.gcs_plugin.reports.paper.canvas import PIXEL, PdfCanvas, with_fonts
 from thrustmargin.gcs_plugin.reports.paper.drawn_figure import draw, size
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
+from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure
 
 MARGIN = 12.0  # mm
 TILES = 4  # beside each other

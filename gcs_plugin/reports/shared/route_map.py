@@ -13,11 +13,13 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     GRID,
     INK,
     STYLE,
+    Figure,
     keep_worst,
     milliseconds,
+    scatter,
     single,
+    titled,
 )
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
 from thrustmargin.gcs_plugin.wording.numbers import from_direction
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, css
 from thrustmargin.mission.field import Field

@@ -13,13 +13,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.actions import Action
+from thrustmargin.gcs_plugin.wording.actions import Action, When
 from thrustmargin.gcs_plugin.wording.loop import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import DescribedEffect, rotor_words
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.inputs.wind import FOLLOWED_WIND
 from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
+from thrustmargin.models.identification.answer.result import Identification
+from thrustmargin.models.identification.certainty import COSTS
 from thrustmargin.models.model.rotor_model import RotorModel
 
 if TYPE_CHECKING:
@@ -187,3 +189,51 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
         FOLLOWED_WIND.key: EffectWords("wind", amounts.followed_wind, None),
     }
 )
+
+
+#: Part of an action -> whose costs it has.
+KIND_OF_PART = MappingProxyType(
+    {
+        "propeller": "rotor",
+        "motor": "rotor",
+        "rotor": "rotor",
+        "tank gauge": "instrument",
+        "airspeed sensor": "instrument",
+        "settings": "instrument",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedAction:
+    """One action that a person is asked for."""
+
+    part: str  # with the number of the rotor, from 1
+    action: str
+    probability: float  # that it is right
+    expected_cost: float  # of asking, in times a look at a propeller
+
+
+def asked_of(found: Identification) -> tuple[AskedAction, ...]:
+    """The actions of the answer in its order; what only keeps something in the model is none."""
+    out = [
+        _asked(action, f.term.rotor, f.probability)
+        for f in sorted(found.found, key=lambda f: f.term.rotor is None)
+        if (action := action_of(f)) and action.part != actions.KEEP.part
+    ]
+    out += [_asked(actions.INSPECT, one.rotor, one.probability) for one in found.mentioned]
+    left = found.left
+    if left is not None and left.rotor is not None:
+        out.append(_asked(actions.INSPECT, left.rotor, 1.0))
+    return tuple(out)
+
+
+def _asked(action: Action, rotor: int | None, probability: float) -> AskedAction:
+    kind = KIND_OF_PART.get(action.part, "aircraft")
+    hands_on = action.when is When.BATTERY_OFF
+    return AskedAction(
+        part=f"rotor {rotor + 1}" if rotor is not None and hands_on else action.part,
+        action=action.text,
+        probability=probability,
+        expected_cost=COSTS[kind].of_asking(probability),
+    )

@@ -8,7 +8,7 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG, flight
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
-from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
+from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import json_text
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 from thrustmargin.gcs_plugin.reports.margin.render import html_text

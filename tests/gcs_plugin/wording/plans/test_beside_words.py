@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from thrustmargin.gcs_plugin.wording.plans.beside_words import (
+from thrustmargin.gcs_plugin.wording.plans.plan_words import (
     beside_words,
     off_sentence,
     stretch_words,
