@@ -16,13 +16,7 @@ from thrustmargin.gcs_plugin.wording.fault_words import (
 )
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import (
-    clock,
-    duration,
-    number,
-    percent,
-    percent_within,
-)
+from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent, percent_within
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode

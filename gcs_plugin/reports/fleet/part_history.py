@@ -28,13 +28,7 @@ from thrustmargin.gcs_plugin.reports.fleet.parts import NAN, Part, PartHistory
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.season.change_points import (
-    changes,
-    penalty_of,
-    placed,
-    scatter_of,
-    spread_beyond,
-)
+from thrustmargin.models.identification.season import change_points
 from thrustmargin.models.identification.season.season_changes import Trend
 
 RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
@@ -134,9 +128,11 @@ def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
     if where.size < 6:
         return None
     value, error = value[where], error[where]
-    error = np.maximum(error, scatter_of(value))
-    error = error * spread_beyond(value, error)
-    entries, curve = changes(value, error, penalty_of(where.size, OTHERS))
+    error = np.maximum(error, change_points.scatter_of(value))
+    error = error * change_points.spread_beyond(value, error)
+    entries, curve = change_points.changes(
+        value, error, change_points.penalty_of(where.size, OTHERS)
+    )
     whole = np.full(len(flights), np.nan)
     own: Floats = whole.copy()
     whole[where], own[where] = value, error
@@ -145,7 +141,7 @@ def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
         value=whole,
         error=own,
         curve=np.interp(np.arange(len(flights)), where, curve),
-        changes=tuple(placed(e, where) for e in entries),
+        changes=tuple(change_points.placed(e, where) for e in entries),
         instead=(),
         least_seen=NAN,
         usual=float(curve[0]),

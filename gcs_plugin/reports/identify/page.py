@@ -15,33 +15,12 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.reports.identify.identify_result import (
-    Result,
-    effect_rows,
-    error_rows,
-    set_rows,
-)
+from thrustmargin.gcs_plugin.reports.identify import identify_result as results
+from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
-from thrustmargin.gcs_plugin.reports.shared.plot_style import (
-    AFTER,
-    BEFORE,
-    STYLE,
-    Figure,
-    filled,
-    line,
-    over_time,
-    rotor_panels,
-    scatter,
-    single,
-    titled,
-)
 from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
+from thrustmargin.gcs_plugin.wording.loop import identify_answer as answers
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
-from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
-    excluded_rows,
-    margin_words,
-    where_from,
-)
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, channel_title
 from thrustmargin.gcs_plugin.wording.palette import residual_scale
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -155,40 +134,40 @@ MOST_CHANNELS, ACROSS = 4, 2  # panels of a mode, and in a line of them: two fit
 PANEL_PX, UNDER_PX = 180, 66  # of a panel, and of its axis below
 
 
-def time_figure(rows: Rows, flight: int) -> Figure:
+def time_figure(rows: Rows, flight: int) -> style.Figure:
     """Residual of each rotor of one flight over time, before and after."""
     mine = rows.of(flight)
     time_s, before, after = _broken(rows.time_s[mine], rows.before_rpm[mine], rows.after_rpm[mine])
     reach = float(np.nanmax(np.abs(rows.before_rpm))) * 1.08
-    panels = rotor_panels(
+    panels = style.rotor_panels(
         rows.rotor_names,
         lambda k, legend: [
-            line(time_s, table[:, k], color=color, name=name, width=1.5, legend=legend)
-            for name, color, table in (("before", BEFORE, before), ("after", AFTER, after))
+            style.line(time_s, table[:, k], color=color, name=name, width=1.5, legend=legend)
+            for name, color, table in (
+                ("before", style.BEFORE, before),
+                ("after", style.AFTER, after),
+            )
         ],
-        axis=titled("rpm", range=[-reach, reach]),
+        axis=style.titled("rpm", range=[-reach, reach]),
     )
-    return over_time(panels, end_s=float(time_s[-1]))
+    return style.over_time(panels, end_s=float(time_s[-1]))
 
 
 def _broken(time_s: Floats, *tables: Floats) -> tuple[Floats, ...]:
     """With a row of NaN in each pause, so that no line is drawn across it."""
     gaps = np.flatnonzero(np.diff(time_s) > LONGEST_STEP_S) + 1
     middle = (time_s[gaps - 1] + time_s[gaps]) / 2 if gaps.size else np.empty(0)
-    return (
-        np.insert(time_s, gaps, middle),
-        *(np.insert(t, gaps, np.nan, axis=0) for t in tables),
-    )
+    return (np.insert(time_s, gaps, middle), *(np.insert(t, gaps, np.nan, axis=0) for t in tables))
 
 
-def modes_figure(rows: Rows) -> Figure:
+def modes_figure(rows: Rows) -> style.Figure:
     """RMS of each mode before and after."""
     margin = {"l": 80, "r": 20, "t": 40, "b": 40}
-    y = titled("RMS, rpm", rangemode="tozero")
-    made = Figure({"template": STYLE, "height": 340, "margin": margin, "yaxis": y})
+    y = style.titled("RMS, rpm", rangemode="tozero")
+    made = style.Figure({"template": style.STYLE, "height": 340, "margin": margin, "yaxis": y})
     for which, table, colour in (
-        ("before", rows.before_modes, BEFORE),
-        ("after", rows.after_modes, AFTER),
+        ("before", rows.before_modes, style.BEFORE),
+        ("after", rows.after_modes, style.AFTER),
     ):
         bars = {
             "type": "bar",
@@ -205,7 +184,7 @@ def modes_figure(rows: Rows) -> Figure:
     return made
 
 
-def channels_figures(rows: Rows) -> dict[int, Figure]:
+def channels_figures(rows: Rows) -> dict[int, style.Figure]:
     """Each mode against the channels that it went with most: medians of bins, middle 80 % as a
     band."""
     drawn = {
@@ -217,29 +196,29 @@ def channels_figures(rows: Rows) -> dict[int, Figure]:
     return {mode: _panels(made, 1.06 * reach) for mode, made in drawn.items() if made}
 
 
-def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: float) -> Figure:
+def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: float) -> style.Figure:
     lines = -(-len(made) // ACROSS)
     height = lines * (PANEL_PX + UNDER_PX) - UNDER_PX
     margin = {"l": 70, "r": 10, "t": 40, "b": UNDER_PX}
     whole = height + margin["t"] + margin["b"]
-    figure = Figure({"template": STYLE, "height": whole, "margin": margin})
+    figure = style.Figure({"template": style.STYLE, "height": whole, "margin": margin})
     small, wide = {"tickfont": {"size": 13}}, (1.0 - 0.04 * (ACROSS - 1)) / ACROSS
     for k, (channel, binned) in enumerate(made):
         row, column = divmod(k, ACROSS)
         axes = "" if k == 0 else str(k + 1)
         for which, x, y in binned:
-            median = scatter(
-                single(x),
-                single(y[:, 1]),
+            median = style.scatter(
+                style.single(x),
+                style.single(y[:, 1]),
                 mode="lines+markers",
-                line={"color": BEFORE if which == "before" else AFTER, "width": 2.5},
+                line={"color": style.BEFORE if which == "before" else style.AFTER, "width": 2.5},
                 marker={"size": 5},
                 name=which,
                 legendgroup=which,
                 showlegend=k == 0,
                 hovertemplate="%{x:.3g}: %{y:.1f} rpm<extra>" + which + "</extra>",
             )
-            band = filled(x, y[:, 0], y[:, 2], color=BANDS[which], legendgroup=which)
+            band = style.filled(x, y[:, 0], y[:, 2], color=BANDS[which], legendgroup=which)
             figure.add([band, median], axes)
         left, top = column * (wide + 0.04), 1.0 - row * (PANEL_PX + UNDER_PX) / height
         title = {"text": escape(channel_title(channel)), "font": {"size": 14}, "standoff": 4}
@@ -295,7 +274,9 @@ def map_limit(rows: Rows) -> float:
     return float(max(1.0, np.quantile(worst, 0.98)))
 
 
-def map_figure(rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float) -> Figure | None:
+def map_figure(
+    rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float
+) -> style.Figure | None:
     """The route of a flight from above, coloured by the residual of the rotor that is furthest off.
 
     None when the log has no positions.
@@ -317,10 +298,10 @@ def map_figure(rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float) 
     )
 
 
-def per_flight(rows: Rows, chosen: Sequence[int]) -> dict[str, Figure]:
+def per_flight(rows: Rows, chosen: Sequence[int]) -> dict[str, style.Figure]:
     """Name -> figure over time and maps before and after, of the chosen flights."""
     limit = map_limit(rows)
-    made: dict[str, Figure] = {}
+    made: dict[str, style.Figure] = {}
     for f in chosen:
         made[f"time_{f}"] = time_figure(rows, f)
         for which, table in (("before", rows.before_rpm), ("after", rows.after_rpm)):
@@ -333,7 +314,7 @@ def per_flight(rows: Rows, chosen: Sequence[int]) -> dict[str, Figure]:
 MOST_FLIGHTS = 6  # that are drawn over time and on the route
 
 
-def html_text(result: Result) -> str:
+def html_text(result: results.Result) -> str:
     """The page; figures are drawn when they come into view."""
     rows = rows_of(result.unseen, result.tracks)
     shown = rows.worst_first()[:MOST_FLIGHTS]
@@ -345,18 +326,18 @@ def html_text(result: Result) -> str:
         "rows": rows,
         "shown": shown,
         "figures": made,
-        "effect_rows": effect_rows,
-        "error_rows": error_rows,
-        "set_rows": set_rows,
+        "effect_rows": results.effect_rows,
+        "error_rows": results.error_rows,
+        "set_rows": results.set_rows,
         "effect_thing": effect_thing,
-        "excluded_rows": excluded_rows,
-        "margin_words": margin_words,
-        "where_from": where_from,
+        "excluded_rows": answers.excluded_rows,
+        "margin_words": answers.margin_words,
+        "where_from": answers.where_from,
     }
     return page_text(__name__.rpartition(".")[0], context)
 
 
-def figures(rows: Rows, shown: list[int]) -> dict[str, Figure]:
+def figures(rows: Rows, shown: list[int]) -> dict[str, style.Figure]:
     """Name -> figure; over time and on the route those of the flights `shown`."""
     channels = {f"channels_{m}": figure for m, figure in channels_figures(rows).items()}
     return {"modes": modes_figure(rows), **channels, **per_flight(rows, shown)}

@@ -128,9 +128,7 @@ def rotor_panels(
     """A strip a rotor, alike in `panel`; `traces(rotor, legend)` makes those of a 0-based rotor."""
     return [
         Panel(
-            traces=traces(k, k == 0),
-            title=f"{say('rotor')} {k + 1}, {place_words(name)}",
-            **panel,
+            traces=traces(k, k == 0), title=f"{say('rotor')} {k + 1}, {place_words(name)}", **panel
         )
         for k, name in enumerate(names)
     ]

@@ -104,11 +104,7 @@ def speed_range(given: Speeds) -> tuple[float, float]:
 
 
 def chart_data(
-    speeds: Speeds,
-    start_s: float,
-    end_s: float,
-    now_s: float,
-    limits: tuple[float, float],
+    speeds: Speeds, start_s: float, end_s: float, now_s: float, limits: tuple[float, float]
 ) -> list[tuple[Floats, ...]]:
     """For each rotor: times, lower, upper, predicted, measured, line of now. All (K,).
 

@@ -109,14 +109,10 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
             WEAK + " in flight", amounts.weakened_in_flight, actions.INSPECT
         ),
         "rotor_degradation:for a while": EffectWords(
-            WEAK + " for a while",
-            amounts.weakened_for_a_while,
-            actions.LOOK_AT_MOTOR,
+            WEAK + " for a while", amounts.weakened_for_a_while, actions.LOOK_AT_MOTOR
         ),
         "rotor_degradation:in each flight": EffectWords(
-            "{rotor} weakening in every flight",
-            amounts.weakens_each_flight,
-            actions.FEEL_HEAT,
+            "{rotor} weakening in every flight", amounts.weakens_each_flight, actions.FEEL_HEAT
         ),
         "rotor_degradation:since": EffectWords(
             WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
@@ -150,37 +146,23 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
         "parasite_drag": EffectWords("drag", amounts.drag, actions.LOOK_FOR_MOUNTED),
         "load_factor": EffectWords("the load factor of manoeuvres", amounts.load_factor),
         "slung_load": EffectWords("a swinging load", amounts.slung_load, actions.LOOK_BELOW),
-        "cg_offset": EffectWords(
-            "a shifted centre of gravity",
-            amounts.balance,
-            actions.BALANCE,
-        ),
-        "yaw_trim": EffectWords(
-            "a steady yaw moment",
-            amounts.yaw_moment,
-            actions.LEVEL_MOTORS,
-        ),
+        "cg_offset": EffectWords("a shifted centre of gravity", amounts.balance, actions.BALANCE),
+        "yaw_trim": EffectWords("a steady yaw moment", amounts.yaw_moment, actions.LEVEL_MOTORS),
         "manoeuvre_moment": EffectWords("the moments of turning", amounts.turning),
         "manoeuvre_moment:changed": EffectWords(
-            "another inertia",
-            amounts.inertia,
-            actions.ARMS_CARRY,
+            "another inertia", amounts.inertia, actions.ARMS_CARRY
         ),
         "translational_lift": EffectWords("lift of forward flight", amounts.forward_lift),
         "climb_inflow": EffectWords("the inflow of climbs", amounts.climb),
         "ground_effect": EffectWords("ground effect", amounts.ground_effect),
         "thrust_drift": EffectWords(
-            "all rotors weakening",
-            amounts.thrust_drift,
-            actions.CLEAN_BLADES,
+            "all rotors weakening", amounts.thrust_drift, actions.CLEAN_BLADES
         ),
         "flow_moment": EffectWords("the moment of forward flight", amounts.flow_moment),
         "weathervane": EffectWords("the yaw moment of air from the side", amounts.weathervane),
         "drag_moment": EffectWords("the moment of leaning into wind", amounts.drag_moment),
         "battery_voltage": EffectWords(
-            "rotor speeds that follow the voltage",
-            amounts.voltage,
-            actions.ESC_SPEEDS,
+            "rotor speeds that follow the voltage", amounts.voltage, actions.ESC_SPEEDS
         ),
         "wind": EffectWords("wind", amounts.wind, actions.CHECK_WIND),
         "unnamed_cause": EffectWords(

@@ -166,12 +166,12 @@ def off_sentence(off: Off) -> str:
 
 def stretch_words(stretch: StretchBeside) -> str:
     """`leg to item 5: 23 s (22 s), 3.9 m/s (4.0 m/s), ...` as flown, the forecast in brackets."""
-    used = stretch.utilisation, stretch.peak
+    used = stretch.utilisation_mean, stretch.utilisation_peak
     mean, most = (f"{percent(p.flown)} ({percent(p.forecast)})" for p in used)
     figures = (
         (stretch.seconds, "s", 0),
         (stretch.speed, "m/s", 1),
-        (stretch.tank_kg, "kg", 1),
+        (stretch.tank_end_kg, "kg", 1),
         (stretch.voltage, "V", 1),
     )
     parts = [
@@ -191,6 +191,6 @@ def beside_words(
     if not stretches:
         return left or say("nothing of the plan was flown")
     so = say("until then flown as forecast" if left else "flown as forecast")
-    if not any(math.isfinite(s.utilisation.off) for s in stretches):
+    if not any(math.isfinite(s.utilisation_mean.off) for s in stretches):
         so = say("its thrust in use is not known")
     return "; ".join(part for part in (left, *(map(off_sentence, off) if off else (so,))) if part)
