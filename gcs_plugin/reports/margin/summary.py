@@ -15,12 +15,11 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
     alarm_row,
     look_facts,
-    utc_words,
     worst_moments,
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.reports.shared.written import utc_text
+from thrustmargin.gcs_plugin.reports.shared.written import unix_text, utc_text
 from thrustmargin.gcs_plugin.wording import margin_verdict
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
 from thrustmargin.gcs_plugin.wording.flight_words import loss_words, not_flown, too_short
@@ -185,7 +184,7 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.Js
     wind_speed = np.hypot(wind[:, 0], wind[:, 1])
     mean_wind = wind.mean(axis=0) if wind.size else np.full(2, np.nan)
     return {
-        "start_utc": utc_words(track.start_unix_s, 0.0),
+        "start_utc": unix_text(track.start_unix_s),
         "log_duration_s": track.duration,
         "airborne_s": float(seconds[flying].sum()),
         "distance": _path_length(speed, seconds, flying),

@@ -29,7 +29,7 @@ class RuleItem:
     """One thing that a rule asks for, the fields that answer it, and when it is due at all."""
 
     asks: str
-    fields: tuple[str, ...]
+    fields: Sequence[str]
     when: str = ""  # empty: always
 
 
@@ -48,15 +48,11 @@ class JobRule:
 def job_rules() -> Mapping[str, JobRule]:
     """Name of each rule -> the rule."""
     text = (resources.files(__package__ or "") / "rules.toml").read_text("utf-8")
-    return {name: _rule(name, table) for name, table in tomllib.loads(text).items()}
-
-
-def _rule(name: str, table: Mapping[str, Any]) -> JobRule:
-    items = tuple(
-        RuleItem(item["asks"], tuple(item["fields"]), item.get("when", ""))
-        for item in table["items"]
-    )
-    return JobRule(name, table["title"], table["keep"], items, table.get("due_hours"))
+    found = {}
+    for name, rule in tomllib.loads(text).items():
+        items = tuple(RuleItem(**item) for item in rule.pop("items"))
+        found[name] = JobRule(name=name, items=items, **rule)
+    return found
 
 
 def open_items(rule: JobRule, known: Collection[str]) -> list[dict[str, Any]]:
@@ -123,11 +119,6 @@ class JobRecord:
     logs: tuple[str, ...]
     finished: datetime | None
 
-    @property
-    def liquid_differences(self) -> list[dict[str, object]]:
-        """Each two estimates of the liquid beside each other."""
-        return differences(self.liquid)
-
     def as_json(self) -> dict[str, Any]:
         """The record as JSON values, schema "thrustmargin.record/1"."""
         return {
@@ -138,14 +129,14 @@ class JobRecord:
             "fields": {name: to_json_values(entry) for name, entry in self.fields.items()},
             "liquid": {
                 "estimates": to_json_values(self.liquid),
-                "differences": self.liquid_differences,
+                "differences": differences(self.liquid),
             },
             "rules": [
                 {
                     "rule": rule.name,
                     "title": rule.title,
                     "keep": rule.keep,
-                    "due_utc": None if due is None else utc_text(due),
+                    "due_utc": due and utc_text(due),
                     "late": due is not None and datetime.fromisoformat(self.made_utc) > due,
                     "missing": open_items(rule, self.fields.keys()),
                 }

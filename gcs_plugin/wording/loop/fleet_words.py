@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from types import MappingProxyType
 from typing import Any
 
 from thrustmargin.gcs_plugin.wording import actions
@@ -34,20 +33,14 @@ class ValueWords:
 
 
 BATTERY = "battery resistance"
-VALUES: Mapping[str, ValueWords] = MappingProxyType(
-    {
-        "yaw_trim.moment": ValueWords("yaw moment", "N m", 1.0, 2, actions.LEVEL_MOTORS),
-        "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, actions.BALANCE),
-        "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, actions.BALANCE),
-        "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, actions.WEIGH),
-        "tank_scale.gain": ValueWords(
-            "load above the tank gauge", "%", 100.0, 1, actions.SET_GAUGE
-        ),
-        BATTERY: ValueWords(
-            BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, actions.TEST_BATTERY
-        ),
-    }
-)
+VALUES: Mapping[str, ValueWords] = {
+    "yaw_trim.moment": ValueWords("yaw moment", "N m", 1.0, 2, actions.LEVEL_MOTORS),
+    "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, actions.BALANCE),
+    "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, actions.BALANCE),
+    "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, actions.WEIGH),
+    "tank_scale.gain": ValueWords("load above the tank gauge", "%", 100.0, 1, actions.SET_GAUGE),
+    BATTERY: ValueWords(BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, actions.TEST_BATTERY),
+}
 TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "tank_scale.gain")
 SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
@@ -218,14 +211,12 @@ def least_loss(least: float) -> str:
 
 
 #: What a grave verdict is called where its flights are counted.
-_GROUNDED: Mapping[str, str] = MappingProxyType(
-    {
-        "damaged": "a rotor or motor was bad",
-        "lost": "lost control",
-        "battery": "the battery collapsed",
-        "no_thrust": "no thrust was left",
-    }
-)
+_GROUNDED: Mapping[str, str] = {
+    "damaged": "a rotor or motor was bad",
+    "lost": "lost control",
+    "battery": "the battery collapsed",
+    "no_thrust": "no thrust was left",
+}
 
 
 def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
@@ -250,13 +241,11 @@ def _least(flight: Mapping[str, Any]) -> str:
 
 
 #: What a verdict about the load is called where its flights are counted.
-_LOADED: Mapping[str, str] = MappingProxyType(
-    {
-        "critical": "a failed rotor would have brought it down",
-        "over": "above the limit",
-        "near": "near the limit, cannot tell",
-    }
-)
+_LOADED: Mapping[str, str] = {
+    "critical": "a failed rotor would have brought it down",
+    "over": "above the limit",
+    "near": "near the limit, cannot tell",
+}
 
 
 def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
