@@ -60,10 +60,6 @@ class Rows:
         mine = self.of(flight)
         return _rms(self.before_rpm[mine]), _rms(self.after_rpm[mine])
 
-    def seconds(self, flight: int) -> float:
-        """From the first to the last row of one flight."""
-        return float(np.ptp(self.time_s[self.of(flight)]))
-
     def worst_first(self) -> list[int]:
         """Flights by their error before, the largest first."""
         sizes = [self.rmse_rpm(f)[0] for f in range(len(self.names))]

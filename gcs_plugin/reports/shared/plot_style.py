@@ -117,10 +117,6 @@ class Panel:
     limit: tuple[float, str] | None = None  # level, text: drawn across in red
     title: str = ""
 
-    def __post_init__(self) -> None:
-        if unknown := [name for name in self.axis if "_" in name]:
-            raise ValueError(f"plotly.js knows no {unknown}: its properties are nested")
-
 
 def rotor_panels(
     names: Sequence[str], traces: Callable[[int, bool], Sequence[Trace | None]], **panel: Any
