@@ -210,28 +210,30 @@ def least_loss(least: float) -> str:
     return say(words, loss=number(100 * least, "%", 2))
 
 
-#: What a grave verdict is called where its flights are counted.
-_GROUNDED: Mapping[str, str] = {
+#: What a verdict is called where its flights are counted.
+_FLOWN: Mapping[str, str] = {
     "damaged": "a rotor or motor was bad",
     "lost": "lost control",
     "battery": "the battery collapsed",
     "no_thrust": "no thrust was left",
+    "critical": "a failed rotor would have brought it down",
+    "over": "above the limit",
+    "near": "near the limit, cannot tell",
 }
 
 
 def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
     """Flights after which nobody flies before it is known why, and the words of the last."""
     cause = "; ".join(last["alarms"] or ()) if verdict == "damaged" else ""
-    margin = last["worst_margin"]
-    if verdict == "no_thrust" and known(margin):
+    if verdict == "no_thrust" and known(last["worst_margin"]):
         cause = _least(last)
     tail = f": {cause}" if cause else ""
-    return _counted(_GROUNDED[verdict], count, recent) + tail
+    return _counted(verdict, count, recent) + tail
 
 
-def _counted(what: str, count: int, recent: int) -> str:
+def _counted(verdict: str, count: int, recent: int) -> str:
     words = "{what} in {count} of the last {recent} flights"
-    return say(words, what=say(what), count=count, recent=recent)
+    return say(words, what=say(_FLOWN[verdict]), count=count, recent=recent)
 
 
 def _least(flight: Mapping[str, Any]) -> str:
@@ -240,18 +242,10 @@ def _least(flight: Mapping[str, Any]) -> str:
     return say(words, margin=margin, rotor=flight["worst_rotor"])
 
 
-#: What a verdict about the load is called where its flights are counted.
-_LOADED: Mapping[str, str] = {
-    "critical": "a failed rotor would have brought it down",
-    "over": "above the limit",
-    "near": "near the limit, cannot tell",
-}
-
-
 def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
     """Flights that were too heavy, or may have been."""
     doing = f", {worst['worst_doing']}" if worst["worst_doing"] else ""
-    return f"{_counted(_LOADED[verdict], bad, recent)}; {_least(worst)}{doing}"
+    return f"{_counted(verdict, bad, recent)}; {_least(worst)}{doing}"
 
 
 def without_verdict(without: int, flights: int, reason: str) -> str:
