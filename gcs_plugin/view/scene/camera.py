@@ -6,7 +6,6 @@ from enum import StrEnum
 from itertools import product
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.models.flight import Floats
@@ -57,6 +56,8 @@ def behind(arm: float) -> tuple[Floats, Floats]:
 
 def nose_north(wxyz: Floats) -> tuple[Floats, Floats]:
     """The turn about the vertical that points an aircraft's nose north: matrix and quaternion."""
-    yaw = Rotation.from_quat(wxyz, scalar_first=True).as_euler("ZYX")[0]
-    turn = Rotation.from_euler("Z", np.pi / 2 - yaw)
-    return turn.as_matrix(), turn.as_quat(scalar_first=True)
+    w, x, y, z = wxyz
+    back = np.pi / 2 - np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    c, s = np.cos(back), np.sin(back)
+    matrix = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return matrix, np.array([np.cos(back / 2), 0.0, 0.0, np.sin(back / 2)])
