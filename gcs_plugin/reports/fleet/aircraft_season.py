@@ -156,9 +156,9 @@ def aircraft_season(
     )
     mine = [p for p in parts if p.aircraft == name]
     findings = [*_changed(season, mine), *_shared(season), *_margins(season)]
-    if season.several:
-        advised = {"sentence": season.several, "action": say(words.NAME_EACH)}
-        findings.insert(0, SeasonFinding(level=ACT, weight=float("inf"), **advised))
+    if several:
+        first, do = float("inf"), say(words.NAME_EACH)
+        findings.append(SeasonFinding(level=ACT, weight=first, sentence=several, action=do))
     return replace(season, findings=in_order(findings))
 
 
