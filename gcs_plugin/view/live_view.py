@@ -26,13 +26,7 @@ from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
-from thrustmargin.gcs_plugin.view.scene.shown_row import (
-    ENU_NED,
-    ShownRow,
-    enu,
-    ground_height,
-    plan_enu,
-)
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu, ground_height, plan_enu
 from thrustmargin.gcs_plugin.view.scene.surroundings import SprayedGround
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.flight import Floats, Origin
@@ -251,35 +245,30 @@ class LiveView(ViewPage, Subscriber):
         return one.offset_ned
 
     def _draw_trail(self, one: Aircraft, summary: VehicleSummary) -> None:
-        update, rows = summary.update, self._heard.rows[one.number]
+        update, rows, key = summary.update, self._heard.rows[one.number], str(one.number)
         if update is None:
             return
-        offset_ned = self._offset_ned(one, update)
-        fresh = bool(rows)
+        track, offset_ned = update.analysis.track, self._offset_ned(one, update)
+        ground, offset, fresh = ground_height(track), enu(offset_ned), bool(rows)
         while rows:
             time_s, position_ned, values, spraying = rows.popleft()
             one.trail.add(time_s, position_ned + offset_ned, values)
-            places = (position_ned + offset_ned) @ ENU_NED.T
-            height = enu(offset_ned)[2] + ground_height(update.analysis.track)
-            one.sprayed.add(places, spraying, height)
+            one.sprayed.add(enu(position_ned + offset_ned), spraying, offset[2] + ground)
         if one.sprayed.changed:
             one.sprayed.changed = False
-            self._scene.surroundings.sprayed(str(one.number), one.sprayed.points)
-        if update.analysis.track.origin is not None:
-            at = np.array([0.0, 0.0, ground_height(update.analysis.track)]) + enu(offset_ned)
-            self._scene.surroundings.home(str(one.number), at)
+            self._scene.surroundings.sprayed(key, one.sprayed.points)
         if fresh:
             self._colour_trail(one)
-        origin = update.analysis.track.origin
-        if summary.mission is not one.plan and origin is not None:
+        if track.origin is None:
+            return
+        self._scene.surroundings.home(key, offset + np.array([0.0, 0.0, ground]))
+        if summary.mission is not one.plan:
             one.plan = summary.mission
-            ground = ground_height(update.analysis.track)
-            places = plan_enu([*(one.plan or {}).values()], origin, ground)
-            offset = enu(offset_ned)
-            self._scene.set_plan(str(one.number), places + offset, ground + offset[2])
+            places = plan_enu([*(one.plan or {}).values()], track.origin, ground) + offset
+            self._scene.set_plan(key, places, ground + offset[2])
             if len(places) > 1:
                 self._scene.hold(
-                    np.column_stack([places[:, :2], np.full(len(places), ground)]) + offset
+                    np.column_stack([places[:, :2], np.full(len(places), ground + offset[2])])
                 )
 
     def _colour_trail(self, one: Aircraft) -> None:

@@ -15,13 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, Alarm
 from thrustmargin.gcs_plugin.live.watch.outlook import recorded_seconds_to_empty
-from thrustmargin.gcs_plugin.view.figures.charts import (
-    AHEAD,
-    WINDOW_S,
-    Speeds,
-    chart_images,
-    timeline_colours,
-)
+from thrustmargin.gcs_plugin.view.figures import charts
 from thrustmargin.gcs_plugin.view.figures.replay_clock import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
@@ -107,7 +101,7 @@ class ReplayView(ViewPage):
             charts=self._drawn_charts,
             recorded=True,
             planned=planned,
-            timeline=timeline_colours(analysis),
+            timeline=charts.timeline_colours(analysis),
         )
         super().__init__(
             "plan" if planned else "replay",
@@ -124,7 +118,7 @@ class ReplayView(ViewPage):
             raise DataError(f"a replay cannot run at speed {speed:g}; give a number above 0")
         self._analysis = analysis
         self._airframe = analysis.model.airframe
-        self._speeds = Speeds.of(analysis)
+        self._speeds = charts.Speeds.of(analysis)
         shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis)
         self._overlays = tuple(overlays) if planned else (*shown, *overlays)
         self._overlay = self._overlays[0]
@@ -251,8 +245,8 @@ class ReplayView(ViewPage):
 
     def _drawn_charts(self, _number: int, _back_s: float) -> dict[str, Any]:
         now_s = self._start_s + self.clock.now()
-        shown = {"window_s": WINDOW_S, "ahead": AHEAD}
-        return {"charts": chart_images(self._airframe, self._speeds, now_s, **shown)}
+        shown = {"window_s": charts.WINDOW_S, "ahead": charts.AHEAD}
+        return {"charts": charts.chart_images(self._airframe, self._speeds, now_s, **shown)}
 
     def _clicked(self, event: SceneClickEvent) -> None:
         """Go to the time at which the aircraft was where the route was clicked on."""

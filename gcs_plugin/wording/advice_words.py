@@ -5,24 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.fault_words import (
-    ONE_LOST,
-    SPINS,
-    WHICH_ROTOR,
-    episode_words,
-    fault_amount,
-    place_words,
-)
+from thrustmargin.gcs_plugin.wording import actions, fault_words
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import (
-    clock,
-    duration,
-    number,
-    percent,
-    percent_within,
-)
+from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent, percent_within
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -124,8 +110,10 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
         if not advice.rotor_names:
             return f"{say(f'A {part}')}: {say(does)}"
         return f"{part} {which}: {say(does)}"
-    place = f", {place_words(advice.places[fault.rotor]).upper()}" if advice.places else ""
-    amount = "" if fault.kind == "stopped" else f"{fault_amount(fault).upper()} "
+    place = (
+        f", {fault_words.place_words(advice.places[fault.rotor]).upper()}" if advice.places else ""
+    )
+    amount = "" if fault.kind == "stopped" else f"{fault_words.fault_amount(fault).upper()} "
     return f"{part} {fault.rotor + 1}{place}: {amount}{say(does)}"
 
 
@@ -211,7 +199,7 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
         if FlightLevel.BATTERY in advice.levels:
             words = "{volts} a cell at {clock}"
             found.append(("battery", say(words, volts=least, clock=clock(advice.battery.at_s))))
-    found.append((ONE_LOST, one_rotor_out(advice)))
+    found.append((fault_words.ONE_LOST, one_rotor_out(advice)))
     if sure := how_sure(advice.fill):
         found.append(("fill, how sure", sure))
     return tuple(found)
@@ -268,7 +256,7 @@ def one_rotor_out(advice: Advice) -> str:
         words = "the weight can be held for {long}, {spins} ({held} or more)"
     elif not advice.seen_whole:
         words = "the weight can be held for as long as the log goes, {spins} ({held} or more)"
-    return say(words, long=duration(lost.known_s), spins=say(SPINS), held=held) + known
+    return say(words, long=duration(lost.known_s), spins=say(fault_words.SPINS), held=held) + known
 
 
 def _spent_alone(advice: Advice) -> int:
@@ -289,11 +277,11 @@ def sound_again(fault: RotorFault) -> str:
         "rotor {rotor} is sound again, and the model still holds its loss of {amount}: use the "
         "model from before it, or train anew",
         rotor=fault.rotor + 1,
-        amount=fault_amount(fault),
+        amount=fault_words.fault_amount(fault),
     )
 
 
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
     """The fault in the words of its alarm, and when; not of which rotor where that is not known."""
-    unsure = "" if advice.rotor_names else f": {say(WHICH_ROTOR)}"
-    return f"{episode_words(episode, advice.places)}{unsure}"
+    unsure = "" if advice.rotor_names else f": {say(fault_words.WHICH_ROTOR)}"
+    return f"{fault_words.episode_words(episode, advice.places)}{unsure}"

@@ -6,19 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording import actions, report_words
 from thrustmargin.gcs_plugin.wording.advice_words import action, suspects
 from thrustmargin.gcs_plugin.wording.fault_words import place_words
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock, number
-from thrustmargin.gcs_plugin.wording.report_words import (
-    FirstContact,
-    contact_facts,
-    contact_headline,
-    contact_use,
-    first_line,
-)
 from thrustmargin.models.model.advice import Advice, FlightLevel
 
 
@@ -33,7 +26,9 @@ class FlightAnswer:
     fill_kg: float = math.nan  # to plan the next fill by, rounded down
     brief: str = ""  # what to do after landing, in the 50 letters of a STATUSTEXT
     until_s: float = math.nan  # of the flight, up to which it goes; NaN of a whole one
-    contact: FirstContact | None = None  # of an aircraft that is not known: what its rows show
+    contact: report_words.FirstContact | None = (
+        None  # of an aircraft that is not known: what its rows show
+    )
 
     @property
     def line(self) -> str:
@@ -51,7 +46,9 @@ class FlightAnswer:
         contact, whole = self.contact, math.isnan(self.until_s)
         if contact is None:
             return ()
-        found = contact_facts(contact) if whole else (contact_use(contact),)
+        found = (
+            report_words.contact_facts(contact) if whole else (report_words.contact_use(contact),)
+        )
         return tuple(f"{say(fact.label)}: {fact.text}" for fact in found)
 
     @property
@@ -74,12 +71,12 @@ class FlightAnswer:
 
 
 def answer_of(
-    advice: Advice, contact: FirstContact | None = None, until_s: float = math.nan
+    advice: Advice, contact: report_words.FirstContact | None = None, until_s: float = math.nan
 ) -> FlightAnswer:
     """The answer in words; `contact` is what an aircraft that is not known shows, `until_s` the row
     up to which it goes, NaN of a whole flight."""
     return FlightAnswer(
-        headline=first_line(advice, contact),
+        headline=report_words.first_line(advice, contact),
         level=advice.level,
         action=action(advice),
         rotors=suspects(advice),
@@ -90,7 +87,7 @@ def answer_of(
     )
 
 
-def brief(advice: Advice, contact: FirstContact | None = None) -> str:
+def brief(advice: Advice, contact: report_words.FirstContact | None = None) -> str:
     """What to do before the next flight, else what an aircraft that is not known shows, in 50
     letters; empty where nothing is known."""
     if FlightLevel.LOST in advice.levels:
@@ -105,7 +102,7 @@ def brief(advice: Advice, contact: FirstContact | None = None) -> str:
         volts = number(advice.battery.least_cell, "V", 2)
         return say("Battery {volts} a cell: test or retire it", volts=volts)
     if advice.level is FlightLevel.UNKNOWN and contact is not None:
-        return contact_headline(contact)
+        return report_words.contact_headline(contact)
     if advice.level is FlightLevel.UNKNOWN or not math.isfinite(advice.fill.kg):
         return ""
     if advice.fill.nothing_fits is not None or advice.fill.kg <= 0.0:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from math import degrees
-from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.language import say
@@ -14,21 +13,19 @@ from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack, FlyingBy
 
 #: Why no row of a log is in flight.
-GROUNDED_BY: Mapping[FlyingBy, str] = MappingProxyType(
-    {
-        FlyingBy.DISARMED: "the vehicle says that it was disarmed throughout",
-        FlyingBy.IDLE_OUTPUTS: "its motor outputs never rose above idle while it was armed",
-        FlyingBy.CONSTANT_OUTPUTS: "its motor outputs never changed",
-        FlyingBy.SLOW_ROTORS: "its rotors never carried half of the empty weight",
-        FlyingBy.NEVER_ROSE: "its motors ran up and it never rose from where it stood",
-        FlyingBy.NOT_KNOWN: "neither landed state, rotor speeds, motor outputs nor height is in it",
-        FlyingBy.LANDED_STATE: "by its own landed state",
-        FlyingBy.HEIGHT: "it was never more than 1 m above home",
-        FlyingBy.ROTOR_SPEEDS: "by its rotor speeds",
-        FlyingBy.MOTOR_OUTPUTS: "by its motor outputs",
-        FlyingBy.GIVEN: "as the table says",
-    }
-)
+GROUNDED_BY: Mapping[FlyingBy, str] = {
+    FlyingBy.DISARMED: "the vehicle says that it was disarmed throughout",
+    FlyingBy.IDLE_OUTPUTS: "its motor outputs never rose above idle while it was armed",
+    FlyingBy.CONSTANT_OUTPUTS: "its motor outputs never changed",
+    FlyingBy.SLOW_ROTORS: "its rotors never carried half of the empty weight",
+    FlyingBy.NEVER_ROSE: "its motors ran up and it never rose from where it stood",
+    FlyingBy.NOT_KNOWN: "neither landed state, rotor speeds, motor outputs nor height is in it",
+    FlyingBy.LANDED_STATE: "by its own landed state",
+    FlyingBy.HEIGHT: "it was never more than 1 m above home",
+    FlyingBy.ROTOR_SPEEDS: "by its rotor speeds",
+    FlyingBy.MOTOR_OUTPUTS: "by its motor outputs",
+    FlyingBy.GIVEN: "as the table says",
+}
 TOO_SELDOM = "readings come every {seconds} s: too seldom to find a weak rotor or motor"
 #: Of an instrument whose reading is left out.
 STOOD_STILL = "its reading stood still in flight: no measurement, and left out"

@@ -11,21 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.wording import numbers
 from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_found
 from thrustmargin.gcs_plugin.wording.fault_words import place_words
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import (
-    UNKNOWN,
-    clock,
-    duration,
-    joined,
-    known,
-    number,
-    percent,
-    percent_within,
-    place,
-    within,
-)
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -110,11 +99,7 @@ class MarginVerdict:
 
 
 def verdict_facts(
-    worst: Moment | None,
-    advice: Advice,
-    claim: AirframeClaim,
-    basis: str,
-    not_flown: str = "",
+    worst: Moment | None, advice: Advice, claim: AirframeClaim, basis: str, not_flown: str = ""
 ) -> tuple[Fact, ...]:
     """What a pilot needs beside the first line, one thing a line.
 
@@ -156,7 +141,7 @@ def _beyond(worst: Moment) -> tuple[Fact, ...]:
     """That a rotor made more than the airframe says that it can, and what may be wrong."""
     if not worst.capacity_use > 1.0:
         return ()
-    more = percent(worst.capacity_use)
+    more = numbers.percent(worst.capacity_use)
     return (
         Fact(
             "beyond the ceiling",
@@ -177,7 +162,7 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
     if not known.size or reported:
         return ()
-    start, end = number(float(known[0]), "", 1), number(float(known[-1]), "kg", 1)
+    start, end = numbers.number(float(known[0]), "", 1), numbers.number(float(known[-1]), "kg", 1)
     falls = not end.startswith(f"{start} ")
     load = f"{start} {say('to')} {end}" if falls else end
     return (Fact("load", f"{load}, {source.words}"),)
@@ -187,10 +172,10 @@ def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
     """Which parts of the flight are unseen: before the log, in its pauses, after it."""
     words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []
     for begin_s, long_s in zip(*pauses_in_flight(track), strict=True):
-        pause = {"long": duration(float(long_s)), "clock": clock(float(begin_s))}
+        pause = {"long": numbers.duration(float(long_s)), "clock": numbers.clock(float(begin_s))}
         words.append(say("has nothing of {long} of the flight from {clock} on", **pause))
     if track.flying[-1:].any():
-        last = clock(float(track.time_s[-1]))
+        last = numbers.clock(float(track.time_s[-1]))
         words.append(say("ends in flight, at {clock}: the rest is unseen", clock=last))
     return (Fact("log", "; ".join(words)),) if words else ()
 
@@ -202,26 +187,26 @@ def moment_words(moment: Moment) -> str:
             "rotor {rotor}, {place}, at {clock}",
             rotor=moment.rotor,
             place=place_words(moment.rotor_name),
-            clock=clock(moment.time_s),
+            clock=numbers.clock(moment.time_s),
         )
     ]
     if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
         use = moment.capacity_use, moment.capacity_use_low, moment.capacity_use_high
-        parts.append(say("{use} in use", use=percent_within(*use)))
+        parts.append(say("{use} in use", use=numbers.percent_within(*use)))
         parts.append(say(moment.basis))
     parts += [", ".join(moment.doing)] if moment.doing else []
     if math.isfinite(moment.tank_kg):
-        parts.append(say("{kg} on board", kg=number(moment.tank_kg, "kg")))
-    where = place(moment.north, moment.east)
+        parts.append(say("{kg} on board", kg=numbers.number(moment.tank_kg, "kg")))
+    where = numbers.place(moment.north, moment.east)
     return ", ".join([*parts, where] if where else parts)
 
 
 def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float = 1.0) -> str:
     """`41 (38 to 45) rpm`, with the digits that the interval allows; without one no bracket."""
     ends = figure.value, figure.low, figure.high
-    if not known(figure.value):
-        return UNKNOWN
-    return f"{joined(within(*ends, factor=factor, most=decimals))} {unit}".rstrip()
+    if not numbers.known(figure.value):
+        return numbers.UNKNOWN
+    return f"{numbers.joined(numbers.within(*ends, factor=factor, most=decimals))} {unit}".rstrip()
 
 
 def basis_words(
@@ -233,7 +218,7 @@ def basis_words(
     missing = airborne_s - known_s
     tail = ""
     if missing >= 0.05 * airborne_s:
-        tail = say("; unknown for {long}", long=duration(missing))
+        tail = say("; unknown for {long}", long=numbers.duration(missing))
     if measured_s == 0.0:
         on_the_ground = analysis.track.reports("rotor_speed_rpm")
         where = "in the air in this log" if on_the_ground else "in this log"
@@ -242,7 +227,7 @@ def basis_words(
         words = say(
             "rotor speeds {basis} for {part} of the flight, predicted for the rest",
             basis=say(analysis.speed_basis),
-            part=percent(measured_s / known_s),
+            part=numbers.percent(measured_s / known_s),
         )
         return f"{words}{tail}"
     if np.any(analysis.from_outputs):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TypeGuard
 
 from thrustmargin.gcs_plugin.wording.language import decimal, say
@@ -14,15 +13,13 @@ UNKNOWN = "unknown"
 BEYOND_CEILING = "beyond the ceiling"  # of a margin below 0, which has no degrees
 #: Below so much of a unit, numbers are shown in a smaller one: how many make one, and its name.
 SMALL = 0.05
-SMALLER: Mapping[str, tuple[float, str]] = MappingProxyType(
-    {
-        "kg": (1e3, "g"),
-        "N m": (1e3, "mN m"),
-        "N m s": (1e3, "mN m s"),
-        "kg m²": (1e7, "g cm²"),
-        "m²": (1e4, "cm²"),
-    }
-)
+SMALLER: Mapping[str, tuple[float, str]] = {
+    "kg": (1e3, "g"),
+    "N m": (1e3, "mN m"),
+    "N m s": (1e3, "mN m s"),
+    "kg m²": (1e7, "g cm²"),
+    "m²": (1e4, "cm²"),
+}
 
 
 def known(value: float | None) -> TypeGuard[float]:
@@ -183,22 +180,20 @@ def from_direction(degrees: float) -> str:
 
 DEGREES = 180.0 / math.pi
 #: Channel -> name, unit, and what its numbers are multiplied by for that unit.
-CHANNEL_WORDS: Mapping[str, tuple[str, str, float]] = MappingProxyType(
-    {
-        "airspeed": ("airspeed", "m/s", 1.0),
-        "tank_kg": ("tank level", "kg", 1.0),
-        "time_s": ("time in the log", "s", 1.0),
-        "advance_ratio": ("climb (axial advance ratio)", "", 1.0),
-        "radius_over_height": ("rotor radius over height", "", 1.0),
-        "voltage": ("battery voltage", "V", 1.0),
-        "density": ("air density", "kg/m³", 1.0),
-        "heading": ("heading", "°", DEGREES),
-        "spraying": ("spraying", "", 1.0),
-        "yaw_rate": ("yaw rate", "°/s", DEGREES),
-        "yaw_acceleration": ("yaw acceleration", "°/s²", DEGREES),
-        "load_factor": ("load factor", "", 1.0),
-    }
-)
+CHANNEL_WORDS: Mapping[str, tuple[str, str, float]] = {
+    "airspeed": ("airspeed", "m/s", 1.0),
+    "tank_kg": ("tank level", "kg", 1.0),
+    "time_s": ("time in the log", "s", 1.0),
+    "advance_ratio": ("climb (axial advance ratio)", "", 1.0),
+    "radius_over_height": ("rotor radius over height", "", 1.0),
+    "voltage": ("battery voltage", "V", 1.0),
+    "density": ("air density", "kg/m³", 1.0),
+    "heading": ("heading", "°", DEGREES),
+    "spraying": ("spraying", "", 1.0),
+    "yaw_rate": ("yaw rate", "°/s", DEGREES),
+    "yaw_acceleration": ("yaw acceleration", "°/s²", DEGREES),
+    "load_factor": ("load factor", "", 1.0),
+}
 
 
 def channel_name(channel: str) -> str:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal
 
 from thrustmargin.gcs_plugin.wording.advice_words import headline
@@ -177,29 +176,25 @@ class Asked:
 
 
 #: Field of the owner's statement -> the question for it.
-QUESTIONS: Mapping[str, Asked] = MappingProxyType(
-    {
-        "layout": Asked("--layout LAYOUT", "layout of the motors, such as quad-x or hexa-x"),
-        "cells": Asked("--cells COUNT", "battery cells in series"),
-        "mass": Asked(
-            "--mass KG", "weight ready to fly, with its battery and without liquid, in kg"
-        ),
-        "wheelbase": Asked("--wheelbase M", "distance from motor to motor across the centre, in m"),
-        "power_set": Asked(
-            "--power-set NAME", "motor and propeller, a name of `thrustmargin airframe list`"
-        ),
-        "propeller": Asked(
-            "--propeller DIAMETERxPITCH", "propeller, diameter x pitch in inches, such as 24x8"
-        ),
-        "max_thrust_kgf": Asked(
-            "--max-thrust-kgf KGF", "thrust of one motor at full throttle by its data sheet, in kgf"
-        ),
-        "tank_litres": Asked("--tank-litres L", "full tank, in litres; 0 when it has none"),
-        "load": Asked(
-            "--load KG", "liquid or payload on board when that flight began, in kg; 0 for none"
-        ),
-    }
-)
+QUESTIONS: Mapping[str, Asked] = {
+    "layout": Asked("--layout LAYOUT", "layout of the motors, such as quad-x or hexa-x"),
+    "cells": Asked("--cells COUNT", "battery cells in series"),
+    "mass": Asked("--mass KG", "weight ready to fly, with its battery and without liquid, in kg"),
+    "wheelbase": Asked("--wheelbase M", "distance from motor to motor across the centre, in m"),
+    "power_set": Asked(
+        "--power-set NAME", "motor and propeller, a name of `thrustmargin airframe list`"
+    ),
+    "propeller": Asked(
+        "--propeller DIAMETERxPITCH", "propeller, diameter x pitch in inches, such as 24x8"
+    ),
+    "max_thrust_kgf": Asked(
+        "--max-thrust-kgf KGF", "thrust of one motor at full throttle by its data sheet, in kgf"
+    ),
+    "tank_litres": Asked("--tank-litres L", "full tank, in litres; 0 when it has none"),
+    "load": Asked(
+        "--load KG", "liquid or payload on board when that flight began, in kg; 0 for none"
+    ),
+}
 #: Behind the propeller: a set that ships needs no data sheet.
 _OR_POWER_SET = "; or both as --power-set NAME, one of `thrustmargin airframe list`"
 

@@ -110,20 +110,20 @@ def which_was_off(
 
 def _model(stretches: Sequence[StretchBeside]) -> tuple[Off, ...]:
     """What of thrust no assumption explains."""
-    known = [s for s in stretches if math.isfinite(s.utilisation.off)]
-    squares = [s.utilisation.off**2 for s in known]
+    known = [s for s in stretches if math.isfinite(s.utilisation_mean.off)]
+    squares = [s.utilisation_mean.off**2 for s in known]
     if not known or float(np.mean(squares)) <= MODEL**2:
         return ()
     worst = known[int(np.argmax(squares))]
-    return (Off(what="model", amount=worst.utilisation, item=worst.item),)
+    return (Off(what="model", amount=worst.utilisation_mean, item=worst.item),)
 
 
 def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
     """(3,) mean square of the differences in thrust, tank and voltage, in units of a good
     forecast's; 0 where nothing is known."""
     sizes = (
-        (THRUST, [s.utilisation for s in stretches]),
-        (FILL_SHARE * max(fill_kg, 1.0), [s.tank_kg for s in stretches]),
+        (THRUST, [s.utilisation_mean for s in stretches]),
+        (FILL_SHARE * max(fill_kg, 1.0), [s.tank_end_kg for s in stretches]),
         (VOLTS, [s.voltage for s in stretches]),
     )
     parts = [np.array([pair.off for pair in pairs]) / size for size, pairs in sizes]
@@ -167,9 +167,9 @@ def _used(
     given: PlanConditions, found: ShownDay, stretches: Sequence[StretchBeside]
 ) -> Pair | None:
     """kg used until the last moment at which neither tank was empty; None of next to nothing."""
-    ends = [s.tank_kg for s in stretches if math.isfinite(s.tank_kg.flown)]
-    last = next((p for p in reversed(ends) if min(p) > LEAST_USED), None)
+    ends = [s.tank_end_kg for s in stretches if math.isfinite(s.tank_end_kg.flown)]
+    last = next((p for p in reversed(ends) if p.least > LEAST_USED), None)
     if last is None or not math.isfinite(found.fill_kg):
         return None
     used = Pair(given.fill_kg - last.forecast, found.fill_kg - last.flown)
-    return used if min(used) > LEAST_USED else None
+    return used if used.least > LEAST_USED else None

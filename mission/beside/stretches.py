@@ -28,7 +28,8 @@ SMOOTH_S = 0.5  # a reading's noise is no load
 SHORTEST_S = 1.0  # stretches shorter than that are not compared
 
 
-class Pair(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Pair:
     """A figure as forecast and as flown; NaN unknown."""
 
     forecast: float
@@ -39,6 +40,11 @@ class Pair(NamedTuple):
         """How much more was flown than forecast."""
         return self.flown - self.forecast
 
+    @property
+    def least(self) -> float:
+        """The smaller of both."""
+        return min(self.forecast, self.flown)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StretchBeside:
@@ -48,10 +54,10 @@ class StretchBeside:
     kind: SpanKind
     seconds: Pair
     speed: Pair  # m/s over ground, mean
-    utilisation: Pair  # mean
-    peak: Pair  # largest utilisation
-    peak_interval: tuple[float, float]  # 90 %, of the forecast's
-    tank_kg: Pair  # at its end
+    utilisation_mean: Pair
+    utilisation_peak: Pair
+    interval: tuple[float, float]  # 90 %, of the forecast's peak
+    tank_end_kg: Pair
     voltage: Pair  # mean
 
 
@@ -156,7 +162,7 @@ def beside(
     ]
     left = None if len(ends) == len(flight.course.spans) else flight.course.spans[len(ends)].item
     return Beside(
-        stretches=tuple(s for s in stretches if min(s.seconds) >= SHORTEST_S), left_at=left
+        stretches=tuple(s for s in stretches if s.seconds.least >= SHORTEST_S), left_at=left
     )
 
 
@@ -183,10 +189,10 @@ def _stretch(
             float(flown.time_s[done.stop] - flown.time_s[done.start]),
         ),
         speed=Pair(known_mean(planned.speed[rows]), known_mean(flown.speed[done])),
-        utilisation=Pair(known_mean(use), known_mean(flown.utilisation[done])),
-        peak=Pair(peak, known_most(flown.utilisation[done])),
-        peak_interval=(peak - reach, peak + reach),
-        tank_kg=Pair(float(track.tank_kg[end]), float(flown.tank_kg[last])),
+        utilisation_mean=Pair(known_mean(use), known_mean(flown.utilisation[done])),
+        utilisation_peak=Pair(peak, known_most(flown.utilisation[done])),
+        interval=(peak - reach, peak + reach),
+        tank_end_kg=Pair(float(track.tank_kg[end]), float(flown.tank_kg[last])),
         voltage=Pair(known_mean(track.voltage[rows]), known_mean(flown.voltage[done])),
     )
 

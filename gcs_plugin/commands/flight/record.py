@@ -133,12 +133,13 @@ def record(
         Entry,
         EntrySource,
         JobRecord,
+        fields_asked,
         from_logs,
+        job_rules,
         of_field,
         of_liquid,
         of_product,
     )
-    from thrustmargin.gcs_plugin.reports.record.job_rules import fields_asked, job_rules
     from thrustmargin.gcs_plugin.reports.record.record_files import makes_shapefiles, write_record
     from thrustmargin.gcs_plugin.wording.record_words import (
         NO_SHAPEFILE,

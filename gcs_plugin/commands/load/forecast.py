@@ -179,14 +179,14 @@ def forecast(
         pages = ((path, pdf_bytes if path.suffix.lower() == ".pdf" else html_text) for path in out)
         files += [(path, partial(page, made, plan.name)) for path, page in pages]
     if json is not None:
-        from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
+        from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import json_text
 
         if json == STDOUT:
             sys.stdout.write(json_text(made))
         else:
             files.append((json, lambda: json_text(made)))
     if csv is not None:
-        from thrustmargin.gcs_plugin.reports.forecast.forecast_csv import csv_text
+        from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import csv_text
 
         files.append((csv, lambda: csv_text(made)))
     if lua is not None:

@@ -137,25 +137,28 @@ def aircraft_season(
             missing = str(error)
     if len(kept) < len(sums):
         missing = words.older_model(len(sums) - len(kept))
-    together, boards = at_once(flights), boards_in_turns(flights)
+    several = ""
+    if len(frames) > 1:
+        several = words.one_name(frames)
+    elif boards := boards_in_turns(flights):
+        several = words.several_boards(boards)
+    elif together := at_once(flights):
+        several = words.several_aircraft(together, len(flights))
     season = AircraftSeason(
         name=name,
         flights=tuple(flights),
         twice=given - len(flights),
-        several=words.one_name(frames)
-        if len(frames) > 1
-        else words.several_boards(boards)
-        if boards
-        else words.several_aircraft(together, len(flights))
-        if together
-        else "",
+        several=several,
         counted=tuple(order[s["flight"]] for s, _ in kept),
         changes=found,
         no_changes=say(missing),
         findings=(),
     )
     mine = [p for p in parts if p.aircraft == name]
-    findings = [*_several(season), *_changed(season, mine), *_shared(season), *_margins(season)]
+    findings = [*_changed(season, mine), *_shared(season), *_margins(season)]
+    if several:
+        first, do = float("inf"), say(words.NAME_EACH)
+        findings.append(SeasonFinding(level=ACT, weight=first, sentence=several, action=do))
     return replace(season, findings=in_order(findings))
 
 
@@ -170,13 +173,6 @@ def _evidence(sums: Mapping[str, Any]) -> FlightEvidence | None:
 def in_order(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...]:
     """The first one first."""
     return tuple(sorted(findings, key=lambda f: (LEVELS.index(f.level), -f.weight)))
-
-
-def _several(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    if season.several:
-        yield SeasonFinding(
-            level=ACT, weight=float("inf"), sentence=season.several, action=say(words.NAME_EACH)
-        )
 
 
 def level_of(ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = "") -> str:

@@ -11,18 +11,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
-    ACT,
-    CHECK,
-    FINE,
-    FIRST,
-    LEVELS,
-    LOAD,
-    NONE,
-    WATCH,
-    AircraftSeason,
-    sum_of,
-)
+from thrustmargin.gcs_plugin.reports.fleet import aircraft_season as seasons
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.reports.shared.written import csv_text, json_text
 from thrustmargin.gcs_plugin.wording.language import say
@@ -33,13 +22,13 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.season_changes import Trend
 
 COLOURS = {
-    FIRST: "critical",
-    LOAD: "over",
-    ACT: "over",
-    NONE: "unknown",
-    CHECK: "unknown",
-    WATCH: "unknown",
-    FINE: "under",
+    seasons.FIRST: "critical",
+    seasons.LOAD: "over",
+    seasons.ACT: "over",
+    seasons.NONE: "unknown",
+    seasons.CHECK: "unknown",
+    seasons.WATCH: "unknown",
+    seasons.FINE: "under",
 }
 MOST_LISTED = 20
 WIDE, HIGH = 520.0, 96.0  # of a small chart, in its own units
@@ -51,7 +40,7 @@ class FleetSeason:
     """All aircraft, those to look at first at the top."""
 
     store: str
-    aircraft: tuple[AircraftSeason, ...]
+    aircraft: tuple[seasons.AircraftSeason, ...]
     rejected: int  # logs that were no flights
 
     @property
@@ -64,16 +53,16 @@ class FleetSeason:
         first = self.aircraft[0] if self.aircraft else None
         if first is None:
             return say("no flights in the store")
-        if not first.findings or first.level in (FINE, WATCH):
+        if not first.findings or first.level in (seasons.FINE, seasons.WATCH):
             return say("no aircraft has to be looked at")
         return f"{first.name}: {first.findings[0].action.split(';')[0]}"
 
     @property
     def level(self) -> str:
-        return self.aircraft[0].level if self.aircraft else WATCH
+        return self.aircraft[0].level if self.aircraft else seasons.WATCH
 
     @property
-    def drawn(self) -> list[AircraftSeason]:
+    def drawn(self) -> list[seasons.AircraftSeason]:
         """Those whose values a page shows: all of a few, else the first with findings."""
         few = len(self.aircraft) <= MOST_LISTED
         return [a for a in self.aircraft if few or a.findings][:MOST_LISTED]
@@ -103,20 +92,22 @@ class FleetSeason:
         return sorted(found, key=margin)[:MOST_LISTED]
 
 
-def ranked(store: str, aircraft: Sequence[AircraftSeason], rejected: int = 0) -> FleetSeason:
+def ranked(
+    store: str, aircraft: Sequence[seasons.AircraftSeason], rejected: int = 0
+) -> FleetSeason:
     """The aircraft in the order in which to look at them."""
 
-    def urgency(one: AircraftSeason) -> tuple[int, float, str]:
+    def urgency(one: seasons.AircraftSeason) -> tuple[int, float, str]:
         weight = one.findings[0].weight if one.findings else 0.0
-        return LEVELS.index(one.level), -weight, one.name
+        return seasons.LEVELS.index(one.level), -weight, one.name
 
     order = tuple(sorted(aircraft, key=urgency))
     return FleetSeason(store=store, aircraft=order, rejected=rejected)
 
 
-def cells(one: AircraftSeason) -> tuple[str, ...]:
+def cells(one: seasons.AircraftSeason) -> tuple[str, ...]:
     """The row of an aircraft under HEADS."""
-    top = one.findings[0] if one.findings and one.level != FINE else None
+    top = one.findings[0] if one.findings and one.level != seasons.FINE else None
     worst = one.worst
     return (
         one.name,
@@ -150,7 +141,7 @@ def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
     return page_text("thrustmargin.gcs_plugin.reports.fleet", context, draws=False)
 
 
-def listed(one: AircraftSeason) -> list[Trend]:
+def listed(one: seasons.AircraftSeason) -> list[Trend]:
     """The trends that a page draws: the rotors, then what changed, then the usual ones."""
     trends = one.changes.trends if one.changes else ()
     more = [t for t in trends if t not in one.rotors and (t.changes or t.name in words.TRENDS)]
@@ -216,15 +207,15 @@ def as_json(fleet: FleetSeason) -> str:
     return json_text(made, digits=6)
 
 
-def _json(one: AircraftSeason) -> dict[str, Any]:
+def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
     trends = [] if one.changes is None else list(one.changes.trends)
     return {
         "aircraft": one.name,
         "level": one.level,
         "flights": len(one.flights),
         "hours": one.hours,
-        "hectares": sum_of(one.flights, "hectares"),
-        "litres": sum_of(one.flights, "litres"),
+        "hectares": seasons.sum_of(one.flights, "hectares"),
+        "litres": seasons.sum_of(one.flights, "litres"),
         "worst_margin": one.worst["worst_margin"] if one.worst else None,
         "above_limit": len(one.above_limit),
         "without_verdict": len(one.without_verdict),

@@ -13,28 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
-    FINE,
-    FIRST,
-    RECENT,
-    AircraftSeason,
-    SeasonFinding,
-    in_order,
-    level_of,
-    reported_then,
-    sum_of,
-)
+from thrustmargin.gcs_plugin.reports.fleet import aircraft_season
 from thrustmargin.gcs_plugin.reports.fleet.parts import NAN, Part, PartHistory
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.season.change_points import (
-    changes,
-    penalty_of,
-    placed,
-    scatter_of,
-    spread_beyond,
-)
+from thrustmargin.models.identification.season import change_points
 from thrustmargin.models.identification.season.season_changes import Trend
 
 RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
@@ -45,7 +29,7 @@ OTHERS = 10  # values that an aircraft's false entries are of, beside a battery'
 class _Flown:
     """One flight of a part."""
 
-    season: AircraftSeason
+    season: aircraft_season.AircraftSeason
     number: int  # of the aircraft's flights
     part: Part | None = None  # None: the aircraft's unnamed battery
 
@@ -59,12 +43,12 @@ class _Flown:
 
 
 def with_parts(
-    seasons: Sequence[AircraftSeason], parts: Sequence[Part] = ()
-) -> list[AircraftSeason]:
+    seasons: Sequence[aircraft_season.AircraftSeason], parts: Sequence[Part] = ()
+) -> list[aircraft_season.AircraftSeason]:
     """Aircraft with the histories of the parts that flew on them; what is found of a battery is
     a reason to look at the aircraft where it is."""
     histories: dict[str, list[PartHistory]] = {s.name: [] for s in seasons}
-    findings: dict[str, list[SeasonFinding]] = {s.name: [] for s in seasons}
+    findings: dict[str, list[aircraft_season.SeasonFinding]] = {s.name: [] for s in seasons}
     for name, flown in _flights_of_parts(seasons, parts):
         if not flown:
             continue
@@ -80,7 +64,7 @@ def with_parts(
             aircraft=last.season.name,
             stays=tuple(dict.fromkeys(f.season.name for f in flown)),
             flights=len(flown),
-            hours=sum_of((f.row for f in flown), "flying_s") / 3600.0,
+            hours=aircraft_season.sum_of((f.row for f in flown), "flying_s") / 3600.0,
             loss=loss,
             loss_error=error,
             battery=trend,
@@ -92,24 +76,26 @@ def with_parts(
         replace(
             s,
             parts=tuple(histories[s.name]),
-            findings=in_order([*_with_cause(s, findings[s.name]), *findings[s.name]]),
+            findings=aircraft_season.in_order(
+                [*_with_cause(s, findings[s.name]), *findings[s.name]]
+            ),
         )
         for s in seasons
     ]
 
 
 def _with_cause(
-    season: AircraftSeason, of_batteries: Sequence[SeasonFinding]
-) -> Iterable[SeasonFinding]:
+    season: aircraft_season.AircraftSeason, of_batteries: Sequence[aircraft_season.SeasonFinding]
+) -> Iterable[aircraft_season.SeasonFinding]:
     """What was found before; that there was no thrust left names a battery that is worn out."""
-    worn = any(f.level == FIRST for f in of_batteries)
+    worn = any(f.level == aircraft_season.FIRST for f in of_batteries)
     for one in season.findings:
         named = worn and one.verdict == "no_thrust"
         yield replace(one, action=actions.GROUND_BATTERY.text) if named else one
 
 
 def _flights_of_parts(
-    seasons: Sequence[AircraftSeason], parts: Sequence[Part]
+    seasons: Sequence[aircraft_season.AircraftSeason], parts: Sequence[Part]
 ) -> Iterable[tuple[str, list[_Flown]]]:
     """Each part by its name, and each aircraft's unnamed battery, with its flights by time."""
     by_name: dict[str, list[_Flown]] = {}
@@ -134,9 +120,11 @@ def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
     if where.size < 6:
         return None
     value, error = value[where], error[where]
-    error = np.maximum(error, scatter_of(value))
-    error = error * spread_beyond(value, error)
-    entries, curve = changes(value, error, penalty_of(where.size, OTHERS))
+    error = np.maximum(error, change_points.scatter_of(value))
+    error = error * change_points.spread_beyond(value, error)
+    entries, curve = change_points.changes(
+        value, error, change_points.penalty_of(where.size, OTHERS)
+    )
     whole = np.full(len(flights), np.nan)
     own: Floats = whole.copy()
     whole[where], own[where] = value, error
@@ -145,20 +133,22 @@ def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
         value=whole,
         error=own,
         curve=np.interp(np.arange(len(flights)), where, curve),
-        changes=tuple(placed(e, where) for e in entries),
+        changes=tuple(change_points.placed(e, where) for e in entries),
         instead=(),
         least_seen=NAN,
         usual=float(curve[0]),
     )
 
 
-def _battery_findings(history: PartHistory, flown: Sequence[_Flown]) -> Iterable[SeasonFinding]:
+def _battery_findings(
+    history: PartHistory, flown: Sequence[_Flown]
+) -> Iterable[aircraft_season.SeasonFinding]:
     trend, last_stay = history.battery, flown[-1].part
     removed = last_stay is not None and np.isfinite(last_stay.removed_s)
     for entry in trend.changes if trend else ():
         assert trend is not None
         ended = entry.until < len(flown)
-        ahead = RECENT * entry.per_flight if entry.ramp and not ended else 0.0
+        ahead = aircraft_season.RECENT * entry.per_flight if entry.ramp and not ended else 0.0
         last = entry is trend.changes[-1] and not removed
         risen = trend.now + ahead - trend.changes[0].before  # less: a new one, or a warmer day
         ratio = max(risen, 0.0) / trend.usual if last else 0.0
@@ -168,20 +158,20 @@ def _battery_findings(history: PartHistory, flown: Sequence[_Flown]) -> Iterable
             at.number if not history.name else entry.flight, at.row["started_unix_s"]
         )
         whose = words.of_battery(history.name, "" if here else at.season.name)
-        yield SeasonFinding(
-            level=level_of(ratio, *RESISTANCE) if last else FINE,
+        yield aircraft_season.SeasonFinding(
+            level=aircraft_season.level_of(ratio, *RESISTANCE) if last else aircraft_season.FINE,
             weight=ratio,
             sentence=whose + words.entry_sentence(trend.name, entry, when, ended),
             action=words.value_words(trend.name).action.text,
             flight=at.number if here else None,
-            then=reported_then(at.season, at.number),
+            then=aircraft_season.reported_then(at.season, at.number),
         )
 
 
 def _loss(flown: Sequence[_Flown]) -> tuple[float, float]:
     """Mean of what the rotor lacked in the last flights of a propeller or motor, and its error."""
     value, weight = [], []
-    for flight in flown[-RECENT:]:
+    for flight in flown[-aircraft_season.RECENT :]:
         season, rotor = flight.season, int(flight.position.split()[1])
         trend = next((t for t in season.rotors if words.rotor_of(t.name) == rotor), None)
         if trend is not None and flight.number in season.counted:

@@ -123,11 +123,7 @@ def _part(row: dict[str, Any], where: str) -> Part:
     if last <= first:
         raise DataError(f"{where}: {part} is removed before it is installed")
     return Part(
-        name=part,
-        aircraft=aircraft,
-        position=position.lower(),
-        installed_s=first,
-        removed_s=last,
+        name=part, aircraft=aircraft, position=position.lower(), installed_s=first, removed_s=last
     )
 
 

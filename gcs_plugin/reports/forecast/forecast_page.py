@@ -7,20 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
+from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
-from thrustmargin.gcs_plugin.reports.shared.plot_style import (
-    BAND,
-    INK,
-    PREDICTED,
-    Panel,
-    above_limit,
-    band,
-    in_tank,
-    limit_across,
-    line,
-    over_time,
-)
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, titled
 from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
 from thrustmargin.gcs_plugin.wording.report_words import IN_USE
 from thrustmargin.mission.ahead.plan_forecast import PlanForecast
@@ -77,25 +65,25 @@ def hardest(legs: Sequence[LegForecast]) -> Sequence[LegForecast]:
     return [legs[k] for k in kept]
 
 
-def _chart(made: PlanForecast) -> Figure:
+def _chart(made: PlanForecast) -> style.Figure:
     """Use of thrust over time above tank and battery."""
     track, limit = made.flight.track, made.advised.advice.limit
     time_s = track.time_s
     use, reach = (100.0 * part for part in worst_use(made.advised.analysis, slice(None)))
     traces = [
-        above_limit(time_s, use, limit),
-        band(time_s, use - reach, use + reach, color=BAND),
-        line(time_s, use, color=PREDICTED, name="worst rotor"),
+        style.above_limit(time_s, use, limit),
+        style.band(time_s, use - reach, use + reach, color=style.BAND),
+        style.line(time_s, use, color=style.PREDICTED, name="worst rotor"),
     ]
     high = max(float(np.nanmax(use + reach, initial=0.0)) * 1.08, 130.0 * limit)
-    axis = titled(IN_USE, ticksuffix=" %", range=[0.0, high])
-    tank = in_tank(time_s, track.tank_kg, track.spraying, "tank")
-    full = {**titled("tank, kg"), "range": [0.0, 1.1 * float(track.tank_kg.max()) + 0.1]}
+    axis = style.titled(IN_USE, ticksuffix=" %", range=[0.0, high])
+    tank = style.in_tank(time_s, track.tank_kg, track.spraying, "tank")
+    full = {**style.titled("tank, kg"), "range": [0.0, 1.1 * float(track.tank_kg.max()) + 0.1]}
     panels = [
-        Panel(traces=traces, axis=axis, height_px=180, limit=limit_across(limit)),
-        Panel(traces=tank, axis=full, height_px=64),
+        style.Panel(traces=traces, axis=axis, height_px=180, limit=style.limit_across(limit)),
+        style.Panel(traces=tank, axis=full, height_px=64),
     ]
     if np.isfinite(track.voltage).any():
-        volts = line(time_s, track.voltage, color=INK, name="battery", width=2)
-        panels.append(Panel(traces=[volts], axis=titled("V"), height_px=64))
-    return over_time(panels, end_s=float(time_s[-1]))
+        volts = style.line(time_s, track.voltage, color=style.INK, name="battery", width=2)
+        panels.append(style.Panel(traces=[volts], axis=style.titled("V"), height_px=64))
+    return style.over_time(panels, end_s=float(time_s[-1]))

@@ -9,25 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog, written
-from thrustmargin.gcs_plugin.wording.loop.asked import asked_of
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
-from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
-    answer,
-    excluded_rows,
-    rmse_words,
-    set_words,
-    where_from,
-)
+from thrustmargin.gcs_plugin.wording.loop import identify_answer as answers
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import asked_of, effect_thing
+from thrustmargin.gcs_plugin.wording.loop.identify_answer import answer
 from thrustmargin.gcs_plugin.wording.numbers import chance, number, shown_unit, within
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer import unseen_errors
 from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.model_update import ModelUpdate, update_model
 from thrustmargin.models.identification.answer.result import Found, Identification
-from thrustmargin.models.identification.answer.unseen_errors import (
-    RotorErrors,
-    Unseen,
-    rotor_errors,
-)
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight, following_flight
 from thrustmargin.models.json_values import to_json_values
 
@@ -43,8 +33,8 @@ class Result:
     update: ModelUpdate
     tracks: Sequence[FlightTrack]  # the fitted flights, then the held-out ones
     not_used: tuple[UnusedLog, ...]
-    unseen: tuple[Unseen, ...]  # the last one is that of the errors
-    errors: tuple[RotorErrors, ...]  # all rotors, then each
+    unseen: tuple[unseen_errors.Unseen, ...]  # the last one is that of the errors
+    errors: tuple[unseen_errors.RotorErrors, ...]  # all rotors, then each
     margins: tuple[MarginChange, ...]  # of each effect
     margin: MarginChange  # of all effects, worst rotor
     following: NextFlight | None
@@ -76,7 +66,7 @@ def result_of(
         tracks=tracks,
         not_used=tuple(not_used),
         unseen=unseen,
-        errors=rotor_errors(unseen[-1]),
+        errors=unseen_errors.rotor_errors(unseen[-1]),
         margins=margins,
         margin=margin,
         following=following,
@@ -165,7 +155,9 @@ def _parameter_rows(found: Identification, one: Found) -> list[tuple[str, str, s
 def set_rows(found: Identification) -> list[tuple[str, float]]:
     """Sets of effects that explain the flights, likeliest first, with their probabilities."""
     names = found.model.airframe.rotor_names
-    return [(set_words(s.terms, names), s.probability) for s in found.alternatives[:MOST_SETS]]
+    return [
+        (answers.set_words(s.terms, names), s.probability) for s in found.alternatives[:MOST_SETS]
+    ]
 
 
 def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
@@ -174,8 +166,8 @@ def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
     return [
         (
             "all" if e.rotor is None else f"{e.rotor + 1} {names[e.rotor]}",
-            rmse_words(e.before, ""),
-            rmse_words(e.after, ""),
+            answers.rmse_words(e.before, ""),
+            answers.rmse_words(e.after, ""),
             number(e.after.bias_rpm, "", 1),
         )
         for e in result.errors
@@ -195,8 +187,8 @@ def printed_tables(result: Result) -> list[Table]:
         sets = [(words, chance(p)) for words, p in set_rows(found)]
         made.append(written.grid(("explanations", f"probability {by}"), sets))
     if found.excluded:
-        made.append(written.grid(("not seen", "excluded at 95 %"), excluded_rows(found)))
-    title = f"Measured minus predicted rotor speed, rpm, on {where_from(found)}"
+        made.append(written.grid(("not seen", "excluded at 95 %"), answers.excluded_rows(found)))
+    title = f"Measured minus predicted rotor speed, rpm, on {answers.where_from(found)}"
     heads = ("rotor", "RMSE before", "RMSE after", "mean after")
     made.append(written.grid(heads, error_rows(result), title=title))
     return made

@@ -11,33 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.mission.plan import (
-    CHANGE_SPEED,
-    FRAME_ABOVE_HOME,
-    FRAME_MISSION,
-    RETURN_TO_LAUNCH,
-    TAKEOFF,
-    WAYPOINT,
-    MissionPlan,
-    PlanItem,
-)
+from thrustmargin.mission import plan as plans
 from thrustmargin.models.errors import PlanError
-from thrustmargin.models.identification.next_flight.manoeuvres import (
-    FlownLimits,
-    Manoeuvre,
-    corners_ned,
-)
+from thrustmargin.models.identification.next_flight import manoeuvres
 
 LOWEST = 2.0  # m above home, but where flights were mostly lower: a mission goes there by itself
 
 
-def manoeuvre_plan(manoeuvre: Manoeuvre, limits: FlownLimits, *, repeats: int = 1) -> MissionPlan:
+def manoeuvre_plan(
+    manoeuvre: manoeuvres.Manoeuvre, limits: manoeuvres.FlownLimits, *, repeats: int = 1
+) -> plans.MissionPlan:
     """The manoeuvre flown `repeats` times about the middle of where the flights were.
 
     Altitudes are above home, the ground taken as level. Raises PlanError when the flights reported
     no position or no height to plan with.
     """
-    corners = corners_ned(manoeuvre, limits)
+    corners = manoeuvres.corners_ned(manoeuvre, limits)
     if limits.origin is None or not np.isfinite(corners).all():
         raise PlanError("the flights report no position or height, so no mission can be placed")
     origin = limits.origin
@@ -47,26 +36,28 @@ def manoeuvre_plan(manoeuvre: Manoeuvre, limits: FlownLimits, *, repeats: int = 
     items: list[tuple[int, Any]] = []  # command, its seven parameters
     places = [tuple(map(float, place)) for place in zip(latitude, longitude, height, strict=True)]
     nowhere = (0.0, 0.0, 0.0)
-    items.append((TAKEOFF, (0.0, 0.0, 0.0, math.nan, *places[0])))
+    items.append((plans.TAKEOFF, (0.0, 0.0, 0.0, math.nan, *places[0])))
     for _ in range(repeats):
-        items.append((WAYPOINT, (0.0, 0.0, 0.0, math.nan, *places[0])))
+        items.append((plans.WAYPOINT, (0.0, 0.0, 0.0, math.nan, *places[0])))
         ordered = 0.0
         for k, piece in enumerate(manoeuvre.pieces):
             if piece.speed not in (0.0, ordered):
                 ordered = piece.speed
-                items.append((CHANGE_SPEED, (1.0, ordered, -1.0, 0.0, *nowhere)))
+                items.append((plans.CHANGE_SPEED, (1.0, ordered, -1.0, 0.0, *nowhere)))
             if piece.speed or piece.climb:
-                items.append((WAYPOINT, (0.0, 0.0, 0.0, math.nan, *places[k + 1])))
+                items.append((plans.WAYPOINT, (0.0, 0.0, 0.0, math.nan, *places[k + 1])))
             elif not piece.turn:
                 command, (waited, *rest) = items[-1]
                 items[-1] = command, (waited + piece.seconds, *rest)
-    items.append((RETURN_TO_LAUNCH, (0.0, 0.0, 0.0, 0.0, *nowhere)))
-    return MissionPlan(
+    items.append((plans.RETURN_TO_LAUNCH, (0.0, 0.0, 0.0, 0.0, *nowhere)))
+    return plans.MissionPlan(
         items=tuple(
-            PlanItem(
+            plans.PlanItem(
                 number=number,
                 command=command,
-                frame=FRAME_ABOVE_HOME if command in (TAKEOFF, WAYPOINT) else FRAME_MISSION,
+                frame=plans.FRAME_ABOVE_HOME
+                if command in (plans.TAKEOFF, plans.WAYPOINT)
+                else plans.FRAME_MISSION,
                 parameters=parameters,
             )
             for number, (command, parameters) in enumerate(items, start=1)

@@ -18,25 +18,12 @@ from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, JsonObject, Ro
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_things
+from thrustmargin.models import scores
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis, SpeedBasis
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.scores import (
-    CONFIDENCE,
-    FEWEST_BLOCKS,
-    Estimate,
-    N,
-    bias,
-    by_moving_block,
-    coverage,
-    error_terms,
-    estimate,
-    mean_r2,
-    r2,
-    rmse,
-)
 
 
 def model_use(analysis: FlightAnalysis) -> JsonObject:
@@ -103,20 +90,20 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
     paper's table has it.
     """
     track, prediction = analysis.track, analysis.prediction
-    terms = error_terms(
+    terms = scores.error_terms(
         np.where(analysis.from_outputs, np.nan, track.rotor_speed_rpm),
         prediction.rotor_speed_rpm,
         lower=prediction.lower_rpm,
         upper=prediction.upper_rpm,
         rows=track.flying & np.isfinite(track.measured("tank_kg")),
     )
-    used = np.any(terms[..., N] > 0, axis=1)
+    used = np.any(terms[..., scores.N] > 0, axis=1)
     trained = trained_on(analysis)
     made = partial(
         Accuracy,
         promised_coverage=float(prediction.coverage),
         block_s=BLOCK_S,
-        confidence=CONFIDENCE,
+        confidence=scores.CONFIDENCE,
         trained_on=trained,
     )
     if not np.any(used):
@@ -124,18 +111,18 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
     first, last = np.flatnonzero(used)[[0, -1]]
     span = slice(int(first), int(last) + 1)
     whole = terms[span].sum(axis=0)
-    drawn, blocks = by_moving_block(terms[span], track.time_s[span], block_s=BLOCK_S)
+    drawn, blocks = scores.by_moving_block(terms[span], track.time_s[span], block_s=BLOCK_S)
     rotors = tuple(
         _rotor_accuracy(k + 1, name, whole[k], drawn[:, k], blocks)
         for k, name in enumerate(rotor_names)
-        if whole[k, N] > 0
+        if whole[k, scores.N] > 0
     )
     overall = _rotor_accuracy(0, "all rotors", whole.sum(axis=0), drawn.sum(axis=1), blocks)
-    overall = replace(overall, r2=estimate(mean_r2, whole, drawn, blocks))
-    if blocks >= FEWEST_BLOCKS:
-        text = words.in_brackets(CONFIDENCE, blocks, BLOCK_S)
+    overall = replace(overall, r2=scores.estimate(scores.mean_r2, whole, drawn, blocks))
+    if blocks >= scores.FEWEST_BLOCKS:
+        text = words.in_brackets(scores.CONFIDENCE, blocks, BLOCK_S)
     else:
-        text = words.no_intervals(blocks, FEWEST_BLOCKS, BLOCK_S)
+        text = words.no_intervals(blocks, scores.FEWEST_BLOCKS, BLOCK_S)
     text = f"{say(words.TRAINED_ON)} {text}" if trained else text
     return made(rotors=rotors, overall=overall, blocks=blocks, words=text)
 
@@ -150,17 +137,17 @@ def trained_on(analysis: FlightAnalysis) -> bool:
 def _rotor_accuracy(
     rotor: int, name: str, whole: Floats, drawn: Floats, blocks: int
 ) -> RotorAccuracy:
-    def figure(of: Callable[[Floats], Floats]) -> Estimate:
-        return estimate(of, whole, drawn, blocks)
+    def figure(of: Callable[[Floats], Floats]) -> scores.Estimate:
+        return scores.estimate(of, whole, drawn, blocks)
 
     return RotorAccuracy(
         rotor=rotor,
         name=name,
-        rows=int(whole[..., N].sum()),
-        rmse_rpm=figure(rmse),
-        bias_rpm=figure(bias),
-        r2=figure(r2),
-        coverage=figure(coverage),
+        rows=int(whole[..., scores.N].sum()),
+        rmse_rpm=figure(scores.rmse),
+        bias_rpm=figure(scores.bias),
+        r2=figure(scores.r2),
+        coverage=figure(scores.coverage),
     )
 
 

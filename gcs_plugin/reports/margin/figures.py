@@ -7,35 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport
-from thrustmargin.gcs_plugin.reports.shared.plot_style import (
-    BAND,
-    INK,
-    MEAN,
-    MEASURED,
-    OVER,
-    PREDICTED,
-    Panel,
-    above_limit,
-    band,
-    in_tank,
-    limit_across,
-    line,
-    milliseconds,
-    over_time,
-    rotor_panels,
-)
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
+from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, route_map
+from thrustmargin.gcs_plugin.wording import palette
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
-from thrustmargin.gcs_plugin.wording.palette import (
-    GROUND_SPEED,
-    LOAD,
-    REDUNDANCY,
-    ColourScale,
-    moved,
-)
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
@@ -44,7 +21,7 @@ from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 Rows = Mapping[str, Floats]
 
 
-def figures(report: FlightReport) -> Mapping[str, Figure]:
+def figures(report: FlightReport) -> Mapping[str, style.Figure]:
     """Name -> figure; those whose channels the flight lacks are left out."""
     rows, limit, worst = airborne(report.rows), report.verdict.limit, report.verdict.worst
     if not rows["time_s"].size:
@@ -54,7 +31,7 @@ def figures(report: FlightReport) -> Mapping[str, Figure]:
     knows_use = bool(np.any(np.isfinite(use)))
     knows_redundancy = bool(np.any(np.isfinite(rows["redundancy_yaw_uncontrolled"])))
     placed = bool(np.any(np.isfinite(rows["position_north"]) & np.isfinite(rows["position_east"])))
-    made: dict[str, Figure] = {}
+    made: dict[str, style.Figure] = {}
     if knows_use:
         made["use"] = use_figure(rows, use, limit, worst)
         made["rotors"] = rotors_figure(rows, limit, names)
@@ -62,7 +39,7 @@ def figures(report: FlightReport) -> Mapping[str, Figure]:
         made["map_use"] = use_map(rows, worst_rotor(use)[0], limit, worst)
     if report.withheld and placed:
         speed = rows["ground_speed"]
-        made["map_speed"] = _map(rows, {"speed": (speed, speed)}, GROUND_SPEED)
+        made["map_speed"] = _map(rows, {"speed": (speed, speed)}, palette.GROUND_SPEED)
     if knows_redundancy and placed:
         made["map_redundancy"] = redundancy_map(rows)
     if knows_redundancy:
@@ -88,34 +65,34 @@ def figures(report: FlightReport) -> Mapping[str, Figure]:
     return made
 
 
-def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> Figure:
+def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> style.Figure:
     """Thrust in use of the worst rotor and of the mean rotor over time, above the tank level."""
     time_s, tank = rows["time_s"], rows["tank_kg"]
     top, mean = worst_rotor(use)[0] * 100, use.mean(axis=1) * 100
     traces = [
-        above_limit(time_s, top, limit),
-        line(time_s, top, color=MEASURED, name="worst rotor"),
-        line(time_s, mean, color=MEAN, name=words.MEAN_ROTOR, width=2),
+        style.above_limit(time_s, top, limit),
+        style.line(time_s, top, color=style.MEASURED, name="worst rotor"),
+        style.line(time_s, mean, color=style.MEAN, name=words.MEAN_ROTOR, width=2),
     ]
     high = max(float(np.nanmax(top)) * 1.3, limit * 130)
-    axis = titled(words.IN_USE, ticksuffix=" %", range=[0.0, high])
-    panels = [Panel(traces=traces, axis=axis, height_px=280, limit=limit_across(limit))]
+    axis = style.titled(words.IN_USE, ticksuffix=" %", range=[0.0, high])
+    panels = [style.Panel(traces=traces, axis=axis, height_px=280, limit=style.limit_across(limit))]
     if np.any(np.isfinite(tank)):
         reach = INTERVAL * rows["tank_error_kg"]
         inferred = np.any(np.isfinite(reach))
         named = words.LOAD_INFERRED if inferred else "tank"
-        within = [band(time_s, np.maximum(tank - reach, 0.0), tank + reach, color=BAND)]
+        within = [style.band(time_s, np.maximum(tank - reach, 0.0), tank + reach, color=style.BAND)]
         traces = [
             *(within if inferred else ()),
-            *in_tank(time_s, tank, rows["spraying"], named),
+            *style.in_tank(time_s, tank, rows["spraying"], named),
         ]
-        axis = titled("tank, kg", range=[0.0, float(np.nanmax(tank)) * 1.1 + 0.1])
-        panels.append(Panel(traces=traces, axis=axis, height_px=80))
-    made = over_time(panels, end_s=float(time_s[-1]))
+        axis = style.titled("tank, kg", range=[0.0, float(np.nanmax(tank)) * 1.1 + 0.1])
+        panels.append(style.Panel(traces=traces, axis=axis, height_px=80))
+    made = style.over_time(panels, end_s=float(time_s[-1]))
     if worst is not None:
         made.note(
             f"<b>{worst.capacity_use * 100:.0f} % rotor {worst.rotor}</b>",
-            x=milliseconds(np.array(worst.time_s)).item(),
+            x=style.milliseconds(np.array(worst.time_s)).item(),
             y=worst.capacity_use * 100,
             ax=0,
             ay=-36,
@@ -127,7 +104,7 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> F
     return made
 
 
-def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> Figure:
+def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> style.Figure:
     """Thrust in use of each rotor, measured and predicted, one strip a rotor."""
     time_s = rows["time_s"]
     use = rows["utilisation"], rows["utilisation_from_outputs"], rows["utilisation_predicted"]
@@ -135,83 +112,83 @@ def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> Figure:
     high = max(limit * 130, float(np.nanmax([measured, inferred, predicted])) * 1.08)
     shown = (measured, SpeedBasis.MEASURED), (inferred, SpeedBasis.MOTOR_OUTPUTS)
     by_speed = [(values, name) for values, name in shown if np.isfinite(values).any()]
-    as_predicted = {"color": PREDICTED, "name": "predicted", "width": 3, "dash": "dash"}
-    panels = rotor_panels(
+    as_predicted = {"color": style.PREDICTED, "name": "predicted", "width": 3, "dash": "dash"}
+    panels = style.rotor_panels(
         names,
         lambda k, legend: [
             *(
-                line(time_s, values[:, k], color=MEASURED, name=name, legend=legend)
+                style.line(time_s, values[:, k], color=style.MEASURED, name=name, legend=legend)
                 for values, name in by_speed or shown[:1]
             ),
-            line(time_s, predicted[:, k], legend=legend, **as_predicted),
+            style.line(time_s, predicted[:, k], legend=legend, **as_predicted),
         ],
         axis={"ticksuffix": " %", "range": [0.0, high]},
-        limit=limit_across(limit),
+        limit=style.limit_across(limit),
     )
-    return over_time(panels, end_s=float(time_s[-1]))
+    return style.over_time(panels, end_s=float(time_s[-1]))
 
 
-def residual_figure(rows: Rows, names: Sequence[str]) -> Figure:
+def residual_figure(rows: Rows, names: Sequence[str]) -> style.Figure:
     """Measured minus predicted rotor speed over time, with the promised interval as a band."""
     time_s, predicted = rows["time_s"], rows["rotor_speed_predicted_rpm"]
     residual, lower, upper = (
         rows[f"rotor_speed_{name}rpm"] - predicted for name in ("", "lower_", "upper_")
     )
     reach = max(float(np.nanmax(np.abs(residual))) * 1.08, 1.0)
-    promised = {"color": BAND, "name": "promised interval"}
-    left = {"color": MEASURED, "name": words.MEASURED_MINUS_PREDICTED, "width": 2}
-    panels = rotor_panels(
+    promised = {"color": style.BAND, "name": "promised interval"}
+    left = {"color": style.MEASURED, "name": words.MEASURED_MINUS_PREDICTED, "width": 2}
+    panels = style.rotor_panels(
         names,
         lambda k, legend: [
-            band(time_s, lower[:, k], upper[:, k], legend=legend, **promised),
-            line(time_s, residual[:, k], legend=legend, **left),
+            style.band(time_s, lower[:, k], upper[:, k], legend=legend, **promised),
+            style.line(time_s, residual[:, k], legend=legend, **left),
         ],
-        axis=titled("rpm", range=[-reach, reach]),
+        axis=style.titled("rpm", range=[-reach, reach]),
     )
-    return over_time(panels, end_s=float(time_s[-1]))
+    return style.over_time(panels, end_s=float(time_s[-1]))
 
 
-def redundancy_figure(rows: Rows, limit: float) -> Figure:
+def redundancy_figure(rows: Rows, limit: float) -> style.Figure:
     """Redundancy over time, yaw uncontrolled and controlled; below it the tank and the fills."""
     time_s, tank = rows["time_s"], rows["tank_kg"]
     free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
     one_out, of_limit = rows["fill_one_rotor_out_kg"], rows["fill_limit_kg"]
     held = [
-        line(time_s, free, color=MEASURED, name=SPINS),
-        line(time_s, kept, color=PREDICTED, name=HELD, dash="dash"),
+        style.line(time_s, free, color=style.MEASURED, name=SPINS),
+        style.line(time_s, kept, color=style.PREDICTED, name=HELD, dash="dash"),
     ]
     fills = [
-        line(time_s, tank, color=INK, name=words.IN_THE_TANK),
-        line(time_s, one_out, color=OVER, name=MAXIMUM_FILL, dash="dash"),
+        style.line(time_s, tank, color=style.INK, name=words.IN_THE_TANK),
+        style.line(time_s, one_out, color=style.OVER, name=MAXIMUM_FILL, dash="dash"),
     ]
     if not np.allclose(one_out, of_limit, atol=0.05, equal_nan=True):
         name = words.fill_line(limit)
-        fills.append(line(time_s, of_limit, color=PREDICTED, name=name, dash="dot"))
+        fills.append(style.line(time_s, of_limit, color=style.PREDICTED, name=name, dash="dot"))
     high = max(1.2, float(np.nanmax([free, kept])) * 1.1)
-    over_weight = titled(words.OVER_WEIGHT, range=[-0.03, high])
+    over_weight = style.titled(words.OVER_WEIGHT, range=[-0.03, high])
     kilograms = np.concatenate([tank, one_out, of_limit])
     low, high = min(0.0, float(np.nanmin(kilograms))), float(np.nanmax(kilograms)) * 1.1 + 0.1
-    in_tank = titled("kg", range=[low, high])
+    kg = style.titled("kg", range=[low, high])
     carries = (1.0, "1 = just\ncarries")
     panels = [
-        Panel(traces=held, axis=over_weight, height_px=190, limit=carries),
-        Panel(traces=fills, axis=in_tank, height_px=190),
+        style.Panel(traces=held, axis=over_weight, height_px=190, limit=carries),
+        style.Panel(traces=fills, axis=kg, height_px=190),
     ]
-    return over_time(panels, end_s=float(time_s[-1]))
+    return style.over_time(panels, end_s=float(time_s[-1]))
 
 
-def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> Figure:
+def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> style.Figure:
     """The route coloured by `use` (T,) of the worst rotor; the worst moment is ringed."""
-    made = _map(rows, {"use": (use, use)}, moved(LOAD, limit))
+    made = _map(rows, {"use": (use, use)}, palette.moved(palette.LOAD, limit))
     if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
-        ring = scatter(
+        ring = style.scatter(
             [worst.east],
             [worst.north],
             mode="markers+text",
-            marker={"size": 22, "symbol": "circle-open", "color": INK, "line": {"width": 4}},
+            marker={"size": 22, "symbol": "circle-open", "color": style.INK, "line": {"width": 4}},
             text=["<b>worst</b>"],
             textposition="top center",
-            textfont={"size": 17, "color": INK},
+            textfont={"size": 17, "color": style.INK},
             hoverinfo="skip",
             showlegend=False,
         )
@@ -219,19 +196,21 @@ def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> Figu
     return made
 
 
-def redundancy_map(rows: Rows) -> Figure:
+def redundancy_map(rows: Rows) -> style.Figure:
     """The map of redundancy, with buttons for yaw uncontrolled and controlled."""
     free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
     coloured = {SPINS: (free, -free)}
     if not np.any(np.isfinite(kept)):
-        return _map(rows, coloured, REDUNDANCY)
-    made = _map(rows, coloured | {HELD: (kept, -kept)}, REDUNDANCY)
+        return _map(rows, coloured, palette.REDUNDANCY)
+    made = _map(rows, coloured | {HELD: (kept, -kept)}, palette.REDUNDANCY)
     made.layout["height"] = 650
     made.layout["margin"]["b"] = 150
     return made
 
 
-def _map(rows: Rows, coloured: Mapping[str, tuple[Floats, Floats]], scale: ColourScale) -> Figure:
+def _map(
+    rows: Rows, coloured: Mapping[str, tuple[Floats, Floats]], scale: palette.ColourScale
+) -> style.Figure:
     return route_map(
         (rows["position_north"], rows["position_east"]),
         rows["time_s"],

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from datetime import UTC, datetime
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
-from thrustmargin.gcs_plugin.reports.shared.written import utc_text
+from thrustmargin.gcs_plugin.reports.shared.written import unix_text
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.gcs_plugin.wording.flight_words import NAMES_WRONG
 from thrustmargin.gcs_plugin.wording.language import say
@@ -59,8 +58,8 @@ def worst_moments(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> tup
 
 
 def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, ...]) -> Moment:
-    track = analysis.track
-    tankless = not analysis.model.airframe.tank_volume_l
+    track, time_s = analysis.track, float(analysis.track.time_s[row])
+    begun, tankless = track.start_unix_s, not analysis.model.airframe.tank_volume_l
     rotor = int(np.nanargmax(use[row]))
     value = float(use[row, rotor])
     low, high = (float(end[row, rotor]) for end in analysis.use_ends)
@@ -70,8 +69,8 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         place = np.array([north, east, np.nan_to_num(down)])
         latitude, longitude, _ = track.origin.geodetic(place).tolist()
     return Moment(
-        time_s=float(track.time_s[row]),
-        clock_utc=utc_words(track.start_unix_s, float(track.time_s[row])),
+        time_s=time_s,
+        clock_utc=None if begun is None else unix_text(begun + time_s),
         rotor=rotor + 1,
         rotor_name=names[rotor],
         capacity_use=value,
@@ -147,17 +146,6 @@ def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
         "size_high": fault.upper,
         "words": fault_words(fault, names),
     }
-
-
-def utc_words(start_unix_s: float | None, time_s: float) -> str | None:
-    """ISO time in UTC of a row, to the second; None when the log has no clock."""
-    if start_unix_s is None or not np.isfinite(start_unix_s):
-        return None
-    try:
-        moment = datetime.fromtimestamp(start_unix_s + time_s, tz=UTC)
-    except (OverflowError, ValueError, OSError):
-        return None
-    return utc_text(moment)
 
 
 def _slope(time_s: Floats, values: Floats) -> float:

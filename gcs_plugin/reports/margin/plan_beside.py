@@ -7,14 +7,15 @@ full, and the fill that the log has at take-off. What the flight shows of the da
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
-from thrustmargin.gcs_plugin.wording.plans.beside_words import beside_words
+from thrustmargin.gcs_plugin.wording.plans.plan_words import beside_words
 from thrustmargin.mission.ahead.plan_flight import PlanConditions
 from thrustmargin.mission.beside.blame import Off, shown_day, which_was_off
 from thrustmargin.mission.beside.plan_to_fly import PlanToFly, known_before
-from thrustmargin.mission.beside.stretches import Pair, StretchBeside, flown_way
+from thrustmargin.mission.beside.stretches import flown_way
 from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.model.analysis import FlightAnalysis
 
@@ -49,7 +50,8 @@ def plan_beside(
         "words": beside_words(off, made.stretches, left_at=made.left_at),
         "left_at": made.left_at,
         "off": [
-            {"what": o.what, **_pair(o.amount), "item": o.item, "mattered": o.mattered} for o in off
+            {"what": o.what, **asdict(o.amount), "item": o.item, "mattered": o.mattered}
+            for o in off
         ],
         "assumed": {
             "fill_kg": given.fill_kg,
@@ -57,23 +59,5 @@ def plan_beside(
             "wind": math.hypot(*given.wind_ned),
             "limits": list(to_fly.course.limits.assumed),
         },
-        "stretches": [_stretch(s) for s in made.stretches],
-    }
-
-
-def _pair(pair: Pair) -> JsonObject:
-    return {"forecast": pair.forecast, "flown": pair.flown}
-
-
-def _stretch(stretch: StretchBeside) -> JsonObject:
-    return {
-        "item": stretch.item,
-        "kind": stretch.kind,
-        "seconds": _pair(stretch.seconds),
-        "speed": _pair(stretch.speed),
-        "utilisation_mean": _pair(stretch.utilisation),
-        "utilisation_peak": _pair(stretch.peak),
-        "interval": list(stretch.peak_interval),
-        "tank_end_kg": _pair(stretch.tank_kg),
-        "voltage": _pair(stretch.voltage),
+        "stretches": made.stretches,
     }

@@ -15,15 +15,9 @@ from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared import written
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
+from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure
+from thrustmargin.gcs_plugin.wording import fault_words as faults
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
-from thrustmargin.gcs_plugin.wording.fault_words import (
-    DESCENDED,
-    HELD,
-    MAXIMUM_FILL,
-    SPINS,
-    place_words,
-)
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
 from thrustmargin.gcs_plugin.wording.report_words import TO_COPY
@@ -131,14 +125,14 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
         "figures": drawn,
         "files": {"json": written.json.name, "csv": written.csv.name} if written else None,
         "to_copy": TO_COPY,
-        "spins": SPINS,
-        "held": HELD,
-        "descended": DESCENDED,
-        "maximum_fill": MAXIMUM_FILL,
+        "spins": faults.SPINS,
+        "held": faults.HELD,
+        "descended": faults.DESCENDED,
+        "maximum_fill": faults.MAXIMUM_FILL,
         "fill": amount,
         "several": SEVERAL,
         "estimate": estimate,
         "moment_words": moment_words,
-        "place_words": place_words,
+        "place_words": faults.place_words,
     }
     return page_text(__name__.rpartition(".")[0], context)

@@ -8,46 +8,21 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+from thrustmargin.gcs_plugin.reports.margin import data, load
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use, trained_on
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
-from thrustmargin.gcs_plugin.reports.margin.data import (
-    FlightReport,
-    JsonObject,
-    Overview,
-    Report,
-    end_rows,
-    share,
-)
-from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import (
-    one_rotor_out_use,
-    redundancy_rows,
-)
-from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
     alarm_row,
     look_facts,
-    utc_words,
     worst_moments,
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.reports.shared.written import utc_text
+from thrustmargin.gcs_plugin.reports.shared.written import unix_text, utc_text
+from thrustmargin.gcs_plugin.wording import margin_verdict
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
-from thrustmargin.gcs_plugin.wording.flight_words import (
-    loss_words,
-    not_flown,
-    too_short,
-)
-from thrustmargin.gcs_plugin.wording.margin_verdict import (
-    Fact,
-    MarginVerdict,
-    Moment,
-    basis_words,
-    load_facts,
-    unseen_facts,
-    verdict_facts,
-)
+from thrustmargin.gcs_plugin.wording.flight_words import loss_words, not_flown, too_short
 from thrustmargin.gcs_plugin.wording.report_words import (
     WITHOUT,
     contact_facts,
@@ -74,7 +49,7 @@ def report_flight(
     max_utilisation: float,
     plan: MissionPlan | None = None,
     assumed: PlanConditions | None = None,
-) -> FlightReport:
+) -> data.FlightReport:
     """Everything that the report says about one flight, beside the forecast of its `plan` with what
     was `assumed`.
 
@@ -87,15 +62,15 @@ def report_flight(
     track, airframe = analysis.track, analysis.model.airframe
     limits = ceiling(flown_airframe(analysis.model), analysis.density, track.voltage)
     rows = rows_of(
-        analysis,
-        fill_limit_kg=made.fill_limit_kg,
-        fill_one_rotor_out_kg=made.fill_one_rotor_out_kg,
+        analysis, fill_limit_kg=made.fill_limit_kg, fill_one_rotor_out_kg=made.fill_one_rotor_out_kg
     )
     seconds = track.row_seconds
     moments = worst_moments(analysis, airframe.rotor_names)
     worst = moments[0] if moments else None
     basis, measured_share = _basis(made)
-    answer = verdict_facts(worst, advice, analysis.claim, basis, _no_flight(whole.track))
+    answer = margin_verdict.verdict_facts(
+        worst, advice, analysis.claim, basis, _no_flight(whole.track)
+    )
     check = None if analysis.withheld else margin_check(analysis)
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
     against = None
@@ -104,27 +79,27 @@ def report_flight(
 
         against = plan_beside(analysis, log, plan, assumed)
     lines = (
-        *((Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
+        *((margin_verdict.Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
         *look_facts(found),
         *(answer if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
         *(() if contact is None else contact_facts(contact)),
-        *(*load_facts(track), *unseen_facts(whole.track)),
-        *((Fact("prediction", checked),) if checked else ()),
-        *((Fact("plan", against["words"]),) if against else ()),
+        *(*margin_verdict.load_facts(track), *margin_verdict.unseen_facts(whole.track)),
+        *((margin_verdict.Fact("prediction", checked),) if checked else ()),
+        *((margin_verdict.Fact("plan", against["words"]),) if against else ()),
     )
-    return FlightReport(
+    return data.FlightReport(
         name=track.name,
         verdict=_verdict(made, first_line(advice, contact), worst, lines, basis, measured_share),
         flight=_flight(whole, rows["ground_speed"], seconds),
         model=model_use(analysis),
-        load=load_rows(analysis, limits),
+        load=load.load_rows(analysis, limits),
         rotors=_rotors(analysis, seconds, max_utilisation),
         moments=moments,
         losses=advice.losses,
         first_contact=contact,
         findings=found,
         alarms=tuple(alarm_row(one, advice.rotor_names) for one in advice.faults),
-        redundancy=redundancy_rows(analysis, rows, seconds),
+        redundancy=load.redundancy_rows(analysis, rows, seconds),
         accuracy=accuracy(analysis, airframe.rotor_names),
         margin_check=check,
         quality=_quality(log),
@@ -147,26 +122,28 @@ def _basis(made: Advised) -> tuple[str, float]:
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     measured_s = float(seconds[known & analysis.any_measured].sum())
     airborne_s = made.advice.airborne_s
-    words = basis_words(analysis, measured_s, float(seconds[known].sum()), airborne_s)
-    return words, share(measured_s, airborne_s)
+    words = margin_verdict.basis_words(
+        analysis, measured_s, float(seconds[known].sum()), airborne_s
+    )
+    return words, data.share(measured_s, airborne_s)
 
 
 def _verdict(
     made: Advised,
     first: str,
-    worst: Moment | None,
-    lines: tuple[Fact, ...],
+    worst: margin_verdict.Moment | None,
+    lines: tuple[margin_verdict.Fact, ...],
     basis: str,
     measured_share: float,
-) -> MarginVerdict:
+) -> margin_verdict.MarginVerdict:
     advice, fill, use = made.advice, made.advice.fill, made.advice.use
-    return MarginVerdict(
+    return margin_verdict.MarginVerdict(
         level=advice.level,
         headline=first,
         action=action(advice),
         facts=lines,
         limit=advice.limit,
-        one_rotor_out_use=one_rotor_out_use(made.analysis.model.airframe),
+        one_rotor_out_use=load.one_rotor_out_use(made.analysis.model.airframe),
         worst=worst,
         basis=basis,
         speed_basis=made.analysis.speed_basis,
@@ -177,7 +154,7 @@ def _verdict(
         lasting_use_high=use.lasting_high,
         lasting_over_limit_s=use.lasting_above_s,
         over_limit_s=use.above_s,
-        over_limit_share=share(use.above_s, use.known_s),
+        over_limit_share=data.share(use.above_s, use.known_s),
         spent_s=use.spent_s,
         redundancy_yaw_free_min=advice.lost.least,
         redundancy_yaw_free_low=advice.lost.least_low,
@@ -193,11 +170,11 @@ def _verdict(
     )
 
 
-def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> JsonObject:
+def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.JsonObject:
     """The flight in a dozen figures, of its airborne rows; `speed` (T,) is over ground, m/s."""
     track = analysis.track
     flying = track.flying
-    first, last = end_rows(track)
+    first, last = data.end_rows(track)
     tank = track.tank_kg[flying & np.isfinite(track.tank_kg)]
     start_kg, end_kg = (float(tank[0]), float(tank[-1])) if tank.size else (np.nan, np.nan)
     spraying = flying & (track.spraying > 0.5)
@@ -207,7 +184,7 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> JsonObj
     wind_speed = np.hypot(wind[:, 0], wind[:, 1])
     mean_wind = wind.mean(axis=0) if wind.size else np.full(2, np.nan)
     return {
-        "start_utc": utc_words(track.start_unix_s, 0.0),
+        "start_utc": unix_text(track.start_unix_s),
         "log_duration_s": track.duration,
         "airborne_s": float(seconds[flying].sum()),
         "distance": _path_length(speed, seconds, flying),
@@ -249,7 +226,7 @@ def _path_length(speed: Floats, seconds: Floats, rows: Bools) -> float:
     return float(np.sum(speed[known] * seconds[known]))
 
 
-def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[JsonObject, ...]:
+def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[data.JsonObject, ...]:
     """Thrust utilisation of each rotor; over_limit_share is of the time in which it is known."""
     flying, use = analysis.track.flying, airborne_use(analysis)
     measured, predicted = analysis.utilisation[flying], analysis.utilisation_predicted[flying]
@@ -263,13 +240,13 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[Js
             "measured_median": known_median(measured[:, k]),
             "predicted_max": known_most(predicted[:, k]),
             "predicted_median": known_median(predicted[:, k]),
-            "over_limit_share": share(float(over_s[k]), float(known_s[k])),
+            "over_limit_share": data.share(float(over_s[k]), float(known_s[k])),
         }
         for k, name in enumerate(analysis.model.airframe.rotor_names)
     )
 
 
-def _quality(log: FlightLog) -> JsonObject:
+def _quality(log: FlightLog) -> data.JsonObject:
     """How whole the log is, and what had to be assumed; a silence is over 1 s without a message."""
     track, whole = log.track, log.quality
     counted = ("bytes", "frames", "bytes_skipped", "damaged_places", "bad_checksum")
@@ -295,7 +272,7 @@ def build_report(
     unread: Iterable[UnusedLog] = (),
     plan: MissionPlan | None = None,
     assumed: PlanConditions | None = None,
-) -> Report:
+) -> data.Report:
     """The numbers of a report over flights, in their order, checked against `max_utilisation`.
 
     That is the largest share of a rotor's maximum thrust that may be in use. Each flight is put
@@ -312,7 +289,7 @@ def build_report(
     )
     if not reports:
         raise DataError("no flight to report on; give at least one log that can be read")
-    return Report(
+    return data.Report(
         made_utc=utc_text(),
         version=software_version(),
         max_utilisation=max_utilisation,
@@ -322,14 +299,14 @@ def build_report(
     )
 
 
-def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
+def overview_of(reports: Sequence[data.FlightReport], limit: float) -> data.Overview:
     """How many flights have which verdict, and which is the worst."""
     levels = [report.verdict.level for report in reports]
     first, report = worst_first(reports)[0]
     level, words = report.verdict.level, report.verdict.headline
     if len(levels) > 1:
         level, words = several_headline(levels, limit)
-    return Overview(
+    return data.Overview(
         level=level,
         headline=words,
         worst_flight=first + 1 if report.verdict.worst else None,
@@ -337,13 +314,13 @@ def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
     )
 
 
-def worst_first(reports: Sequence[FlightReport]) -> list[tuple[int, FlightReport]]:
+def worst_first(reports: Sequence[data.FlightReport]) -> list[tuple[int, data.FlightReport]]:
     """(index in the list, report), the worst verdict first, of equal ones the most thrust in use.
 
     Those without a verdict come last.
     """
 
-    def rank(item: tuple[int, FlightReport]) -> tuple[int, float]:
+    def rank(item: tuple[int, data.FlightReport]) -> tuple[int, float]:
         verdict = item[1].verdict
         return verdict.level.gravity, -verdict.worst.capacity_use if verdict.worst else 1.0
 

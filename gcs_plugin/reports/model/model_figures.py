@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter, titled
+from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure, Trace, scatter, titled
 from thrustmargin.gcs_plugin.reports.shared.written import csv_text
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.training import LossCurve

@@ -13,21 +13,14 @@ from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.training import PAPER_BEST_EPOCH, PAPER_LOWEST_LOSS, PAPER_R2
-from thrustmargin.models.network.records import (
-    ConditionScore,
-    GoodFlights,
-    TrainingRecord,
-)
+from thrustmargin.models.network import records
 from thrustmargin.models.network.validity import FEWEST_FLIGHTS, Interval, flights_needed
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-SPLIT_WORDS = {
-    "samples": "samples, as the paper",
-    "flights": "flights",
-}
+SPLIT_WORDS = {"samples": "samples, as the paper", "flights": "flights"}
 
 
 def training_tables(model: RotorModel) -> list[RenderableType]:
@@ -81,7 +74,7 @@ def thermometer_lines(model: RotorModel) -> list[str]:
     ]
 
 
-def _split_table(record: TrainingRecord) -> Table:
+def _split_table(record: records.TrainingRecord) -> Table:
     table = grid(
         ("", "training", "validation", "test", "loss", "epoch"),
         title="R² of rotor speed, one network a split (0.70 : 0.15 : 0.15)",
@@ -107,7 +100,7 @@ def _split_table(record: TrainingRecord) -> Table:
     return table
 
 
-def _left_out_table(conditions: tuple[ConditionScore, ...], title: str) -> Table:
+def _left_out_table(conditions: tuple[records.ConditionScore, ...], title: str) -> Table:
     rows = [
         (
             one.condition,
@@ -172,7 +165,7 @@ CAUSES = {
 }
 
 
-def fit_for_use(shown: GoodFlights, model: RotorModel) -> str:
+def fit_for_use(shown: records.GoodFlights, model: RotorModel) -> str:
     """One sentence: usable and how well, or not, why, and what to do."""
     whole, straight, turning = (
         _share(shown, condition) for condition in ("all rows", "outside yaw turns", "in yaw turns")
@@ -191,7 +184,7 @@ def fit_for_use(shown: GoodFlights, model: RotorModel) -> str:
     return f"usable: {reach} ({tested})"
 
 
-def why(shown: GoodFlights, model: RotorModel) -> str:
+def why(shown: records.GoodFlights, model: RotorModel) -> str:
     """The largest part of the error, and what to do about it."""
     squares = {name: rmse**2 for name, rmse in shown.flight_rmse_rpm.items()}
     worst = max(squares, key=lambda name: squares[name])
@@ -208,7 +201,7 @@ def why(shown: GoodFlights, model: RotorModel) -> str:
     return "the channels do not say what changes: thrustmargin identify LOG... --model FILE"
 
 
-def odd_flights(shown: GoodFlights) -> list[str]:
+def odd_flights(shown: records.GoodFlights) -> list[str]:
     """A sentence for each flight whose error is another's than that of the rest: is it a good one?
 
     The logarithm of its RMSE lies beyond Student's prediction interval of those of the others, at
@@ -231,7 +224,7 @@ def odd_flights(shown: GoodFlights) -> list[str]:
     return sentences
 
 
-def _share(shown: GoodFlights, condition: str) -> float | None:
+def _share(shown: records.GoodFlights, condition: str) -> float | None:
     for one in shown.errors:
         if one.condition == condition:
             return one.score.rmse_rpm / shown.mean_speed_rpm

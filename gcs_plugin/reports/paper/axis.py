@@ -73,8 +73,6 @@ def axis_over(
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     room = ROOM * (high - low) or 0.5
     low, high = properties.get("range") or (low - room, high + room)
-    if properties.get("rangemode") == "tozero":
-        low = min(low, 0.0)
     return Axis(kind, low, high, begin, end)
 
 

@@ -7,7 +7,8 @@ numbers of 0 to 255, and a fourth for how much it covers, of 0 to 1.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from html import escape
 from importlib import resources
 
@@ -22,6 +23,18 @@ _FONTS = "thrustmargin.gcs_plugin.reports.paper"
 ACROSS = {"left": 0.0, "center": 0.5, "right": 1.0}
 DOWN = {"top": 0.76, "middle": 0.36, "bottom": -0.22}  # of the size, from there to the baseline
 PIXEL = 25.4 / 140.0  # mm on paper: type of 16 pixels is 8 pt
+
+
+@dataclass(frozen=True, slots=True)
+class Lettering:
+    """How a line of words looks, and on which side of its place it stands; turned reads upwards."""
+
+    size: float
+    colour: Colour = (0, 0, 0)
+    across: str = "left"
+    down: str = "middle"
+    bold: bool = False
+    turned: bool = False
 
 
 def with_fonts(pdf: FPDF) -> FPDF:
@@ -66,29 +79,15 @@ class PdfCanvas:
                 pdf.set_fill_color(*_bytes(colour))
                 pdf.circle(x, y, radius, style="F")
 
-    def text(
-        self,
-        at: tuple[float, float],
-        words: str,
-        size: float,
-        *,
-        colour: Colour = (0, 0, 0),
-        across: str = "left",
-        down: str = "middle",
-        bold: bool = False,
-        turned: bool = False,
-    ) -> None:
-        """One line of words beside a place; turned words read upwards."""
+    def text(self, at: tuple[float, float], words: str, look: Lettering) -> None:
+        """One line of words beside a place."""
         pdf = self._pdf
         ((x, y),) = self._mm(np.array([at]))
-        with pdf.local_context(text_color=_bytes(colour)):
-            self._set_type(size, bold)
-            left = x - ACROSS[across] * pdf.get_string_width(words)
-            low = y + DOWN[down] * size * self._pixel
-            if turned:
-                with pdf.rotation(90.0, x, y):
-                    pdf.text(left, low, words)
-            else:
+        with pdf.local_context(text_color=_bytes(look.colour)):
+            self._set_type(look.size, look.bold)
+            left = x - ACROSS[look.across] * pdf.get_string_width(words)
+            low = y + DOWN[look.down] * look.size * self._pixel
+            with pdf.rotation(90.0, x, y) if look.turned else nullcontext():
                 pdf.text(left, low, words)
 
     def width(self, words: str, size: float) -> float:
@@ -141,25 +140,15 @@ class SvgCanvas:
             place = f'cx="{x:.2f}" cy="{y:.2f}" r="{0.5 * size:g}"'
             self._add(f'<circle {place} fill="{_css(colour)}"/>')
 
-    def text(
-        self,
-        at: tuple[float, float],
-        words: str,
-        size: float,
-        *,
-        colour: Colour = (0, 0, 0),
-        across: str = "left",
-        down: str = "middle",
-        bold: bool = False,
-        turned: bool = False,
-    ) -> None:
+    def text(self, at: tuple[float, float], words: str, look: Lettering) -> None:
         x, y = at
-        anchor = {"left": "start", "center": "middle", "right": "end"}[across]
-        heavy = ' font-weight="bold"' if bold else ""
-        turn = f' transform="rotate(-90 {x:.2f} {y:.2f})"' if turned else ""
+        low = y + DOWN[look.down] * look.size
+        anchor = {"left": "start", "center": "middle", "right": "end"}[look.across]
+        heavy = ' font-weight="bold"' if look.bold else ""
+        turn = f' transform="rotate(-90 {x:.2f} {y:.2f})"' if look.turned else ""
         self._add(
-            f'<text x="{x:.2f}" y="{y + DOWN[down] * size:.2f}" font-size="{size:g}" '
-            f'text-anchor="{anchor}" fill="{_css(colour)}"{heavy}{turn}>'
+            f'<text x="{x:.2f}" y="{low:.2f}" font-size="{look.size:g}" '
+            f'text-anchor="{anchor}" fill="{_css(look.colour)}"{heavy}{turn}>'
             f"{escape(words)}</text>"
         )
 

@@ -22,17 +22,18 @@ from thrustmargin.gcs_plugin.reports.paper.canvas import (
     Box,
     Canvas,
     Colour,
+    Lettering,
     PdfCanvas,
     SvgCanvas,
     with_fonts,
 )
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace
+from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure, Trace
 from thrustmargin.models.flight import Floats
 
 WIDTH_PX = 1000.0  # of a figure; two maps stand beside each other
 TYPE, SMALL = 16.0, 15.0  # pixels, as on the page
 INK, GRID = (0.0, 0.0, 0.0), (208.0, 208.0, 208.0)
-_DASHES = {"dash": (9.0, 5.0), "dot": (2.5, 4.0), "dashdot": (9.0, 4.0, 2.5, 4.0)}
+_DASHES = {"dash": (9.0, 5.0), "dot": (2.5, 4.0)}
 _OPEN = {"square-x-open", "circle-open", "square-open"}
 
 
@@ -153,22 +154,24 @@ def _axes(panel: PlotArea, canvas: Canvas) -> None:
         y = float(panel.y.at(value))
         if not beside:
             canvas.line(np.array([[left, y], [right, y]]), GRID, 0.8, ())
-        canvas.text((edge + out, y), words, SMALL, across=align)
+        canvas.text((edge + out, y), words, Lettering(SMALL, across=align))
         widest = max(widest, canvas.width(words, SMALL))
     labelled = panel.across.get("showticklabels", True) and not beside
     for value, words in [] if beside else panel.x.marks(8 if wide > 600.0 else 6):
         x = float(panel.x.at(value))
         canvas.line(np.array([[x, top], [x, low]]), GRID, 0.8, ())
         if labelled:
-            canvas.text((x, low + 7.0), words, SMALL, across="center", down="top")
+            canvas.text((x, low + 7.0), words, Lettering(SMALL, across="center", down="top"))
     canvas.line(np.array([[edge, top], [edge, low]]), INK, 1.4, ())
     if not beside:
         canvas.line(np.array([[left, low], [right, low]]), INK, 1.4, ())
     place = edge + np.sign(out) * (widest + 24.0)
     if title := _title(panel.upright):
-        canvas.text((place, 0.5 * (top + low)), title, TYPE, across="center", turned=True)
+        look = Lettering(TYPE, across="center", turned=True)
+        canvas.text((place, 0.5 * (top + low)), title, look)
     if labelled and (title := _title(panel.across)):
-        canvas.text((0.5 * (left + right), low + 27.0), title, TYPE, across="center", down="top")
+        look = Lettering(TYPE, across="center", down="top")
+        canvas.text((0.5 * (left + right), low + 27.0), title, look)
 
 
 def _trace(trace: Trace, panel: PlotArea, canvas: Canvas) -> None:
@@ -191,9 +194,8 @@ def _trace(trace: Trace, panel: PlotArea, canvas: Canvas) -> None:
         _marks(trace["marker"], points, canvas)
     if "text" in mode:
         for (x, y), words in zip(points, trace["text"], strict=True):
-            canvas.text(
-                (x, y - 14.0), _plain(words), TYPE, across="center", down="bottom", bold=True
-            )
+            look = Lettering(TYPE, across="center", down="bottom", bold=True)
+            canvas.text((x, y - 14.0), _plain(words), look)
 
 
 def _marks(marker: Mapping[str, Any], points: Floats, canvas: Canvas) -> None:
@@ -228,7 +230,7 @@ def _colour_bar(marker: Mapping[str, Any], panel: PlotArea, canvas: Canvas) -> N
     for value, words in zip(bar["tickvals"], bar["ticktext"], strict=True):
         x = float(scale.at(value))
         canvas.line(np.array([[x, y - 4.0], [x, y + thick]]), INK, 1.0, ())
-        canvas.text((x, y - 6.0), _plain(words), SMALL, across="center", down="bottom")
+        canvas.text((x, y - 6.0), _plain(words), Lettering(SMALL, across="center", down="bottom"))
 
 
 def _note(
@@ -252,13 +254,10 @@ def _note(
     lines = _plain(words).split("\n")
     step = 1.2 * TYPE
     y -= {"top": 0.0, "middle": 0.5, "bottom": 1.0}[down] * (len(lines) - 1) * step
-    across = note.get("xanchor", "center")
+    colour, across = colour_of(font.get("color", "#000000")), note.get("xanchor", "center")
+    look = Lettering(font.get("size", TYPE), colour, across, down, bold="<b>" in words)
     for k, line in enumerate(lines):
-        canvas.text(
-            (x, y + k * step), line, font.get("size", TYPE),
-            colour=colour_of(font.get("color", "#000000")), across=across, down=down,
-            bold="<b>" in words,
-        )  # fmt: skip
+        canvas.text((x, y + k * step), line, look)
 
 
 def _place(
@@ -287,7 +286,7 @@ def _key(shown: Mapping[str, Trace], made: Figure, canvas: Canvas) -> None:
         y = top + high + 58.0
     begin = x
     if heading := own.get("title", {}).get("text"):
-        canvas.text((x, y), _plain(heading), SMALL)
+        canvas.text((x, y), _plain(heading), Lettering(SMALL))
         y += line
     for k, (name, trace) in enumerate(shown.items()):
         across = canvas.width(name, SMALL) + 74.0
@@ -296,7 +295,7 @@ def _key(shown: Mapping[str, Trace], made: Figure, canvas: Canvas) -> None:
             x, y = begin, y + line
         sample = {k: v for k, v in trace.items() if k not in ("text", "visible")}
         _sample(sample, (x, y), canvas)
-        canvas.text((x + 42.0, y), name, SMALL)
+        canvas.text((x + 42.0, y), name, Lettering(SMALL))
         x += across
 
 

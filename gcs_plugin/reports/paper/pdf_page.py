@@ -15,7 +15,7 @@ from lxml.html import HtmlElement, document_fromstring
 
 from thrustmargin.gcs_plugin.reports.paper.canvas import PIXEL, PdfCanvas, with_fonts
 from thrustmargin.gcs_plugin.reports.paper.drawn_figure import draw, size
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure
+from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure
 
 MARGIN = 12.0  # mm
 TILES = 4  # beside each other
@@ -172,15 +172,10 @@ class _Paper:
             [cell for cell in inside(row) if isinstance(cell, HtmlElement)]
             for row in node.iterdescendants("tr")
         ]
-        columns = max((len(row) for row in rows), default=0)
-        if not columns:
-            return
         pdf.set_font("body", "", 7)
-        width = [4.0] * columns
+        width = [4.0] * len(rows[0])
         for row in rows:
             for k, cell in enumerate(row):
-                if len(row) != columns:
-                    continue
                 whole = [text_of(cell)] if cell.tag == "td" else text_of(cell).split()
                 longest = max(whole, key=len, default="")
                 width[k] = max(width[k], min(pdf.get_string_width(longest) + 3.0, 55.0))
@@ -197,8 +192,7 @@ class _Paper:
                 made = table.row()
                 for cell in row:
                     strong = FontFace(emphasis="BOLD") if "strong" in cell.classes else None
-                    spread = int(cell.attrib.get("colspan", "1"))
-                    made.cell(text_of(cell), colspan=spread, style=strong)
+                    made.cell(text_of(cell), style=strong)
         pdf.ln(1.5)
 
     def _figure(self, node: HtmlElement) -> None:

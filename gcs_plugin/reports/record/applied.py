@@ -73,9 +73,9 @@ def applied(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
     globe have no area beside others, for what they share is not known.
     """
     tracks = [log.track for log in logs]
-    origin = next((t.origin for t in tracks if t.origin is not None), None)
     placed = all(track.origin is not None for track in tracks)
-    plans = [_on_plane(track, origin if placed else None) for track in tracks]
+    origin = next((t.origin for t in tracks), None) if placed else None
+    plans = [_on_plane(track, origin) for track in tracks]
     pumps = [np.where(track.flying, track.spraying, np.nan) for track in tracks]
     runs = [_runs(*one) for one in zip(tracks, plans, pumps, strict=True)]
     # A row without a place between two stretches: nothing is sprayed from the one to the other.
@@ -88,20 +88,18 @@ def applied(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
     field = sprayed_field(positions, np.ones(len(positions)), swath_width=swath)
     if field is None:
         return None
-    common = placed or len(logs) == 1
     width = field.swath_width
     passes = [
         one
         for number, (track, plan, held) in enumerate(zip(tracks, plans, runs, strict=True), 1)
-        for one in _passes(number, track, plan, held, width, origin if placed else None)
+        for one in _passes(number, track, plan, held, width, origin)
     ]
     times = [t for p in passes for t in (p.start_unix_s, p.end_unix_s) if t is not None]
     dated = len(times) == 2 * len(passes) and bool(times)
-    known = placed and np.isfinite(width) and origin is not None
     return Applied(
         passes=tuple(passes),
-        ground=_degrees(field.ground, origin) if known and origin is not None else None,
-        area=field.area if common else float("nan"),
+        ground=_degrees(field.ground, origin) if origin and np.isfinite(width) else None,
+        area=field.area if placed or len(logs) == 1 else float("nan"),
         swath=width,
         swath_from_lines=swath is None,
         pump=tracks[0].source("spraying"),

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, tzinfo
+from datetime import UTC, datetime, timedelta, tzinfo
 from enum import StrEnum
-from functools import partial
+from functools import cache, partial
+from importlib import resources
 from typing import Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.record.applied import Applied, Liquid, differences
-from thrustmargin.gcs_plugin.reports.record.job_rules import JobRule, due_utc, open_items
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.reports.shared.written import utc_text
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
@@ -21,6 +22,60 @@ from thrustmargin.mission.coverage.outline import FieldOutline
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.provenance import Meaning, SourceKind
+
+
+@dataclass(frozen=True, slots=True)
+class RuleItem:
+    """One thing that a rule asks for, the fields that answer it, and when it is due at all."""
+
+    asks: str
+    fields: Sequence[str]
+    when: str = ""  # empty: always
+
+
+@dataclass(frozen=True, slots=True)
+class JobRule:
+    """One rule: its title, how long its record is kept, and within how many hours it is due."""
+
+    name: str
+    title: str
+    keep: str
+    items: tuple[RuleItem, ...]
+    due_hours: int | None = None
+
+
+@cache
+def job_rules() -> Mapping[str, JobRule]:
+    """Name of each rule -> the rule."""
+    text = (resources.files(__package__ or "") / "rules.toml").read_text("utf-8")
+    found = {}
+    for name, rule in tomllib.loads(text).items():
+        items = tuple(RuleItem(**item) for item in rule.pop("items"))
+        found[name] = JobRule(name=name, items=items, **rule)
+    return found
+
+
+def open_items(rule: JobRule, known: Collection[str]) -> list[dict[str, Any]]:
+    """The rule's items that the `known` fields do not answer: what, which fields, and when due."""
+    return [
+        {"asks": item.asks, "fields": lacking, "when": item.when}
+        for item in rule.items
+        if (lacking := [name for name in item.fields if name not in known])
+    ]
+
+
+def due_utc(rule: JobRule, finished: datetime | None) -> datetime | None:
+    """When the record of a job that finished then is due; None where the rule sets no time."""
+    if rule.due_hours is None or finished is None:
+        return None
+    return finished + timedelta(hours=rule.due_hours)
+
+
+def fields_asked(rules: Sequence[JobRule]) -> tuple[str, ...]:
+    """Fields that the rules ask for without a condition, each once, in their order."""
+    asked = [f for rule in rules for item in rule.items if not item.when for f in item.fields]
+    return tuple(dict.fromkeys(asked))
+
 
 SCHEMA = "thrustmargin.record/1"
 HECTARE = 10_000.0  # m²
@@ -64,11 +119,6 @@ class JobRecord:
     logs: tuple[str, ...]
     finished: datetime | None
 
-    @property
-    def liquid_differences(self) -> list[dict[str, object]]:
-        """Each two estimates of the liquid beside each other."""
-        return differences(self.liquid)
-
     def as_json(self) -> dict[str, Any]:
         """The record as JSON values, schema "thrustmargin.record/1"."""
         return {
@@ -79,14 +129,14 @@ class JobRecord:
             "fields": {name: to_json_values(entry) for name, entry in self.fields.items()},
             "liquid": {
                 "estimates": to_json_values(self.liquid),
-                "differences": self.liquid_differences,
+                "differences": differences(self.liquid),
             },
             "rules": [
                 {
                     "rule": rule.name,
                     "title": rule.title,
                     "keep": rule.keep,
-                    "due_utc": None if due is None else utc_text(due),
+                    "due_utc": due and utc_text(due),
                     "late": due is not None and datetime.fromisoformat(self.made_utc) > due,
                     "missing": open_items(rule, self.fields.keys()),
                 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -87,15 +86,11 @@ def _of_pass(number: int, one: Pass) -> dict[str, Any]:
     return {
         "pass": number,
         "flight": one.flight,
-        "start_utc": _utc(one.start_unix_s),
-        "end_utc": _utc(one.end_unix_s),
+        "start_utc": written.unix_text(one.start_unix_s),
+        "end_utc": written.unix_text(one.end_unix_s),
         "length_m": round(one.length, 2),
         "speed_m_s": round(one.speed, 2) if one.speed == one.speed else None,
     }
-
-
-def _utc(unix_s: float | None) -> str | None:
-    return None if unix_s is None else written.utc_text(datetime.fromtimestamp(unix_s, UTC))
 
 
 def geojson(done: Applied) -> dict[str, Any]:

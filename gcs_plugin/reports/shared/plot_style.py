@@ -1,25 +1,29 @@
 """Figures in one style: colours, lines, and panels stacked over one time axis.
 
-Black on white, thick lines, large type: they are looked at in the field. Blue is measured, dashed
-orange predicted, red the limit; a print in black and white still shows which is which.
+A figure is plain tables as plotly.js reads them (plotly.com/javascript/reference), which
+`drawn_figure` draws on paper. Black on white, thick lines, large type: they are looked at in the
+field. Blue is measured, dashed orange predicted, red the limit; a print in black and white still
+shows which is which.
 Arrays of single precision go into the page as base64, which plotly.js reads as they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import base64
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter
 from thrustmargin.gcs_plugin.wording.fault_words import place_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.report_words import TANK_SPRAYING
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.json_values import to_json_values
 
 INK = "#000000"
 GRID = "#d0d0d0"
@@ -62,6 +66,46 @@ LINE_BUCKETS = 400
 GAP_PX = 34  # height of the gap between two panels, which holds the title of the lower one
 ROTOR_PX = 96  # height of the strip of one rotor
 
+Trace = dict[str, Any]
+
+
+@dataclass(slots=True)
+class Figure:
+    """Traces and their layout; made step by step, and not changed any more once it is shown."""
+
+    layout: dict[str, Any]
+    data: list[Trace] = field(default_factory=list)
+
+    def add(self, traces: Iterable[Trace | None], axes: str = "") -> None:
+        """Add traces, None being none, to the axes of this number; the first have none."""
+        on = {"xaxis": f"x{axes}", "yaxis": f"y{axes}"} if axes else {}
+        self.data += [trace | on for trace in traces if trace is not None]
+
+    def note(self, text: str, **properties: Any) -> None:
+        """Add a text; an arrow is drawn only where the properties ask for one."""
+        one = {"text": text, "showarrow": False, **properties}
+        self.layout.setdefault("annotations", []).append(one)
+
+    def to_json(self) -> str:
+        """JSON of what plotly.js draws; arrays as base64, which it reads as they are."""
+        made = to_json_values({"data": self.data, "layout": self.layout})
+        return json.dumps(made, default=_packed, ensure_ascii=False, allow_nan=False)
+
+
+def scatter(x: Any, y: Any, **properties: Any) -> Trace:
+    """A trace of lines, marks or an area through x and y (N,)."""
+    return {"type": "scatter", "mode": "lines", "x": x, "y": y, **properties}
+
+
+def titled(text: str, **properties: Any) -> dict[str, Any]:
+    """Properties of an axis with this title."""
+    return {"title": {"text": say(text)}, **properties}
+
+
+def _packed(array: np.ndarray) -> dict[str, str]:
+    data = base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
+    return {"dtype": array.dtype.str[1:], "bdata": data}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
@@ -73,10 +117,6 @@ class Panel:
     limit: tuple[float, str] | None = None  # level, text: drawn across in red
     title: str = ""
 
-    def __post_init__(self) -> None:
-        if unknown := [name for name in self.axis if "_" in name]:
-            raise ValueError(f"plotly.js knows no {unknown}: its properties are nested")
-
 
 def rotor_panels(
     names: Sequence[str], traces: Callable[[int, bool], Sequence[Trace | None]], **panel: Any
@@ -84,9 +124,7 @@ def rotor_panels(
     """A strip a rotor, alike in `panel`; `traces(rotor, legend)` makes those of a 0-based rotor."""
     return [
         Panel(
-            traces=traces(k, k == 0),
-            title=f"{say('rotor')} {k + 1}, {place_words(name)}",
-            **panel,
+            traces=traces(k, k == 0), title=f"{say('rotor')} {k + 1}, {place_words(name)}", **panel
         )
         for k, name in enumerate(names)
     ]

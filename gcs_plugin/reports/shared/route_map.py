@@ -9,15 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from thrustmargin.gcs_plugin.reports.shared.plot_style import (
-    GRID,
-    INK,
-    STYLE,
-    keep_worst,
-    milliseconds,
-    single,
-)
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, scatter, titled
+from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.wording.numbers import from_direction
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, css
 from thrustmargin.mission.field import Field
@@ -41,7 +33,7 @@ def route_map(
     form: str,
     height: int,
     margin: Mapping[str, int],
-) -> Figure:
+) -> style.Figure:
     """The route through `place` (north and east (T,), m), coloured by values (T,).
 
     `coloured`: name -> values and their badness, both (T,). Of each stretch the row of the most
@@ -50,23 +42,23 @@ def route_map(
     """
     north, east = place
     placed = np.isfinite(north) & np.isfinite(east)
-    axes = {"xaxis": titled("east, m"), "yaxis": titled("north, m", scaleanchor="x")}
-    made = Figure({"template": STYLE, "height": height, "margin": dict(margin), **axes})
+    axes = {"xaxis": style.titled("east, m"), "yaxis": style.titled("north, m", scaleanchor="x")}
+    made = style.Figure({"template": style.STYLE, "height": height, "margin": dict(margin), **axes})
     flown = np.flatnonzero(placed)
     flown = flown[:: max(1, flown.size // MAP_POINTS)]
-    way = {"line": {"color": GRID, "width": 2}, "hoverinfo": "skip", "showlegend": False}
-    made.add([scatter(single(east[flown]), single(north[flown]), **way)])
+    way = {"line": {"color": style.GRID, "width": 2}, "hoverinfo": "skip", "showlegend": False}
+    made.add([style.scatter(style.single(east[flown]), style.single(north[flown]), **way)])
     number = "%{marker.color:" + form + "}" + scale.unit
     for k, (values, badness) in enumerate(coloured.values()):
-        kept = keep_worst(np.where(placed, badness, np.nan), MAP_POINTS)
+        kept = style.keep_worst(np.where(placed, badness, np.nan), MAP_POINTS)
         # Worst last, so that a later pass over the same place does not hide it.
         kept = kept[np.argsort(badness[kept], kind="stable")]
-        marks = scatter(
-            single(east[kept]),
-            single(north[kept]),
+        marks = style.scatter(
+            style.single(east[kept]),
+            style.single(north[kept]),
             mode="markers",
             marker=_marker(values[kept], scale),
-            customdata=milliseconds(time_s[kept]),
+            customdata=style.milliseconds(time_s[kept]),
             hovertemplate="%{customdata|%M:%S}  " + number + "<extra></extra>",
             showlegend=False,
             visible=k == 0,
@@ -78,7 +70,7 @@ def route_map(
 
 
 def add_surroundings(
-    made: Figure,
+    made: style.Figure,
     place: tuple[Floats, Floats],
     field: Field | None,
     *,
@@ -96,17 +88,17 @@ def add_surroundings(
     if rings:
         # One trace of all parts: a row of NaN between two breaks the line.
         outline = np.concatenate([np.append(ring, [[np.nan] * 2], axis=0) for ring in rings])
-        outer = single(outline[:, 1]), single(outline[:, 0])
-        made.add([scatter(*outer, name="sprayed field", **_OUTLINE)])
-    mark = {"size": 15, "symbol": "square-x-open", "color": INK, "line": {"width": 3}}
+        outer = style.single(outline[:, 1]), style.single(outline[:, 0])
+        made.add([style.scatter(*outer, name="sprayed field", **_OUTLINE)])
+    mark = {"size": 15, "symbol": "square-x-open", "color": style.INK, "line": {"width": 3}}
     shown = {"hoverinfo": "skip", "showlegend": True}
     home = [float(east[0])], [float(north[0])]
-    made.add([scatter(*home, mode="markers", marker=mark, name="take-off", **shown)])
+    made.add([style.scatter(*home, mode="markers", marker=mark, name="take-off", **shown)])
     span = max(float(np.ptp(north)), float(np.ptp(east)), 5.0)
     bar = max(s for p in (1, 10, 100, 1000) for s in (p, 2 * p, 5 * p) if s <= max(0.4 * span, 1))
     left, low = float(east.min()), float(north.min()) - 0.12 * span
-    line = {"color": INK, "width": 5}
-    made.add([scatter([left, left + bar], [low, low], line=line, name=f"{bar} m", **shown)])
+    line = {"color": style.INK, "width": 5}
+    made.add([style.scatter([left, left + bar], [low, low], line=line, name=f"{bar} m", **shown)])
     if np.isfinite(wind_speed) and np.isfinite(wind_from_deg):
         to = np.radians(wind_from_deg + 180.0)
         text = f"<b>wind {wind_speed:.1f} m/s</b><br>{from_direction(wind_from_deg)}"
@@ -114,7 +106,7 @@ def add_surroundings(
         made.note(text, x=1, y=1, xanchor="right", yanchor="top", **paper)
         if wind_speed >= LEAST_WIND:
             tail = {"ax": -46 * float(np.sin(to)), "ay": 46 * float(np.cos(to))}
-            arrow = {"showarrow": True, "arrowhead": 2, "arrowwidth": 4, "arrowcolor": INK}
+            arrow = {"showarrow": True, "arrowhead": 2, "arrowwidth": 4, "arrowcolor": style.INK}
             made.note("", x=0.88, y=0.72, **paper, **tail, **arrow)
     made.layout["legend"] = {"y": 0.0, "yanchor": "bottom", "x": 0.0}
 
@@ -149,7 +141,7 @@ def plotly_scale(scale: ColourScale) -> list[list[float | str]]:
 def _marker(values: Floats, scale: ColourScale) -> dict[str, Any]:
     return {
         "size": 9,
-        "color": single(values * scale.factor),
+        "color": style.single(values * scale.factor),
         "cmin": scale.low * scale.factor,
         "cmax": scale.high * scale.factor,
         "colorscale": plotly_scale(scale),

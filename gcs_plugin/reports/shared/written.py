@@ -51,6 +51,14 @@ def utc_text(when: datetime | None = None) -> str:
     return when.isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
+def unix_text(unix_s: float | None) -> str | None:
+    """ISO time in UTC of a Unix time; None where it is not known, or is no time."""
+    try:
+        return None if unix_s is None else utc_text(datetime.fromtimestamp(unix_s, UTC))
+    except (OverflowError, ValueError, OSError):
+        return None
+
+
 def grid(
     heads: Sequence[str],
     rows: Iterable[Sequence[Any]] = (),

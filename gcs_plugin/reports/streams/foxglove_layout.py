@@ -21,8 +21,7 @@ def layout_text(rotor_names: Sequence[str]) -> str:
             ],
         ),
         "Plot!use": _plot(
-            "Thrust in use",
-            [(f"/rotors.rotors[{r}].utilisation", rotor_names[r]) for r in rotors],
+            "Thrust in use", [(f"/rotors.rotors[{r}].utilisation", rotor_names[r]) for r in rotors]
         ),
         "Plot!speeds": _plot(
             "Rotor speed, measured and predicted",
@@ -55,9 +54,7 @@ def layout_text(rotor_names: Sequence[str]) -> str:
                 "column",
                 _split("row", "map!position", "Plot!load"),
                 _split(
-                    "row",
-                    "Log!log",
-                    _split("column", "RawMessages!report", "RawMessages!findings"),
+                    "row", "Log!log", _split("column", "RawMessages!report", "RawMessages!findings")
                 ),
             ),
         ),

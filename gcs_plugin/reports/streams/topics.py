@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
+from thrustmargin.gcs_plugin.logs.findings import Severity
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
@@ -26,7 +26,6 @@ PLAIN = {name: unit for name, unit, _ in COLUMNS if not name.endswith("_{}")}
 OF_ROTOR = {name.removesuffix("_{}"): unit for name, unit, _ in COLUMNS if name.endswith("_{}")}
 #: Foxglove's levels of a log line.
 _LOG_LEVEL = {Severity.GRAVE: 5, Severity.WARNING: 3, Severity.UNKNOWN: 2, Severity.OK: 2}
-_INFO = 2
 
 
 def _number(words: str) -> dict[str, Any]:
@@ -172,13 +171,10 @@ def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]
         time_s = first if finding.time_s is None else finding.time_s
         content = {**to_json_values(finding), "sortie": sortie}
         yield StreamMessage("/findings", time_s, content)
-        yield _line(log, clock, time_s, _level(finding), finding.check, finding.words)
+        level = _LOG_LEVEL[finding.level]
+        yield _line(log, clock, time_s, level, finding.check, finding.words)
     for time_s, words in log.messages:
-        yield _line(log, clock, time_s, _INFO, "vehicle", words)
-
-
-def _level(finding: Finding) -> int:
-    return _LOG_LEVEL[finding.level]
+        yield _line(log, clock, time_s, _LOG_LEVEL[Severity.OK], "vehicle", words)
 
 
 def _nulls(values: Floats) -> list[Any]:

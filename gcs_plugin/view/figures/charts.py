@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.models.flight import Bools, Floats
@@ -49,47 +50,64 @@ def chart_images(
     `ahead` of the window of `window_s` s is after `now_s`; ink is left to the page's style.
     """
     start_s = now_s - (1 - ahead) * window_s
-    limits = speed_range(speeds)
-    data = chart_data(speeds, start_s, start_s + window_s, now_s, limits)
+    rows = shown_rows(speeds.time_s, start_s, start_s + window_s)
+    across = (speeds.time_s[rows] - start_s) / window_s * WIDE
+    limits, now = speed_range(speeds), (1 - ahead) * WIDE
+    lines = (speeds.lower, speeds.upper, speeds.predicted, speeds.measured)
     return [
-        {"number": i + 1, "place": airframe.rotor_names[i], "svg": _svg(lines, limits)}
-        for i, lines in enumerate(data)
+        {
+            "number": i + 1,
+            "place": name,
+            "svg": _svg(across, now, *(values[rows, i] for values in lines), limits=limits),
+        }
+        for i, name in enumerate(airframe.rotor_names)
     ]
 
 
-def _svg(lines: tuple[Floats, ...], limits: tuple[float, float]) -> str:
-    """One rotor's interval, prediction, measurement and line of now."""
-    times, lower, upper, predicted, measured, now = lines
+def shown_rows(time_s: Floats, start_s: float, end_s: float) -> NDArray[np.intp]:
+    """The rows of (T,) times in a window, thinned by a fixed stride of the flight, so that points
+    stay put as it moves."""
+    first = int(np.searchsorted(time_s, start_s, side="left"))
+    end = int(np.searchsorted(time_s, end_s, side="right"))
+    step = max(1, (end - first) // POINTS)
+    return np.arange(first + -first % step, end, step)
+
+
+def _svg(
+    across: Floats,
+    now: float,
+    lower: Floats,
+    upper: Floats,
+    predicted: Floats,
+    measured: Floats,
+    *,
+    limits: tuple[float, float],
+) -> str:
+    """One rotor's interval, prediction and measurement (K,) at places `across`, and line of now."""
     low, high = limits
-    across = (times - times[0]) / max(times[-1] - times[0], 1e-9) * WIDE
+
+    def points(rows: NDArray[np.intp], values: Floats) -> list[str]:
+        up = HIGH * (1.0 - (values[rows] - low) / (high - low))
+        return [f"{x:.1f},{y:.1f}" for x, y in zip(across[rows], up, strict=True)]
 
     def path(values: Floats, back: Floats | None = None) -> str:
         """Lines with gaps where a value is unknown; with `back` the areas between the two."""
         drawn = np.isfinite(values) if back is None else np.isfinite(values) & np.isfinite(back)
         parts = []
-        for run in np.split(np.arange(times.size), np.flatnonzero(np.diff(drawn)) + 1):
-            if not drawn[run[0]]:
-                continue
-            there = _points(across[run], values[run], low, high)
-            if back is None:
-                parts.append(f"M{' '.join(there)}")
-            else:
-                again = _points(across[run][::-1], back[run][::-1], low, high)
-                parts.append(f"M{' '.join(there + again)}Z")
+        for run in np.split(np.arange(values.size), np.flatnonzero(np.diff(drawn)) + 1):
+            if run.size and drawn[run[0]]:
+                again = [] if back is None else points(run[::-1], back)
+                end = "" if back is None else "Z"
+                parts.append(f"M{' '.join(points(run, values) + again)}{end}")
         return "".join(parts)
 
     return (
         f'<svg viewBox="0 0 {WIDE} {HIGH}" preserveAspectRatio="none" aria-hidden="true">'
-        f'<path class="band" d="{path(lower, upper)}"/><path class="now" d="{path(now)}"/>'
+        f'<path class="band" d="{path(lower, upper)}"/><path class="now" d="M{now:.1f},0V{HIGH}"/>'
         f'<path class="predicted" d="{path(predicted)}"/>'
         f'<path class="measured" d="{path(measured)}"/></svg>'
         f"<span>{high:.0f}</span><span>{low:.0f}</span>"
     )
-
-
-def _points(across: Floats, values: Floats, low: float, high: float) -> list[str]:
-    up = HIGH * (1.0 - (values - low) / (high - low))
-    return [f"{x:.1f},{y:.1f}" for x, y in zip(across, up, strict=True)]
 
 
 def speed_range(given: Speeds) -> tuple[float, float]:
@@ -101,40 +119,6 @@ def speed_range(given: Speeds) -> tuple[float, float]:
         return 0.0, 3000.0
     low, high = np.floor(speeds.min() / 100) * 100, np.ceil(speeds.max() / 100) * 100
     return float(low), float(max(high, low + 100))
-
-
-def chart_data(
-    speeds: Speeds,
-    start_s: float,
-    end_s: float,
-    now_s: float,
-    limits: tuple[float, float],
-) -> list[tuple[Floats, ...]]:
-    """For each rotor: times, lower, upper, predicted, measured, line of now. All (K,).
-
-    Rows are thinned by a fixed stride of the flight, so that points stay put as the window moves.
-    """
-    time_s = speeds.time_s
-    first = int(np.searchsorted(time_s, start_s, side="left"))
-    end = int(np.searchsorted(time_s, end_s, side="right"))
-    step = max(1, (end - first) // POINTS)
-    which = np.arange(first + -first % step, end, step)
-    after = int(np.searchsorted(time_s[which], now_s, side="right"))
-    ends = np.array([start_s, end_s])
-
-    def column(values: Floats) -> Floats:
-        inside = np.insert(values[which], after, [np.nan, np.nan, np.nan])
-        return np.concatenate([[np.nan], inside, [np.nan]])
-
-    times = np.insert(time_s[which], after, [now_s, now_s, now_s])
-    times = np.clip(np.concatenate([ends[:1], times, ends[1:]]), start_s, end_s)
-    now = np.full(times.size, np.nan)
-    now[after + 1 : after + 3] = limits
-    lines = speeds.lower, speeds.upper, speeds.predicted, speeds.measured
-    return [
-        (times, *(column(values[:, i]) for values in lines), now)
-        for i in range(speeds.measured.shape[1])
-    ]
 
 
 def timeline_colours(analysis: FlightAnalysis) -> list[str]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 SPEEDS = (1, 2, 5, 10, 30, 60)
 
@@ -42,52 +43,49 @@ class ReplayClock:
     @property
     def playing(self) -> bool:
         """True while time passes; False when paused and at the end."""
-        with self._lock:
-            self._advance()
+        with self._at_now():
             return self._playing
 
     @property
     def ended(self) -> bool:
-        with self._lock:
-            self._advance()
+        with self._at_now():
             return self._ended
 
     def now(self) -> float:
         """Seconds into the flight."""
-        with self._lock:
-            self._advance()
+        with self._at_now():
             return self._time_s
 
     def play(self) -> None:
         """Go on; from the start when at the end."""
-        with self._lock:
-            self._advance()
+        with self._at_now():
             if self._ended or self._time_s >= self.duration:
                 self._time_s = 0.0
             self._playing, self._ended = True, False
 
     def pause(self) -> None:
-        with self._lock:
-            self._advance()
+        with self._at_now():
             self._playing = False
 
     def seek(self, time_s: float) -> None:
         """Go to a time; outside the flight to its nearest end. NaN is ignored."""
         if math.isnan(time_s):
             return
-        with self._lock:
-            self._advance()
+        with self._at_now():
             self._time_s, self._ended = min(max(time_s, 0.0), self.duration), False
 
     def set_speed(self, speed: float) -> None:
-        with self._lock:
-            self._advance()
+        with self._at_now():
             self._speed = speed
 
-    def _advance(self) -> None:
-        wall = self._wall()
-        if self._playing:
-            self._time_s += (wall - self._since) * self._speed
-            if self._time_s >= self.duration:
-                self._time_s, self._playing, self._ended = self._rest, False, True
-        self._since = wall
+    @contextmanager
+    def _at_now(self) -> Iterator[None]:
+        """The clock as it stands now, for one thread at a time."""
+        with self._lock:
+            wall = self._wall()
+            if self._playing:
+                self._time_s += (wall - self._since) * self._speed
+                if self._time_s >= self.duration:
+                    self._time_s, self._playing, self._ended = self._rest, False, True
+            self._since = wall
+            yield

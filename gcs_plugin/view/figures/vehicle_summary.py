@@ -59,10 +59,6 @@ class VehicleSummary:
         return self.age > self.old_s
 
     @property
-    def flying(self) -> bool:
-        return self.row is not None and self.row.flying
-
-    @property
     def first_line(self) -> tuple[str, str, Level]:
         """Headline, its reason and its level: of the gravest alarm, else of the flight.
 

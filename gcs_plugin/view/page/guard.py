@@ -176,10 +176,7 @@ def stop_server(server: viser.ViserServer) -> None:
 
 @contextlib.contextmanager
 def _handed_to_viser(
-    listening: socket.socket,
-    loopback_only: bool,
-    addition: PageAddition | None,
-    door: Door | None,
+    listening: socket.socket, loopback_only: bool, addition: PageAddition | None, door: Door | None
 ) -> Iterator[None]:
     """While viser starts, the WebSocket server that it makes is the guarded one on our socket."""
     import websockets.asyncio.server as server_module

@@ -115,11 +115,7 @@ def speed_overlay(track: FlightTrack) -> Overlay:
     """Speed over ground, which needs no airframe."""
     speed = np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1])
     return Overlay(
-        name="Speed",
-        values=speed,
-        scale=colours.GROUND_SPEED,
-        worst="max",
-        extreme="fastest",
+        name="Speed", values=speed, scale=colours.GROUND_SPEED, worst="max", extreme="fastest"
     )
 
 

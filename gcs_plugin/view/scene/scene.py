@@ -204,8 +204,7 @@ class Scene:
 
     def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
         """(3,) origin, m, and direction of a ray of the page as the world has them, which moves."""
-        w, *xyz = self._world.wxyz
-        turn = Rotation.from_quat([*xyz, w]).inv()
+        turn = Rotation.from_quat(self._world.wxyz, scalar_first=True).inv()
         return turn.apply(np.asarray(origin) - self._world.position), turn.apply(np.asarray(ray))
 
     def add_vehicle(self, key: str, airframe: Airframe) -> None:

@@ -93,29 +93,24 @@ class Surroundings:
 
     def wind(self, wind_ned: Floats, place_enu: Floats, length: float) -> None:
         """An arrow `length` m long the way that the air moves, (3,) m/s; none for NaN."""
-        if not np.all(np.isfinite(wind_ned[:2])):
-            self._show(False)
-            self._wind = None
-            return
         speed = float(np.hypot(*wind_ned[:2]))
         way = enu(wind_ned)[:2] / max(speed, 1e-9)
-        drawn = (round(speed, 1), round(np.degrees(np.arctan2(*way)) / 5.0), *place_enu, length)
+        drawn = None
+        if np.isfinite(speed):
+            turn = round(np.degrees(np.arctan2(*way)) / 5.0)
+            drawn = (round(speed, 1), turn, *place_enu, length)
         if drawn == self._wind:
             return
-        self._wind = drawn
-        self._label.text = words.wind_words(speed)
-        self._label.position = place_enu
-        self._label.visible = True
+        self._wind, self._label.visible = drawn, drawn is not None
         if self._arrow is not None:
             self._arrow.remove()
             self._arrow = None
+        if drawn is None:
+            return
+        self._label.text = words.wind_words(speed)
+        self._label.position = place_enu
         if speed >= LEAST_WIND:
             self._arrow = self.lines("/world/wind_arrow", arrow(way, place_enu, length), INK, 6.0)
-
-    def _show(self, visible: bool) -> None:
-        self._label.visible = visible
-        if self._arrow is not None:
-            self._arrow.visible = visible
 
     def lines(self, name: str, points: Floats, colour: Rgb, pixels: float):
         """Draw (S, 2, 3) m in one colour; the node."""

@@ -165,10 +165,7 @@ def weak_until_repaired(it: DescribedEffect) -> str:
 
 
 hidden_mass = Amount(
-    "mass",
-    "kg",
-    "The aircraft is {} {sign} than model and tank gauge say",
-    ("heavier", "lighter"),
+    "mass", "kg", "The aircraft is {} {sign} than model and tank gauge say", ("heavier", "lighter")
 )
 
 
@@ -267,10 +264,7 @@ def balance(it: DescribedEffect) -> str:
 
 
 yaw_moment = Amount(
-    "moment",
-    "N m",
-    "The rotors hold a steady yaw moment of {} to the {sign}",
-    ("right", "left"),
+    "moment", "N m", "The rotors hold a steady yaw moment of {} to the {sign}", ("right", "left")
 )
 
 

@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.actions import Action
+from thrustmargin.gcs_plugin.wording.actions import Action, When
 from thrustmargin.gcs_plugin.wording.loop import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import DescribedEffect, rotor_words
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.inputs.wind import FOLLOWED_WIND
 from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
+from thrustmargin.models.identification.answer.result import Identification
+from thrustmargin.models.identification.certainty import COSTS
 from thrustmargin.models.model.rotor_model import RotorModel
 
 if TYPE_CHECKING:
@@ -92,103 +93,119 @@ def words_of(term: Term | Placed) -> EffectWords:
 
 
 #: What only causes without a name go along, beside the channels of the figures.
-ALONG_WORDS = MappingProxyType(
-    {
-        **CHANNEL_WORDS,
-        "forward_speed": ("speed forward", "m/s", 1.0),
-        "side_speed": ("speed to the right", "m/s", 1.0),
-        "along_acceleration": ("speeding up", "m/s²", 1.0),
-        "air_temperature": ("air temperature", "K", 1.0),
-        "load": ("the thrust that all rotors make", "kg", 1.0),
-    }
-)
+ALONG_WORDS = {
+    **CHANNEL_WORDS,
+    "forward_speed": ("speed forward", "m/s", 1.0),
+    "side_speed": ("speed to the right", "m/s", 1.0),
+    "along_acceleration": ("speeding up", "m/s²", 1.0),
+    "air_temperature": ("air temperature", "K", 1.0),
+    "load": ("the thrust that all rotors make", "kg", 1.0),
+}
 
 WEAK = "a weak {rotor}"
 #: key of the effect, or its name where all variants are described alike -> its words
-WORDS: Mapping[str, EffectWords] = MappingProxyType(
-    {
-        "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, actions.INSPECT),
-        "rotor_degradation:onset": EffectWords(
-            WEAK + " in flight", amounts.weakened_in_flight, actions.INSPECT
-        ),
-        "rotor_degradation:for a while": EffectWords(
-            WEAK + " for a while",
-            amounts.weakened_for_a_while,
-            actions.LOOK_AT_MOTOR,
-        ),
-        "rotor_degradation:in each flight": EffectWords(
-            "{rotor} weakening in every flight",
-            amounts.weakens_each_flight,
-            actions.FEEL_HEAT,
-        ),
-        "rotor_degradation:since": EffectWords(
-            WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
-        ),
-        "rotor_degradation:until repaired": EffectWords(
-            WEAK + " until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
-        ),
-        "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
-        "air_density": EffectWords("air density", amounts.air_density),
-        "tank_scale": EffectWords(
-            "a wrong tank gauge", partial(amounts.wrong_gain, "tank gauge"), actions.SET_GAUGE
-        ),
-        "tank_zero": EffectWords(
-            "a tank gauge off its zero", amounts.tank_zero, actions.ZERO_GAUGE
-        ),
-        "tank_drift": EffectWords(
-            "a tank gauge that drifts", amounts.tank_drift, actions.CHECK_GAUGE
-        ),
-        "airspeed_bias": EffectWords(
-            "an airspeed sensor off its zero", amounts.airspeed_bias, actions.ZERO_AIRSPEED
-        ),
-        "airspeed_gain": EffectWords(
-            "a wrong airspeed sensor",
-            partial(amounts.wrong_gain, "airspeed sensor"),
-            actions.CHECK_AIRSPEED,
-        ),
-        "sensor_lag": EffectWords("a late airspeed", amounts.late_airspeed, actions.AIRSPEED_RATE),
-        "sensor_lag:rotor speed": EffectWords(
-            "late rotor speeds", amounts.late_rotor_speed, actions.ESC_RATE
-        ),
-        "parasite_drag": EffectWords("drag", amounts.drag, actions.LOOK_FOR_MOUNTED),
-        "load_factor": EffectWords("the load factor of manoeuvres", amounts.load_factor),
-        "slung_load": EffectWords("a swinging load", amounts.slung_load, actions.LOOK_BELOW),
-        "cg_offset": EffectWords(
-            "a shifted centre of gravity",
-            amounts.balance,
-            actions.BALANCE,
-        ),
-        "yaw_trim": EffectWords(
-            "a steady yaw moment",
-            amounts.yaw_moment,
-            actions.LEVEL_MOTORS,
-        ),
-        "manoeuvre_moment": EffectWords("the moments of turning", amounts.turning),
-        "manoeuvre_moment:changed": EffectWords(
-            "another inertia",
-            amounts.inertia,
-            actions.ARMS_CARRY,
-        ),
-        "translational_lift": EffectWords("lift of forward flight", amounts.forward_lift),
-        "climb_inflow": EffectWords("the inflow of climbs", amounts.climb),
-        "ground_effect": EffectWords("ground effect", amounts.ground_effect),
-        "thrust_drift": EffectWords(
-            "all rotors weakening",
-            amounts.thrust_drift,
-            actions.CLEAN_BLADES,
-        ),
-        "flow_moment": EffectWords("the moment of forward flight", amounts.flow_moment),
-        "weathervane": EffectWords("the yaw moment of air from the side", amounts.weathervane),
-        "drag_moment": EffectWords("the moment of leaning into wind", amounts.drag_moment),
-        "battery_voltage": EffectWords(
-            "rotor speeds that follow the voltage",
-            amounts.voltage,
-            actions.ESC_SPEEDS,
-        ),
-        "wind": EffectWords("wind", amounts.wind, actions.CHECK_WIND),
-        "unnamed_cause": EffectWords(
-            "a cause without a name in {where}", amounts.by_parameters, actions.KEEP_AS_SEEN
-        ),
-        FOLLOWED_WIND.key: EffectWords("wind", amounts.followed_wind, None),
-    }
-)
+WORDS: Mapping[str, EffectWords] = {
+    "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, actions.INSPECT),
+    "rotor_degradation:onset": EffectWords(
+        WEAK + " in flight", amounts.weakened_in_flight, actions.INSPECT
+    ),
+    "rotor_degradation:for a while": EffectWords(
+        WEAK + " for a while", amounts.weakened_for_a_while, actions.LOOK_AT_MOTOR
+    ),
+    "rotor_degradation:in each flight": EffectWords(
+        "{rotor} weakening in every flight", amounts.weakens_each_flight, actions.FEEL_HEAT
+    ),
+    "rotor_degradation:since": EffectWords(
+        WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
+    ),
+    "rotor_degradation:until repaired": EffectWords(
+        WEAK + " until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
+    ),
+    "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
+    "air_density": EffectWords("air density", amounts.air_density),
+    "tank_scale": EffectWords(
+        "a wrong tank gauge", partial(amounts.wrong_gain, "tank gauge"), actions.SET_GAUGE
+    ),
+    "tank_zero": EffectWords("a tank gauge off its zero", amounts.tank_zero, actions.ZERO_GAUGE),
+    "tank_drift": EffectWords("a tank gauge that drifts", amounts.tank_drift, actions.CHECK_GAUGE),
+    "airspeed_bias": EffectWords(
+        "an airspeed sensor off its zero", amounts.airspeed_bias, actions.ZERO_AIRSPEED
+    ),
+    "airspeed_gain": EffectWords(
+        "a wrong airspeed sensor",
+        partial(amounts.wrong_gain, "airspeed sensor"),
+        actions.CHECK_AIRSPEED,
+    ),
+    "sensor_lag": EffectWords("a late airspeed", amounts.late_airspeed, actions.AIRSPEED_RATE),
+    "sensor_lag:rotor speed": EffectWords(
+        "late rotor speeds", amounts.late_rotor_speed, actions.ESC_RATE
+    ),
+    "parasite_drag": EffectWords("drag", amounts.drag, actions.LOOK_FOR_MOUNTED),
+    "load_factor": EffectWords("the load factor of manoeuvres", amounts.load_factor),
+    "slung_load": EffectWords("a swinging load", amounts.slung_load, actions.LOOK_BELOW),
+    "cg_offset": EffectWords("a shifted centre of gravity", amounts.balance, actions.BALANCE),
+    "yaw_trim": EffectWords("a steady yaw moment", amounts.yaw_moment, actions.LEVEL_MOTORS),
+    "manoeuvre_moment": EffectWords("the moments of turning", amounts.turning),
+    "manoeuvre_moment:changed": EffectWords("another inertia", amounts.inertia, actions.ARMS_CARRY),
+    "translational_lift": EffectWords("lift of forward flight", amounts.forward_lift),
+    "climb_inflow": EffectWords("the inflow of climbs", amounts.climb),
+    "ground_effect": EffectWords("ground effect", amounts.ground_effect),
+    "thrust_drift": EffectWords("all rotors weakening", amounts.thrust_drift, actions.CLEAN_BLADES),
+    "flow_moment": EffectWords("the moment of forward flight", amounts.flow_moment),
+    "weathervane": EffectWords("the yaw moment of air from the side", amounts.weathervane),
+    "drag_moment": EffectWords("the moment of leaning into wind", amounts.drag_moment),
+    "battery_voltage": EffectWords(
+        "rotor speeds that follow the voltage", amounts.voltage, actions.ESC_SPEEDS
+    ),
+    "wind": EffectWords("wind", amounts.wind, actions.CHECK_WIND),
+    "unnamed_cause": EffectWords(
+        "a cause without a name in {where}", amounts.by_parameters, actions.KEEP_AS_SEEN
+    ),
+    FOLLOWED_WIND.key: EffectWords("wind", amounts.followed_wind, None),
+}
+
+
+#: Part of an action -> whose costs it has.
+KIND_OF_PART = {
+    "propeller": "rotor",
+    "motor": "rotor",
+    "rotor": "rotor",
+    "tank gauge": "instrument",
+    "airspeed sensor": "instrument",
+    "settings": "instrument",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedAction:
+    """One action that a person is asked for."""
+
+    part: str  # with the number of the rotor, from 1
+    action: str
+    probability: float  # that it is right
+    expected_cost: float  # of asking, in times a look at a propeller
+
+
+def asked_of(found: Identification) -> tuple[AskedAction, ...]:
+    """The actions of the answer in its order; what only keeps something in the model is none."""
+    out = [
+        _asked(action, f.term.rotor, f.probability)
+        for f in sorted(found.found, key=lambda f: f.term.rotor is None)
+        if (action := action_of(f, found)) and action.part != actions.KEEP.part
+    ]
+    out += [_asked(actions.INSPECT, one.rotor, one.probability) for one in found.mentioned]
+    left = found.left
+    if left is not None and left.rotor is not None:
+        out.append(_asked(actions.INSPECT, left.rotor, 1.0))
+    return tuple(out)
+
+
+def _asked(action: Action, rotor: int | None, probability: float) -> AskedAction:
+    kind = KIND_OF_PART.get(action.part, "aircraft")
+    hands_on = action.when is When.BATTERY_OFF
+    return AskedAction(
+        part=f"rotor {rotor + 1}" if rotor is not None and hands_on else action.part,
+        action=action.text,
+        probability=probability,
+        expected_cost=COSTS[kind].of_asking(probability),
+    )

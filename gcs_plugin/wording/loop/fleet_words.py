@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from types import MappingProxyType
 from typing import Any
 
 from thrustmargin.gcs_plugin.wording import actions
@@ -34,20 +33,14 @@ class ValueWords:
 
 
 BATTERY = "battery resistance"
-VALUES: Mapping[str, ValueWords] = MappingProxyType(
-    {
-        "yaw_trim.moment": ValueWords("yaw moment", "N m", 1.0, 2, actions.LEVEL_MOTORS),
-        "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, actions.BALANCE),
-        "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, actions.BALANCE),
-        "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, actions.WEIGH),
-        "tank_scale.gain": ValueWords(
-            "load above the tank gauge", "%", 100.0, 1, actions.SET_GAUGE
-        ),
-        BATTERY: ValueWords(
-            BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, actions.TEST_BATTERY
-        ),
-    }
-)
+VALUES: Mapping[str, ValueWords] = {
+    "yaw_trim.moment": ValueWords("yaw moment", "N m", 1.0, 2, actions.LEVEL_MOTORS),
+    "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, actions.BALANCE),
+    "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, actions.BALANCE),
+    "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, actions.WEIGH),
+    "tank_scale.gain": ValueWords("load above the tank gauge", "%", 100.0, 1, actions.SET_GAUGE),
+    BATTERY: ValueWords(BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, actions.TEST_BATTERY),
+}
 TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "tank_scale.gain")
 SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
@@ -217,30 +210,30 @@ def least_loss(least: float) -> str:
     return say(words, loss=number(100 * least, "%", 2))
 
 
-#: What a grave verdict is called where its flights are counted.
-_GROUNDED: Mapping[str, str] = MappingProxyType(
-    {
-        "damaged": "a rotor or motor was bad",
-        "lost": "lost control",
-        "battery": "the battery collapsed",
-        "no_thrust": "no thrust was left",
-    }
-)
+#: What a verdict is called where its flights are counted.
+_FLOWN: Mapping[str, str] = {
+    "damaged": "a rotor or motor was bad",
+    "lost": "lost control",
+    "battery": "the battery collapsed",
+    "no_thrust": "no thrust was left",
+    "critical": "a failed rotor would have brought it down",
+    "over": "above the limit",
+    "near": "near the limit, cannot tell",
+}
 
 
 def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
     """Flights after which nobody flies before it is known why, and the words of the last."""
     cause = "; ".join(last["alarms"] or ()) if verdict == "damaged" else ""
-    margin = last["worst_margin"]
-    if verdict == "no_thrust" and known(margin):
+    if verdict == "no_thrust" and known(last["worst_margin"]):
         cause = _least(last)
     tail = f": {cause}" if cause else ""
-    return _counted(_GROUNDED[verdict], count, recent) + tail
+    return _counted(verdict, count, recent) + tail
 
 
-def _counted(what: str, count: int, recent: int) -> str:
+def _counted(verdict: str, count: int, recent: int) -> str:
     words = "{what} in {count} of the last {recent} flights"
-    return say(words, what=say(what), count=count, recent=recent)
+    return say(words, what=say(_FLOWN[verdict]), count=count, recent=recent)
 
 
 def _least(flight: Mapping[str, Any]) -> str:
@@ -249,20 +242,10 @@ def _least(flight: Mapping[str, Any]) -> str:
     return say(words, margin=margin, rotor=flight["worst_rotor"])
 
 
-#: What a verdict about the load is called where its flights are counted.
-_LOADED: Mapping[str, str] = MappingProxyType(
-    {
-        "critical": "a failed rotor would have brought it down",
-        "over": "above the limit",
-        "near": "near the limit, cannot tell",
-    }
-)
-
-
 def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
     """Flights that were too heavy, or may have been."""
     doing = f", {worst['worst_doing']}" if worst["worst_doing"] else ""
-    return f"{_counted(_LOADED[verdict], bad, recent)}; {_least(worst)}{doing}"
+    return f"{_counted(verdict, bad, recent)}; {_least(worst)}{doing}"
 
 
 def without_verdict(without: int, flights: int, reason: str) -> str:

@@ -34,7 +34,7 @@ WORDING = Path(alarm_words.__file__).parent
 MODULES = (
     *("alarm_words", "fault_words", "advice_words", "answer", "fill_words"),
     *("report_words", "margin_verdict", "flight_words", "loop/fleet_words"),
-    *("plans/forecast_words", "plans/plan_words", "plans/beside_words"),
+    *("plans/forecast_words", "plans/plan_words"),
 )
 #: Pages that a pilot reads. That of `identify` is for engineers, and English.
 PAGES = ("margin", "fill", "forecast", "fleet", "shared")

@@ -74,8 +74,8 @@ def test_a_flight_as_forecast_differs_in_nothing():
         for pair, near in (
             (stretch.seconds, 0.11),
             (stretch.speed, 0.05),
-            (stretch.utilisation, 0.003),
-            (stretch.tank_kg, 0.01),
+            (stretch.utilisation_mean, 0.003),
+            (stretch.tank_end_kg, 0.01),
             (stretch.voltage, 0.01),
         ):
             assert pair.flown == pytest.approx(pair.forecast, abs=near)

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
+from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import json_text
 from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model

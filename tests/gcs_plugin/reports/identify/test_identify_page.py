@@ -20,10 +20,10 @@ from thrustmargin.gcs_plugin.reports.identify.identify_result import (
     printed_tables,
     result_of,
 )
-from thrustmargin.gcs_plugin.reports.identify.page import html_text
-from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
+from thrustmargin.gcs_plugin.reports.identify.page import (
     Rows,
     channels_figures,
+    html_text,
     map_figure,
     map_limit,
     rows_of,

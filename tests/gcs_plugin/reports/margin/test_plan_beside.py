@@ -8,7 +8,7 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG, flight
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
-from thrustmargin.gcs_plugin.reports.forecast.forecast_json import json_text
+from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import json_text
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 from thrustmargin.gcs_plugin.reports.margin.render import html_text
@@ -26,15 +26,15 @@ def test_every_stretch_of_the_mission_is_there_with_time_and_liquid_near(made):
     assert made["left_at"] is None
     stretches = made["stretches"]
     # Six lines with a turn after each, of two corners or of one.
-    assert [s["kind"] for s in stretches].count("turn") == 6
-    flown = sum(s["seconds"]["flown"] for s in stretches)
-    assert sum(s["seconds"]["forecast"] for s in stretches) == pytest.approx(flown, rel=0.03)
+    assert [s.kind for s in stretches].count("turn") == 6
+    flown = sum(s.seconds.flown for s in stretches)
+    assert sum(s.seconds.forecast for s in stretches) == pytest.approx(flown, rel=0.03)
 
 
 def test_the_liquid_is_that_of_the_pump_as_it_is_simulated(made):
     assert not [o for o in made["off"] if o["what"] == "flow"]
-    end = made["stretches"][-1]["tank_end_kg"]
-    assert end["forecast"] == pytest.approx(end["flown"], abs=0.2)
+    end = made["stretches"][-1].tank_end_kg
+    assert end.forecast == pytest.approx(end.flown, abs=0.2)
 
 
 def test_a_pump_that_the_file_has_too_large_is_named_as_what_was_off():

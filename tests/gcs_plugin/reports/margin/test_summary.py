@@ -119,7 +119,7 @@ def test_on_a_quad_one_lost_rotor_is_just_survived_at_half_of_capacity(report):
 
 
 def test_a_hexacopter_survives_more_than_half_of_capacity():
-    from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import one_rotor_out_use
+    from thrustmargin.gcs_plugin.reports.margin.load import one_rotor_out_use
 
     assert one_rotor_out_use(load_airframe("agras-t20")) > 0.5
 

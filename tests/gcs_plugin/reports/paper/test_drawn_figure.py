@@ -8,7 +8,7 @@ import pytest
 from thrustmargin.gcs_plugin.reports.paper.axis import Axis, axis_over, clock
 from thrustmargin.gcs_plugin.reports.paper.canvas import SvgCanvas
 from thrustmargin.gcs_plugin.reports.paper.drawn_figure import colour_of, draw, file_bytes, size
-from thrustmargin.gcs_plugin.reports.shared.plotly_figure import Figure, Trace, scatter, titled
+from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure, Trace, scatter, titled
 
 SVG = "{http://www.w3.org/2000/svg}"
 MARGIN = {"l": 100, "r": 100, "t": 50, "b": 50}

@@ -25,8 +25,13 @@ from thrustmargin.gcs_plugin.reports.record.applied import (
     differences,
     in_all,
 )
-from thrustmargin.gcs_plugin.reports.record.job_record import of_liquid, of_product
-from thrustmargin.gcs_plugin.reports.record.job_rules import due_utc, job_rules, open_items
+from thrustmargin.gcs_plugin.reports.record.job_record import (
+    due_utc,
+    job_rules,
+    of_liquid,
+    of_product,
+    open_items,
+)
 from thrustmargin.gcs_plugin.wording.record_words import TITLES, liquid_words, missing_words
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.provenance import SourceKind

@@ -8,8 +8,8 @@ import pytest
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.view.figures.charts import (
     Speeds,
-    chart_data,
     chart_images,
+    shown_rows,
     speed_range,
 )
 
@@ -17,55 +17,42 @@ from thrustmargin.gcs_plugin.view.figures.charts import (
 POINTS = 240
 
 
-def test_every_point_of_a_chart_is_a_row_of_the_flight():
-    analysis = flight()
-    track = analysis.track
-    for rotor, (times, _, _, predicted, measured, _) in enumerate(
-        chart_data(Speeds.of(analysis), 5.0, 15.0, 12.0, (0, 3000))
-    ):
-        assert np.all(np.diff(times) >= 0)
-        assert (times[0], times[-1]) == (5.0, 15.0)
-        shown = np.isfinite(measured)
-        rows = np.searchsorted(track.time_s, times[shown])
-        np.testing.assert_array_equal(track.time_s[rows], times[shown])
-        np.testing.assert_array_equal(track.rotor_speed_rpm[rows, rotor], measured[shown])
-        np.testing.assert_array_equal(
-            analysis.prediction.rotor_speed_rpm[rows, rotor], predicted[shown]
-        )
-        assert shown.sum() == 101
+def drawn(made, now_s: float, name: str, rotor: int = 0) -> list[tuple[float, float]]:
+    """Seconds and rpm of the points of a line in a chart of 20 s, half of it ahead."""
+    speeds = Speeds.of(made)
+    low, high = speed_range(speeds)
+    svg = chart_images(made.model.airframe, speeds, now_s, window_s=20.0, ahead=0.5)[rotor]["svg"]
+    found = re.search(rf'class="{name}" d="([^"]*)"', svg)
+    assert found
+    points = re.findall(r"([\d.-]+),([\d.-]+)", found[1])
+    return [(now_s - 10 + float(x) / 20, high - float(y) / 100 * (high - low)) for x, y in points]
 
 
-def test_now_is_one_upright_line_through_the_chart():
-    times, *_, now = chart_data(Speeds.of(flight()), 5.0, 15.0, 12.05, (1000, 2500))[0]
-    drawn = np.isfinite(now)
-    np.testing.assert_array_equal(times[drawn], [12.05, 12.05])
-    np.testing.assert_array_equal(now[drawn], [1000, 2500])
+@pytest.mark.parametrize("rotor", range(4))
+def test_every_point_of_a_chart_is_a_row_of_the_flight(rotor):
+    made = flight()
+    time_s, rpm = made.track.time_s, made.track.rotor_speed_rpm[:, rotor]
+    points = drawn(made, 15.0, "measured", rotor)
+    inside = (time_s >= 5.0) & (time_s <= 25.0)
+    assert len(points) == inside.sum() == 201
+    np.testing.assert_allclose([t for t, _ in points], time_s[inside], atol=0.01)
+    np.testing.assert_allclose([v for _, v in points], rpm[inside], atol=2.0)
 
 
 @pytest.mark.parametrize("now", [0.0, 39.9, 20.0])
-def test_the_window_may_reach_past_both_ends_of_the_flight(now):
-    data = chart_data(Speeds.of(flight()), now - 30, now + 10, now, (0, 3000))
-    for column in data[0]:
-        assert column.shape == data[0][0].shape
-    assert np.isfinite(data[0][5]).sum() == 2
-
-
-def test_unmeasured_rows_are_gaps():
-    rpm = flight().track.rotor_speed_rpm.copy()
-    rpm[80:120] = np.nan
-    times, *_, measured, _ = chart_data(Speeds.of(flight(rotor_speed_rpm=rpm)), 5, 15, 6, (0, 1))[0]
-    inside = (times >= 8.0) & (times < 11.95)
-    assert not np.isfinite(measured[inside]).any()
+def test_now_is_one_upright_line_through_the_chart_also_past_both_ends(now):
+    made = flight()
+    shown = {"window_s": 40.0, "ahead": 0.25}
+    for one in chart_images(made.model.airframe, Speeds.of(made), now, **shown):
+        assert '<path class="now" d="M300.0,0V100"/>' in one["svg"]
 
 
 def test_a_long_window_is_thinned_to_rows_that_stay_put_as_it_moves():
-    analysis = flight()
-    first = chart_data(Speeds.of(analysis), 0.0, 39.0, 20.0, (0, 1))[0][0]
-    assert first.size <= 2 * POINTS + 5
-    long = flight()
-    a = set(chart_data(Speeds.of(long), 0.0, 30.0, 3.0, (0, 1))[0][0].round(6)[1:-1]) - {3.0}
-    b = set(chart_data(Speeds.of(long), 0.7, 30.7, 3.0, (0, 1))[0][0].round(6)[1:-1]) - {3.0}
-    assert {t for t in a if t > 1} - b == set()
+    time_s = np.arange(0.0, 100.0, 0.1)
+    first, moved = (shown_rows(time_s, start, start + 60.0) for start in (0.0, 0.7))
+    assert first.size <= 2 * POINTS
+    both = np.arange(7, 600)
+    np.testing.assert_array_equal(np.intersect1d(first, both), np.intersect1d(moved, both))
 
 
 def test_limits_hold_every_flying_row_and_need_no_data():
@@ -88,7 +75,7 @@ def test_a_drawing_has_the_rows_as_points_and_gaps_between_them():
     whole, gap = (re.search(r'class="measured" d="([^"]*)"', images[k]["svg"]) for k in (0, 1))
     assert whole
     assert gap
-    assert (whole[1].count("M"), gap[1].count("M")) == (2, 3)  # the line of now parts it too
+    assert (whole[1].count("M"), gap[1].count("M")) == (1, 2)
     assert "nan" not in images[1]["svg"]
     low, high = speed_range(speeds)
     assert f"<span>{high:.0f}</span><span>{low:.0f}</span>" in images[0]["svg"]

@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view.figures.charts import Speeds
-from thrustmargin.gcs_plugin.view.live.live_history import LiveHistory
+from thrustmargin.gcs_plugin.view.live.live_heard import LiveHistory
 
 KEPT_S = 600.0  # s of rows that a page can show
 

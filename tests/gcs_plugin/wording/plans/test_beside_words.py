@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from thrustmargin.gcs_plugin.wording.plans.beside_words import (
+from thrustmargin.gcs_plugin.wording.plans.plan_words import (
     beside_words,
     off_sentence,
     stretch_words,
@@ -25,13 +25,15 @@ TURN = StretchBeside(
     kind="turn",
     seconds=Pair(9.9, 10.2),
     speed=Pair(2.5, 2.4),
-    utilisation=Pair(0.58, 0.6),
-    peak=Pair(0.73, 0.7),
-    peak_interval=(0.7, 0.76),
-    tank_kg=Pair(12.1, 13.0),
+    utilisation_mean=Pair(0.58, 0.6),
+    utilisation_peak=Pair(0.73, 0.7),
+    interval=(0.7, 0.76),
+    tank_end_kg=Pair(12.1, 13.0),
     voltage=Pair(55.8, float("nan")),
 )
-BLIND = replace(TURN, utilisation=Pair(0.58, float("nan")), peak=Pair(0.73, float("nan")))
+BLIND = replace(
+    TURN, utilisation_mean=Pair(0.58, float("nan")), utilisation_peak=Pair(0.73, float("nan"))
+)
 
 
 def test_a_stretch_has_flown_and_forecast_side_by_side():
