@@ -58,6 +58,18 @@ def test_a_cause_in_every_flight_is_found_where_it_acts_and_leaves_the_noise(pro
     assert wide[4:].tolist() == [0.0, 0.0]
 
 
+def test_the_interval_is_that_of_how_flights_left_out_in_turn_differ(problem):
+    """Of 0.045, 0.05, 0.05 and 0.055, each left out in turn: 3.182 sqrt(3/4 sum (0.005/3)²)."""
+    steady = Placed(effect=UNNAMED["pitch", "constant"], values={"at_1": 0.05})
+    share = np.array([0.9, 1.0, 1.0, 1.1])[problem.flight][:, None]
+    change = problem.speeds([steady]) - problem.speeds()
+    (one,) = open_causes(problem, share * change, ()).causes
+    assert one.place == ("pitch", "constant")
+    assert one.found.value[0, 0] == pytest.approx(0.05, rel=0.03)
+    half = (one.found.upper - one.found.lower)[:, 0] / 2.0
+    assert half == pytest.approx(np.full(4, 0.0065), rel=0.06)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_alone_is_no_cause(problem, seed):
     found = open_causes(problem, left(problem, seed=seed), ())
