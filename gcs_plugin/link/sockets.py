@@ -7,6 +7,7 @@ import ipaddress
 import socket
 import sys
 import time
+from abc import abstractmethod
 from typing import Any
 
 from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport
@@ -114,16 +115,17 @@ class Reopened(Transport):
 
     _end: Any = None
 
+    @abstractmethod
     def _open(self, timeout: float) -> Any:
         """A new stream. Raises OSError, TimeoutError where `timeout` s were waited for it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _read(self, end: Any, timeout: float) -> bytes:
         """What came; empty when nothing did. Raises OSError when the stream has ended."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _write(self, end: Any, data: bytes) -> None:
-        raise NotImplementedError
+        """Send all of it. Raises OSError when the stream has ended."""
 
     @property
     def ready(self) -> bool:

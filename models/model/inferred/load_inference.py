@@ -215,11 +215,13 @@ def _may_carry(track: FlightTrack, airframe: Airframe) -> bool:
 
 def _filled(track: FlightTrack, load: Floats, error: Floats, source: Provenance) -> FlightTrack:
     load, error = np.maximum(load, 0.0), np.where(np.isfinite(load), error, np.nan)
+    # What was turned down before is still to be told.
+    turned_down = (*track.source("tank_kg").rejected, *source.rejected)
     return replace(
         track,
         tank_kg=load,
         standard_errors={**track.standard_errors, "tank_kg": error},
-        sources={**track.sources, "tank_kg": source},
+        sources={**track.sources, "tank_kg": replace(source, rejected=turned_down)},
     )
 
 

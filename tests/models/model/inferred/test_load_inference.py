@@ -27,7 +27,13 @@ from thrustmargin.models.network.training_rows import gather
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.flight_phases import training_rows
-from thrustmargin.models.provenance import stated
+from thrustmargin.models.provenance import (
+    Provenance,
+    Reason,
+    Rejected,
+    SourceKind,
+    stated,
+)
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 NINETY = 1.645
@@ -65,6 +71,17 @@ def hover(kilograms, *, craft: Airframe = F16, noise: float = 0.01, **channels) 
 def guessed(craft: Airframe, name: str) -> Airframe:
     quantities = {**craft.quantities, name: replace(craft.quantities[name], guessed=True)}
     return replace(craft, quantities=MappingProxyType(quantities))
+
+
+def test_an_instrument_that_was_turned_down_is_still_told_beside_the_load_that_thrust_shows():
+    frozen = (Rejected(sent("NAMED_VALUE_FLOAT"), Reason.FROZEN),)
+    track = hover(np.full(600, 8.0))
+    gone = Provenance(kind=SourceKind.ABSENT, rejected=frozen)
+    track = replace(track, sources={**track.sources, "tank_kg": gone})
+    source = with_load(track, F16).source("tank_kg")
+    assert (source.kind, source.rejected) == ("inferred", frozen)
+    part, _ = with_load_so_far(track, F16, START)
+    assert part.source("tank_kg").rejected == frozen
 
 
 def test_a_hover_shows_its_load_with_an_interval_that_holds_it():
