@@ -215,7 +215,7 @@ def _may_carry(track: FlightTrack, airframe: Airframe) -> bool:
 
 def _filled(track: FlightTrack, load: Floats, error: Floats, source: Provenance) -> FlightTrack:
     load, error = np.maximum(load, 0.0), np.where(np.isfinite(load), error, np.nan)
-    # What was turned down before is still to be told.
+    # What was turned down before is still said.
     turned_down = (*track.source("tank_kg").rejected, *source.rejected)
     return replace(
         track,

@@ -73,7 +73,7 @@ def guessed(craft: Airframe, name: str) -> Airframe:
     return replace(craft, quantities=MappingProxyType(quantities))
 
 
-def test_an_instrument_that_was_turned_down_is_still_told_beside_the_load_that_thrust_shows():
+def test_an_instrument_that_was_turned_down_is_still_said_beside_the_load_that_thrust_shows():
     frozen = (Rejected(sent("NAMED_VALUE_FLOAT"), Reason.FROZEN),)
     track = hover(np.full(600, 8.0))
     gone = Provenance(kind=SourceKind.ABSENT, rejected=frozen)
