@@ -77,6 +77,8 @@ class GoodFlights:
     errors: tuple[ConditionScore, ...] = ()
     flight_rmse_rpm: Mapping[str, float] = field(default_factory=dict)  # name of the flight -> rpm
     mean_speed_rpm: float = float("nan")
+    delay_s: float = float("nan")  # of their rotor speeds beyond the model's, by fast rows
+    delay_scatter_s: float = float("nan")  # its standard deviation from flight to flight
 
     def __post_init__(self) -> None:
         named = {**self.scatter, **self.curve_rpm}

@@ -31,10 +31,13 @@ from thrustmargin.models.identification.rows.output_shares import (
     of_outputs,
     scaled_to,
 )
+from thrustmargin.models.identification.rows.problem import assemble_flight
+from thrustmargin.models.identification.rows.reduced import delay_of
 from thrustmargin.models.model.predict import predict, temperature_offset
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.model.training import Fold, Trained, condition_scores, training_domain
 from thrustmargin.models.network.ensemble import ensemble_speed
+from thrustmargin.models.network.records import GoodFlights, scatter_between
 from thrustmargin.models.network.training_rows import Samples, gather
 from thrustmargin.models.network.validity import calibrate, measure_coverage
 from thrustmargin.models.physics.airframe import Airframe
@@ -115,6 +118,8 @@ def commission(
         ),
     )
     amplitudes = best.residual_rpm @ modes(airframe).directions
+    delays = np.array([delay_of(assemble_flight(model, tracks[i])) for i in used])
+    shown = with_delays(shown, delays)
     return replace(
         model,
         training_domain=training_domain(samples),
@@ -123,6 +128,17 @@ def commission(
         background_rpm=tuple(learnt_spread(amplitudes, samples.flight).tolist()),
         good_flights=shown,
     )
+
+
+def with_delays(shown: GoodFlights, delays: Floats) -> GoodFlights:
+    """With how late rotor speeds come in the good flights, by delays (F, 2) s of each and their
+    errors: the mean, and the scatter of at least 2 flights that show one."""
+    values, errors = delays[np.isfinite(delays[:, 1])].T
+    if values.size < 2:
+        return shown
+    scatter = scatter_between(values, errors)
+    mean = float(np.average(values, weights=1.0 / (errors**2 + scatter**2)))
+    return replace(shown, delay_s=mean, delay_scatter_s=scatter)
 
 
 def _folds(base: RotorModel, flights: Sequence[int]) -> tuple[Fold, ...]:

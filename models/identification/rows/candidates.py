@@ -27,6 +27,7 @@ from thrustmargin.models.effects.unnamed import (
     place_of,
 )
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.fast_rows import Reading, delay_reading
 from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ALL_FLIGHTS, ValueColumns
@@ -71,6 +72,7 @@ class Candidate:
     start: Floats  # (F, K)
     free: tuple[tuple[int, int | None], ...]  # (parameter, flight or None where all share it)
     log_prior: float
+    reading: Reading | None = None
 
     @property
     def key(self) -> str:
@@ -145,8 +147,18 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
         for rotor in range(rotors) if effect.of_one_rotor else (None,):
             term = Term(effect=effect, rotor=rotor)
             if not reduced.lacks(effect) and _would_show(reduced, effect):
-                found.append(candidate(term, reduced.flights, taught=taught))
+                one = candidate(term, reduced.flights, taught=taught)
+                found.append(_delayed(reduced, one) if effect.delays else one)
     return found
+
+
+def _delayed(reduced: Reduced, one: Candidate) -> Candidate:
+    """A delay with what rows show of it: it has more than one likely value, and steps from nothing
+    may end at a small wrong one, so it begins there."""
+    start = np.full_like(one.start, np.median(reduced.delay_s[:, 0]))
+    (delay,) = one.parameters
+    reading = delay_reading(reduced.delay_s, reduced.model.good_flights, delay.resolution)
+    return replace(one, start=start, reading=reading)
 
 
 def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:

@@ -11,10 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.models.effects.channels import concatenate, froude_time_scale
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
+from thrustmargin.models.identification.rows.fast_rows import delay_of_rows
 from thrustmargin.models.identification.rows.output_shares import of_outputs
 from thrustmargin.models.identification.rows.problem import (
     Problem,
@@ -41,6 +43,7 @@ class Reduced(RowsToFit):
     """N means of F flights."""
 
     uncertainty_rpm: Floats  # (D, N, R) by which the base model may be off, one deviation each
+    delay_s: Floats  # (F, 2) of the rotor speeds of each flight, and its error: what means hide
 
     @property
     def scored_modes(self) -> Bools:
@@ -61,11 +64,12 @@ def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Pr
     seconds = sum(flown_s(model, track) for track in tracks)
     every = -(-int(seconds / (BIN * froude_time_scale(model.airframe))) // MOST_MEANS)
     length = min(STRETCH, max(LEAST_STRETCH, MOST_MEANS // len(tracks)))
-    rows, parts = [], []
+    rows, parts, delays = [], [], []
     for index, track in enumerate(tracks):
         whole = assemble_flight(model, track)
         rows.append(thinned(whole, stride))
         parts.append(_stretches(_means(whole, index), index, every, length))
+        delays.append(delay_of(whole))
     first = parts[0]
     channels = concatenate([p.channels for p in parts])
     means = replace(
@@ -75,9 +79,23 @@ def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Pr
         flight=np.concatenate([p.flight for p in parts]),
         follows=np.concatenate([p.follows for p in parts]),
         uncertainty_rpm=base_uncertainty_rpm(model, first.base, channels),
+        delay_s=np.array(delays),
         names=tuple(name for p in parts for name in p.names),
     )
     return joined(rows), means
+
+
+def delay_of(flight: Problem) -> Floats:
+    """(2,) s of all rows of one flight; `delay_of_rows`."""
+    longest = BIN * froude_time_scale(flight.model.airframe) / 2.0
+    return delay_of_rows(flight, _bins(flight), longest)
+
+
+def _bins(flight: Problem) -> NDArray[np.intp]:
+    """(T,) which mean each row is of."""
+    time_s = flight.channels.time_s
+    long = BIN * froude_time_scale(flight.model.airframe)
+    return ((time_s - time_s[0]) / long).astype(np.intp)
 
 
 def _stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
@@ -97,11 +115,7 @@ def _stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
 
 
 def _means(problem: Problem, index: int) -> Reduced:
-    time_s = problem.channels.time_s
-    which = ((time_s - time_s[0]) / (BIN * froude_time_scale(problem.model.airframe))).astype(
-        np.intp
-    )
-    bins, start, count = np.unique(which, return_index=True, return_counts=True)
+    bins, start, count = np.unique(_bins(problem), return_index=True, return_counts=True)
     full = count >= LEAST_FILL * np.median(count)
 
     def mean(values: Floats) -> Floats:
@@ -120,6 +134,7 @@ def _means(problem: Problem, index: int) -> Reduced:
         flight=np.full(kept.size, index),
         follows=np.diff(kept, prepend=kept[0] - 2) == 1,
         uncertainty_rpm=np.zeros((0, kept.size, problem.measured_rpm.shape[1])),
+        delay_s=np.zeros((0, 2)),
         names=problem.names,
         of_outputs=problem.of_outputs,
     )

@@ -46,10 +46,11 @@ STIFF = 1e9  # times what holds a value, of one that stands at its bound
 class SetPrior:
     """The prior of the P free values of a set, wherever it is linearised."""
 
-    weight: Floats  # (P,) 1 / scale² of those that are normal, else 0
+    weight: Floats  # (P,) 1 / scale² of those that are normal, 1 / error² of readings, else 0
     normal: Bools  # (P,)
     limits: Floats  # (5, P) bounds, usual size, what a sound aircraft scatters, value of no effect
-    centre: Floats  # (P,) of the normal ones
+    centre: Floats  # (P,) of the normal ones and of readings
+    nothing: Floats  # (P,) the same weight times the square of how far no effect is from there
     groups: tuple[slice, ...]  # the values of each candidate
     main: NDArray[np.intp]  # (M,) the values that are not normal
     first: NDArray[np.intp]  # (G,) where among these those of an effect begin, which has some
@@ -72,6 +73,12 @@ class ValuePrior:
         lower, upper = self.of_set.limits[:2]
         at = self.values + step
         return ((at < lower) | (at > upper)) & self.of_set.normal
+
+    @property
+    def read(self) -> float:
+        """Log likelihood of the readings, over that of no effect."""
+        away = self.of_set.weight * (self.values - self.of_set.centre) ** 2
+        return 0.5 * float(np.sum((self.of_set.nothing - away)[self.of_set.main]))
 
     @property
     def weight(self) -> Floats:
@@ -105,6 +112,7 @@ class _OwnPrior:
 
     limits: Floats  # (5, P)
     normal: Bools  # (P,)
+    weight: Floats  # (P,)
     centre: Floats  # (P,)
     least: float
     constant: float
@@ -127,10 +135,16 @@ def _own_prior(one: Candidate) -> _OwnPrior:
         half = 0.5 * scale.size
         surface = log(2.0) + half * log(pi) - lgamma(half)  # of the unit sphere
         constant = -surface - log(log1p_ratio(most, least)) - float(np.sum(np.log(scale)))
+    weight = np.where(normal, limits[2] ** -2.0, 0.0)
+    centre = np.array(one.start_values)
+    if one.reading is not None and one.parameters:
+        centre[0], error = one.reading.pooled
+        weight[0] = (TEMPERATURE * error) ** -2.0
     return _OwnPrior(
         limits=limits,
         normal=normal,
-        centre=np.array(one.start_values),
+        weight=weight,
+        centre=centre,
         least=least,
         constant=constant,
     )
@@ -140,15 +154,18 @@ def _own_prior(one: Candidate) -> _OwnPrior:
 def _of_candidates(candidates: tuple[Candidate, ...]) -> SetPrior:
     own = [_own_prior(one) for one in candidates]
     normal = np.concatenate([np.zeros(0, dtype=bool), *(of.normal for of in own)])
+    weight = np.concatenate([np.zeros(0), *(of.weight for of in own)])
+    centre = np.concatenate([np.zeros(0), *(of.centre for of in own)])
     limits = np.concatenate([np.zeros((5, 0)), *(of.limits for of in own)], axis=1)
     ends = [0, *accumulate(of.normal.size for of in own)]
     some = [of for of in own if not of.normal.all()]
     dimensions = np.array([of.normal.size - int(of.normal.sum()) for of in some], dtype=np.intp)
     return SetPrior(
-        weight=np.where(normal, 1.0 / limits[2] ** 2, 0.0),
+        weight=weight,
         normal=normal,
         limits=limits,
-        centre=np.concatenate([np.zeros(0), *(of.centre for of in own)]),
+        centre=centre,
+        nothing=weight * (limits[4] - centre) ** 2,
         groups=tuple(slice(*pair) for pair in pairwise(ends)),
         main=np.flatnonzero(~normal),
         first=np.cumsum(dimensions) - dimensions,
@@ -206,6 +223,7 @@ def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> Scored:
     away = (prior.values - prior.centre)[normal] / scale
     out -= float(np.sum(np.log(scale) + 0.5 * LOG_2_PI + 0.5 * away**2))
     out += _log_sizes(prior, prior.values + step, np.sqrt(variance)) + prior.of_set.log_sets
+    out += prior.read
     return Scored(log_evidence=out, step=step, variance=variance / temperature**2)
 
 

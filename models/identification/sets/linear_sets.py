@@ -102,6 +102,7 @@ class Linear:
             h[:, place, place] += weight + TINY * (np.abs(h[:, place, place]) + TINY)
             gain = np.sum(g * np.linalg.solve(h, g[:, :, None])[:, :, 0], axis=1)
             out[of] = 0.5 * gain - sign * along[change] - 0.5 * left[change, change]
+            out[of] += sign * [one.read for one in own]
         return out
 
     def only(self, members: Collection[int], without: Collection[int]) -> Linear:
@@ -111,6 +112,8 @@ class Linear:
             free = one.candidate.free if c in members else ()
             mine = [k for k, (_, flight) in enumerate(free) if flight not in without]
             candidate = replace(one.candidate, free=tuple(free[k] for k in mine))
+            if candidate.reading is not None:
+                candidate = replace(candidate, reading=candidate.reading.without(without))
             held.append(replace(one, candidate=candidate))
             columns.append(slice(len(kept), len(kept) + len(mine)))
             kept += [places.start + k for k in mine]

@@ -79,7 +79,6 @@ class Search:
         found meanwhile is looked for anew about that one."""
         if not self.fitted:
             self.fit(frozenset(), ())
-            self._begin_delays()
         best = self.best
         for number in range(ROUNDS):
             if progress:
@@ -94,18 +93,6 @@ class Search:
             if self.best.key == best.key:
                 break
             best = self.best
-
-    def _begin_delays(self) -> None:
-        """A delay has more than one likely value, and steps from nothing may end at a small wrong
-        one: it begins with the likeliest of those a usual size apart."""
-        for c, start in enumerate(self.start):
-            if not start.candidate.term.effect.delays:
-                continue
-            (delay,) = start.candidate.parameters
-            values = np.arange(delay.lower, delay.upper + delay.scale / 2, delay.scale)
-            tried = [replace(start, values=np.full_like(start.values, v)) for v in values]
-            found = [self._fit(frozenset({c}), [held], 0) for held in (start, *tried)]
-            self.start[c] = max(found, key=lambda one: one.total).held[0]
 
     def _again(self, linear: Linear) -> None:
         """Fit sets anew from the values of the best, where about it they promise to be likelier

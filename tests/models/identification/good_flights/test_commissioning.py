@@ -13,10 +13,12 @@ from thrustmargin.models.identification.good_flights.commissioning import (
     _folds,
     chain_of,
     commission,
+    with_delays,
     worse,
 )
 from thrustmargin.models.model.predict import predict
 from thrustmargin.models.model.training import Fold
+from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.network.training_rows import gather
 from thrustmargin.models.physics.atmosphere import track_air
 
@@ -117,3 +119,13 @@ def test_three_flights_without_a_network_make_a_model_with_effects_and_interval(
 def test_two_flights_are_too_few():
     with pytest.raises(DataError, match="2 flights with usable rows"):
         commission(None, made_flights(2), F16, date="")
+
+
+def test_how_late_rotor_speeds_come_in_good_flights_is_kept_with_its_scatter():
+    none = GoodFlights(flights=4)
+    delays = np.array([[0.02, 0.003], [0.0, np.inf], [0.05, 0.003], [0.035, 0.003]])
+    found = with_delays(none, delays)
+    assert found.delay_s == pytest.approx(0.035)
+    assert found.delay_scatter_s == pytest.approx(np.sqrt(0.015**2 - 0.003**2))
+    # One flight shows no scatter, and without one nothing is known.
+    assert with_delays(none, delays[:2]) is none

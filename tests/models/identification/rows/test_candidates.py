@@ -215,3 +215,28 @@ def test_what_only_differs_from_flight_to_flight_is_not_sought_in_one():
     assert [c.term.effect.key for c in candidates_of(two, by_flights)] == [
         e.key for e in by_flights if not two.lacks(e)
     ]
+
+
+def test_what_rows_show_of_a_delay_is_held_against_that_of_the_good_flights(reduced):
+    good = GoodFlights(flights=4, delay_s=0.03, delay_scatter_s=0.006)
+    shown = np.array([[0.11, 0.008], [0.0, np.inf], [0.09, 0.0]])
+    known = replace(reduced, model=replace(MODEL, good_flights=good), delay_s=shown)
+
+    def late(of):
+        (one,) = candidates_of(of, table(["sensor_lag:rotor speed"]))
+        return one.reading
+
+    found = late(known)
+    np.testing.assert_allclose(found.values[[0, 2]], [0.08, 0.06])
+    np.testing.assert_allclose(found.errors, [0.01, np.inf, 0.006])  # 3-4-5
+    assert found.shared == pytest.approx(np.hypot(0.01, 0.003))  # no interval is below 0.01 s
+    value, error = found.pooled
+    weights = np.array([1 / 0.01**2, 1 / 0.006**2])
+    assert value == pytest.approx(weights @ [0.08, 0.06] / weights.sum())
+    assert error == pytest.approx(np.sqrt(1 / weights.sum() + 0.01**2 + 0.003**2))
+    assert found.without([0]).pooled[0] == pytest.approx(0.06)
+    assert found.without([0, 2]) is None
+    # Of an older model nothing is known, and where no flight shows it nothing is read.
+    assert late(replace(known, model=replace(MODEL, good_flights=GoodFlights(flights=4)))) is None
+    assert late(replace(known, model=MODEL)) is None
+    assert late(replace(known, delay_s=np.array([[0.0, np.inf]] * 3))) is None

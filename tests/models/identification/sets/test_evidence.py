@@ -10,6 +10,7 @@ from scipy.stats import norm
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
 from thrustmargin.models.identification.rows.candidates import Candidate, Held, Term
+from thrustmargin.models.identification.rows.fast_rows import Reading
 from thrustmargin.models.identification.sets import evidence as weighed
 from thrustmargin.models.identification.sets.evidence import Scored, ValuePrior, is_shape, prior_of
 
@@ -200,3 +201,28 @@ def test_values_that_no_rows_tell_apart_have_no_evidence():
     found = score(prior_of([held(MAIN, MAIN)]), -same, np.zeros(2), 0.0)
     assert found.log_evidence == IMPOSSIBLE
     np.testing.assert_array_equal(found.step, 0.0)
+
+
+@pytest.mark.parametrize("at", [0.0, 0.25])
+def test_a_reading_weighs_as_a_measurement_of_the_value_beside_the_means(at):
+    """Read 0.3 to 0.04: its likelihood over that of nothing, with 1.25 times the noise."""
+    h, cost = 400.0, 30.0
+    reading = Reading(values=np.array([0.3]), errors=np.array([0.04]), shared=0.0)
+    plain = held(MAIN, at=[at])
+    one = replace(plain, candidate=replace(plain.candidate, reading=reading))
+    gradient = h * (0.2 - at)  # of means that ask for 0.2, and cost 30 where the value stands
+    found = score(prior_of([one]), np.array([[h]]), np.array([gradient]), cost)
+    error = 1.25 * 0.04
+    both = 1.0 / error**2 + h
+    best = (0.3 / error**2 + 0.2 * h) / both
+    assert at + found.step[0] == pytest.approx(best)
+    assert found.variance[0] == pytest.approx(1.0 / both)
+
+    def likelihood(d):
+        means = np.exp(-0.5 * (cost - 2.0 * gradient * (d - at) + h * (d - at) ** 2))
+        return means * norm.pdf(d, 0.3, error) / norm.pdf(0.0, 0.3, error)
+
+    whole = quad(likelihood, -1.0, 1.5, points=[best], epsabs=1e-16)[0]
+    size = (best + both**-0.5) / 0.5
+    flat = 1.0 / (2.0 * np.log1p(4.0 / 0.02) * (size + 0.02)) / 0.5
+    assert found.log_evidence == pytest.approx(np.log(whole * flat), abs=1e-6)

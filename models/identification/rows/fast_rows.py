@@ -1,0 +1,106 @@
+"""How late all rotor speeds come, by what the means of a search hide.
+
+A delay shorter than a mean moves it little; inside it, rows show that turns and gusts come late. So
+what measured and predicted rows differ from their own mean by is held against what a delay would
+do there. What lasts, as effects do, is in the means and not in here: the two say nothing twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.channels import LAG_STEP
+from thrustmargin.models.effects.inputs.sensor_lag import ROTOR_SPEED_LAG
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.problem import Problem
+from thrustmargin.models.identification.rows.whitening import whitening_of
+from thrustmargin.models.network.records import GoodFlights
+
+ENOUGH = 1_500  # rows: they show a delay to 2 ms, and telemetry repeats to no better than 10
+STEPS = 3  # of Gauss and Newton
+UNKNOWN = np.array([0.0, np.inf])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reading:
+    """What F flights say of a candidate's only value beside their means."""
+
+    values: Floats  # (F,)
+    errors: Floats  # (F,) standard deviations, infinite where a flight says nothing
+    shared: float  # the same of what all flights have in common
+
+    @property
+    def pooled(self) -> tuple[float, float]:
+        """Value of all flights and its standard error."""
+        weight = self.errors**-2.0
+        value = float(np.average(self.values, weights=weight))
+        return value, float(np.hypot(weight.sum() ** -0.5, self.shared))
+
+    def without(self, flights: Collection[int]) -> Reading | None:
+        """Of the other flights; None where these say nothing."""
+        errors = self.errors.copy()
+        errors[list(flights)] = np.inf
+        return replace(self, errors=errors) if np.isfinite(errors).any() else None
+
+
+def delay_reading(delay_s: Floats, good: GoodFlights | None, resolution: float) -> Reading | None:
+    """Delays (F, 2) of flights and their errors, beyond what the good flights show.
+
+    None where no good flight has shown its own: the laws of quick turns may be all that is late.
+    """
+    values, errors = delay_s.T
+    if good is None or np.isnan(good.delay_scatter_s) or not np.isfinite(errors).any():
+        return None
+    return Reading(
+        values=values - good.delay_s,
+        errors=np.hypot(errors, good.delay_scatter_s),
+        shared=float(np.hypot(resolution, good.delay_scatter_s / good.flights**0.5)),
+    )
+
+
+def delay_of_rows(flight: Problem, bins: NDArray[np.intp], longest: float) -> Floats:
+    """(2,) s: delay of the rotor speeds of one flight, and its standard error.
+
+    `bins` (T,) says which mean each row is of. The error is infinite where nothing quick happens,
+    for motor outputs, and where the delay is longer than `longest` s: the means show it then.
+    """
+    if flight.of_outputs or flight.lacks(ROTOR_SPEED_LAG):
+        return UNKNOWN
+    flight, bins = flight.rows(np.arange(min(ENOUGH, bins.size))), bins[:ENOUGH]
+    measured = flight.in_modes(flight.measured_rpm)
+    (lag,) = ROTOR_SPEED_LAG.parameters
+    tried = np.arange(lag.lower, lag.upper, lag.scale)
+    left = [_within(measured - _predicted(flight, value), bins) for value in tried]
+    sizes = [np.log(np.sum(e**2, axis=0)).sum() for e in left]  # -2 log likelihood of unknown noise
+    at, error = float(tried[np.argmin(sizes)]), np.inf  # from nothing, steps may end anywhere
+    for _ in range(STEPS):
+        now, later = (_predicted(flight, at + by) for by in (0.0, LAG_STEP / 2))
+        residual = _within(measured - now, bins)
+        slope = _within((later - now) / (LAG_STEP / 2), bins)
+        still = np.zeros(bins.size, dtype=np.bool_)
+        filter_ = whitening_of(
+            residual, flight.flight, flight.follows, still, float(flight.measured_rpm.mean())
+        )
+        z, d = filter_.apply(residual), filter_.apply(slope)
+        shown = float(np.sum(d * d))
+        if shown <= 0.0:
+            return UNKNOWN
+        at, error = at + float(np.sum(d * z)) / shown, shown**-0.5
+    return np.array([at, error if abs(at) <= longest else np.inf])
+
+
+def _predicted(flight: Problem, delay: float) -> Floats:
+    placed = Placed(effect=ROTOR_SPEED_LAG, rotor=None, values={"lag": delay})
+    return flight.in_modes(flight.speeds([placed]))
+
+
+def _within(values: Floats, bins: NDArray[np.intp]) -> Floats:
+    """(T, R) less the mean over each bin."""
+    _, start, of = np.unique(bins, return_index=True, return_inverse=True)
+    mean = np.add.reduceat(values, start, axis=0) / np.bincount(of)[:, None]
+    return values - mean[of]
