@@ -102,7 +102,7 @@ class Linear:
             h[:, place, place] += weight + TINY * (np.abs(h[:, place, place]) + TINY)
             gain = np.sum(g * np.linalg.solve(h, g[:, :, None])[:, :, 0], axis=1)
             out[of] = 0.5 * gain - sign * along[change] - 0.5 * left[change, change]
-            out[of] += sign * [one.read for one in own]
+            out[of] += [one.read for one in own]
         return out
 
     def only(self, members: Collection[int], without: Collection[int]) -> Linear:

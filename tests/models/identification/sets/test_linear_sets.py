@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.models.identification.sets.test_evidence import MAIN, SHAPE, held, score
+from thrustmargin.models.identification.rows.fast_rows import Reading
 from thrustmargin.models.identification.sets.evidence import prior_of
 from thrustmargin.models.identification.sets.linear_sets import Linear
 
@@ -67,6 +68,23 @@ def test_what_a_candidate_gains_is_half_of_what_squares_and_prior_fall_by():
     before = cost(about, {2}, set())
     by_hand = [0.5 * (before - cost(about, {2, c}, {c})) for c in (0, 1)]
     np.testing.assert_allclose(found, by_hand, rtol=1e-6)
+
+
+@pytest.mark.parametrize("about", [{2}, {0, 2}])
+def test_what_is_read_of_a_value_counts_for_a_candidate_that_comes_in(about):
+    """Read 0.7 to 0.2, as 1.25 times the noise; no effect is at 0, the value stands at 0.4."""
+    reading = Reading(values=np.array([0.7]), errors=np.array([0.2]), shared=0.0)
+    one = replace(HELD[0], candidate=replace(HELD[0].candidate, reading=reading))
+    read = replace(linear(about), held=(one, *HELD[1:]))
+    weight = 1.0 / (1.25 * 0.2) ** 2
+    values, residual = parts(about, {0, 2})
+    rows = np.concatenate([values, np.diag([weight**0.5, 1.0 / 0.4])])  # the shape's usual size
+    wanted = np.concatenate([residual, [0.3 * weight**0.5, 0.0]])
+    left = wanted - rows @ np.linalg.lstsq(rows, wanted)[0]
+    by_hand = 0.5 * (cost(about, {2}, set()) + 0.7**2 * weight - left @ left)
+    assert read.gains(frozenset({2}), [0])[0] == pytest.approx(by_hand, rel=1e-6)
+    of_none = read.only({0}, [0]).held[0].candidate.reading  # that flight alone has read it
+    assert of_none is None
 
 
 def test_values_of_some_candidates_alone_keep_their_places():
