@@ -224,6 +224,7 @@ def test_what_rows_show_of_a_delay_is_held_against_that_of_the_good_flights(redu
 
     def late(of):
         (one,) = candidates_of(of, table(["sensor_lag:rotor speed"]))
+        assert one.start.tolist() == [[np.median(of.delay_s[:, 0])]] * 3  # where a fit begins
         return one.reading
 
     found = late(known)

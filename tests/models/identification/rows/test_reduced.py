@@ -39,6 +39,14 @@ def test_a_mean_is_over_seven_tenths_of_a_second_of_an_aircraft_of_the_f16s_size
     assert step == pytest.approx(0.7 * froude_time_scale(F16), abs=0.05)
 
 
+def test_a_mean_is_shorter_by_the_root_of_a_smaller_aircrafts_size():
+    small = replace(F16, rotor_position_frd=F16.rotor_position_frd / 4)
+    assert froude_time_scale(small) == pytest.approx(froude_time_scale(F16) / 2)
+    model = replace(MODEL, airframe=small)
+    step = np.median(np.diff(reduce_flights(model, [made_flight(1)]).channels.time_s))
+    assert step == pytest.approx(0.35, abs=0.05)
+
+
 def test_a_heading_that_passes_north_is_not_averaged_to_south():
     track = made_flight(1)
     attitude = track.attitude.copy()
