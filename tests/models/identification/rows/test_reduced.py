@@ -41,9 +41,7 @@ def test_a_mean_is_over_seven_tenths_of_a_second_of_an_aircraft_of_the_f16s_size
 
 def test_a_mean_is_shorter_by_the_root_of_a_smaller_aircrafts_size():
     small = replace(F16, rotor_position_frd=F16.rotor_position_frd / 4)
-    assert froude_time_scale(small) == pytest.approx(
-        0.516, abs=0.001
-    )  # of 0.96 m / 4 against 0.9 m
+    assert froude_time_scale(small) == pytest.approx(0.516, abs=0.001)  # 0.24 m for 0.9
     model = replace(MODEL, airframe=small)
     step = np.median(np.diff(reduce_flights(model, [made_flight(1)]).channels.time_s))
     assert step == pytest.approx(0.35, abs=0.05)
