@@ -97,6 +97,7 @@ CONNECT_GAUGE = hands_on(
 KEEP = at_desk("model", "nothing to repair; keep it in the model with --out-model")
 REPAIRED = at_desk("model", "nothing to do")
 KEEP_AS_SEEN = at_desk("model", "keep it in the model with --out-model")
+LEAVE_OUT = at_desk("model", "flights not used are predicted worse with it, so keep no model of it")
 AIRSPEED_RATE = at_desk("settings", "check its filter and message rate")
 ESC_RATE = at_desk("settings", "raise the rate of ESC telemetry")
 ESC_SPEEDS = at_desk("settings", "no measured speed does, so check whether the ESCs estimate it")

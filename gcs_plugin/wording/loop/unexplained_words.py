@@ -69,13 +69,16 @@ def unnamed_causes(found: Identification) -> str:
             continue
         _, unit, factor = ALONG_WORDS[one.place[1]]
         low, high = (end * factor for end in one.range)
-        seen = f"{number(low, '', 1)} to {number(high, unit, 1)}"
+        span = f"{number(low, '', 1)} to {number(high, unit, 1)}"
         as_well = [ALONG_WORDS[other][0] for other in one.alike if other != CONSTANT]
         others = f" (or {', '.join(as_well)})" if as_well else ""
-        each.append(f"{where}{others}, {seen} {size}{until}")
+        each.append(f"{where}{others}, {span} {size}{until}")
         curves = True
+    seen = f"Without a name, as it was seen: {'; '.join(each)}"
+    if not found.found and found.after.rmse_rpm > found.before.rmse_rpm:
+        return f"{seen}; {actions.LEAVE_OUT.text}"
     beyond = ", held at its edge beyond that range, with twice the interval" if curves else ""
-    return f"Without a name, as it was seen: {'; '.join(each)}; {actions.KEEP_AS_SEEN.text}{beyond}"
+    return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond}"
 
 
 def _thing_of(words: str, names: Sequence[str]) -> str:

@@ -415,6 +415,10 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
     )
     alone = replace(sound, open_causes=(mass,))
     assert "edge" not in unnamed_causes(alone)
+    worse = replace(alone, after=replace(sound.before, rmse_rpm=sound.before.rmse_rpm + 0.1))
+    assert unnamed_causes(worse).endswith(
+        "91 % likely; flights not used are predicted worse with it, so keep no model of it"
+    )
     limits = tuple(
         Excluded(term=weak(k), parameter="loss", unit="1", above=0.015) for k in range(4)
     )
