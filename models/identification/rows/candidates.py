@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Parameter, Placed
+from thrustmargin.models.effects.base import Effect, Parameter, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS
 from thrustmargin.models.effects.demand.parasite_drag import PARASITE_DRAG
 from thrustmargin.models.effects.unnamed import (
@@ -112,14 +112,6 @@ class Held:
     def free_values(self) -> Floats:
         """(P,) the values that are free."""
         return self.values[self.candidate.places]
-
-    def usually_shaped(self) -> Held:
-        """A bad rotor with its usual share of the torque; itself where that is so."""
-        values = self.values.copy()
-        for k, p in enumerate(self.candidate.term.effect.parameters):
-            if p.name == TORQUE_SHARE.name:
-                values[:, k] = p.start
-        return self if np.array_equal(values, self.values) else replace(self, values=values)
 
     def moved(self, by: Floats) -> Held:
         """With the free values (P,) moved, kept within their bounds."""

@@ -63,25 +63,26 @@ def delay_reading(delay_s: Floats, good: GoodFlights | None, resolution: float) 
     )
 
 
-def delay_of_rows(flight: Problem, bins: NDArray[np.intp], longest: float) -> Floats:
+def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
     """(2,) s: delay of the rotor speeds of one flight, and its standard error.
 
-    `bins` (T,) says which mean each row is of. The error is infinite where nothing quick happens,
-    for motor outputs, and where the delay is longer than `longest` s: the means show it then.
+    `bins` (T,) says which mean each row is of. The error is infinite for motor outputs and where
+    nothing quick happens. It is no smaller than makes no delay as unlikely as it is.
     """
     if flight.of_outputs or flight.lacks(ROTOR_SPEED_LAG):
         return UNKNOWN
     flight, bins = flight.rows(np.arange(min(ENOUGH, bins.size))), bins[:ENOUGH]
     measured = flight.in_modes(flight.measured_rpm)
+
+    def left(delay: float) -> Floats:
+        return _within(measured - _predicted(flight, delay), bins)
+
     (lag,) = ROTOR_SPEED_LAG.parameters
-    tried = np.arange(lag.lower, lag.upper, lag.scale)
-    left = [_within(measured - _predicted(flight, value), bins) for value in tried]
-    sizes = [np.log(np.sum(e**2, axis=0)).sum() for e in left]  # -2 log likelihood of unknown noise
-    at, error = float(tried[np.argmin(sizes)]), np.inf  # from nothing, steps may end anywhere
+    tried = np.arange(lag.lower, lag.upper, lag.scale)  # from nothing, steps may end anywhere
+    at, shown = float(max(tried, key=lambda delay: _log_likelihood(left(delay)))), 0.0
     for _ in range(STEPS):
-        now, later = (_predicted(flight, at + by) for by in (0.0, LAG_STEP / 2))
-        residual = _within(measured - now, bins)
-        slope = _within((later - now) / (LAG_STEP / 2), bins)
+        residual = left(at)
+        slope = (residual - left(at + LAG_STEP / 2)) / (LAG_STEP / 2)
         still = np.zeros(bins.size, dtype=np.bool_)
         filter_ = whitening_of(
             residual, flight.flight, flight.follows, still, float(flight.measured_rpm.mean())
@@ -90,8 +91,14 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp], longest: float) -> Fl
         shown = float(np.sum(d * d))
         if shown <= 0.0:
             return UNKNOWN
-        at, error = at + float(np.sum(d * z)) / shown, shown**-0.5
-    return np.array([at, error if abs(at) <= longest else np.inf])
+        at += float(np.sum(d * z)) / shown
+    over_none = _log_likelihood(left(at)) - _log_likelihood(left(0.0))
+    return np.array([at, max(shown**-0.5, abs(at) / np.sqrt(max(2.0 * over_none, 1.0)))])
+
+
+def _log_likelihood(residual: Floats) -> float:
+    """Of a residual (T, R) in modes, each with the noise that fits it best."""
+    return -0.5 * len(residual) * float(np.log(np.sum(residual**2, axis=0)).sum())
 
 
 def _predicted(flight: Problem, delay: float) -> Floats:

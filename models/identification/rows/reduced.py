@@ -87,8 +87,7 @@ def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Pr
 
 def delay_of(flight: Problem) -> Floats:
     """(2,) s of all rows of one flight; `delay_of_rows`."""
-    longest = BIN * froude_time_scale(flight.model.airframe) / 2.0
-    return delay_of_rows(flight, _bins(flight), longest)
+    return delay_of_rows(flight, _bins(flight))
 
 
 def _bins(flight: Problem) -> NDArray[np.intp]:

@@ -89,21 +89,8 @@ class Search:
                 if self.best.total > best.total + FAR:
                     break
             if self.best.key == best.key:
-                self._again(linear)
-            if self.best.key == best.key:
                 break
             best = self.best
-
-    def _again(self, linear: Linear) -> None:
-        """Fit sets anew from the values of the best, where about it they promise to be likelier
-        than they were found from elsewhere: a delay has more than one likely value."""
-        best = self.fitted[linear.about.key]
-        for key in self.possible:
-            found = self.fitted[key]
-            promised = linear.score(key).log_evidence
-            if promised > max(found.total + STALE, best.total - NEAR):
-                other = self._fit(key, [linear.held[c] for c in sorted(key)], 8, best.total)
-                self.fitted[key] = max(found, other, key=lambda one: one.total)
 
     def add(self, more: Sequence[Candidate], beside: Key) -> bool:
         """Candidates that were found on the way, each tried alone and beside a set; True where one
@@ -247,11 +234,6 @@ class Search:
         found = self._fit(
             key, [near[c] if near else self.start[c] for c in sorted(key)], steps, best
         )
-        usual = [h.usually_shaped() for h in found.held]
-        changed = any(a is not b for a, b in zip(usual, found.held, strict=True))
-        if changed and found.total > best - NEAR:
-            other = self._fit(key, usual, 0)
-            found = other if other.total > found.total + STALE else found
         self.fitted[key] = found
         if found.possible != key:
             self.fit(found.possible, near)  # what cannot be may hide what is beside it
