@@ -89,8 +89,21 @@ class Search:
                 if self.best.total > best.total + FAR:
                     break
             if self.best.key == best.key:
+                self._again(linear)
+            if self.best.key == best.key:
                 break
             best = self.best
+
+    def _again(self, linear: Linear) -> None:
+        """Fit sets anew from the values of the best, where about it they promise to be likelier
+        than they were found from elsewhere: of an exponent or a lag steps may end short."""
+        best = self.fitted[linear.about.key]
+        for key in self.possible:
+            found = self.fitted[key]
+            promised = linear.score(key).log_evidence
+            if promised > max(found.total + STALE, best.total - NEAR):
+                other = self._fit(key, [linear.held[c] for c in sorted(key)], 8, best.total)
+                self.fitted[key] = max(found, other, key=lambda one: one.total)
 
     def add(self, more: Sequence[Candidate], beside: Key) -> bool:
         """Candidates that were found on the way, each tried alone and beside a set; True where one

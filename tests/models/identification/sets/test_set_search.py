@@ -228,6 +228,19 @@ def test_a_neighbour_is_fitted_from_values_nearby_and_takes_no_place_among_the_s
     assert search.fit(key, ()) is search.fitted[key]
 
 
+def test_a_set_that_was_found_from_elsewhere_is_fitted_again_from_the_values_of_the_best():
+    search = searched(FEW, hidden_mass=2.0)
+    mass, both = place(search, "extra_mass"), place(search, "extra_mass", "yaw_trim")
+    right = search.fit(both, ()).total
+    far = [at(search, "extra_mass", 9.0), at(search, "yaw_trim", 0.0)]
+    search.fitted[both] = replace(search._fit(both, far, 0), total=right - 8.0)
+    search.fit(frozenset(), ())
+    search.fit(mass, ())
+    search.run()
+    assert search.best.key == mass
+    assert search.fitted[both].total == pytest.approx(right, abs=0.05)
+
+
 def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect(monkeypatch):
     """A rotor would have to gain more than any propeller does; beside it the mass is there."""
     search = searched(["rotor_degradation", "extra_mass"], hidden_mass=4.0, loss=-0.25)
