@@ -51,9 +51,7 @@ def headline(advice: Advice) -> str:
 def _first_line(advice: Advice, level: FlightLevel) -> str:
     use, limit = advice.use, percent(advice.limit)
     if level is FlightLevel.DAMAGED:
-        return f" {say('AND')} ".join(
-            dict.fromkeys(_fault_line(advice, e.fault) for e in advice.faults)
-        )
+        return damage_words(advice)
     if level is FlightLevel.LOST:
         return say("LOST CONTROL AT {clock}", clock=clock(advice.losses[0].time_s))
     if level is FlightLevel.BATTERY:
@@ -97,6 +95,12 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
         # What was not seen may have been above it.
         return say("{words} UP TO {clock}", words=words, clock=clock(advice.unseen_from_s))
     return words
+
+
+def damage_words(advice: Advice) -> str:
+    """The bad rotors and motors in capitals, each with its amount."""
+    lines = dict.fromkeys(_fault_line(advice, episode.fault) for episode in advice.faults)
+    return f" {say('AND')} ".join(lines)
 
 
 def _fault_line(advice: Advice, fault: RotorFault) -> str:
@@ -164,6 +168,8 @@ def action(advice: Advice) -> str:
         more = number(advice.fill.beyond_gauge_kg, "kg")
         words = "{action}: thrust shows {more} more than was reported"
         first.append(say(words, action=actions.CHECK_LOAD.text, more=more))
+    if FlightLevel.DAMAGED in advice.levels:
+        return "; ".join([*first, load])
     # Where no fill can be less, how it is flown is all that is left.
     hard = {FlightLevel.OVER, FlightLevel.NEAR} if advice.fill.nothing_fits is not None else set()
     if not _spent_alone(advice):
@@ -235,6 +241,8 @@ def _passing(advice: Advice) -> str:
 def one_rotor_out(advice: Advice) -> str:
     """What the loss of a rotor would have meant."""
     lost = advice.lost
+    if not math.isfinite(lost.least) and advice.faults:
+        return say(fault_words.ONE_MORE_LOST)
     if not math.isfinite(lost.least):
         return say("not known, because the tank level is unknown")
     held = number(lost.least, "×", 2)

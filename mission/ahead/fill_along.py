@@ -39,14 +39,16 @@ def largest_fill(
     limit: float,
     flown: Callable[[PlanConditions], Advised],
 ) -> float:
-    """kg with which the answer is that all stays below the limit; 0: not even empty.
+    """kg with which the answer is that all stays below the limit; 0: not even empty. NaN where it
+    is not known, as with a bad rotor.
 
     Load and limit go together nearly as a line does, so few flights are needed.
     """
     craft = flown_airframe(advised.analysis.model)
     most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - craft.empty_mass)
     kg, answer = given.fill_kg, advised
-    if not math.isfinite(answer.advice.use.lasting_most) or not math.isfinite(most):
+    known = math.isfinite(answer.advice.use.lasting_most) and math.isfinite(most)
+    if not known or answer.advice.faults:
         return math.nan
     good, bad = 0.0, math.inf
     before: tuple[float, float] | None = None

@@ -25,10 +25,10 @@ from thrustmargin.models.checks.full_battery import HELD_ROWS
 from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
 from thrustmargin.models.checks.stopped_rotor import stopped_rotors
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
+from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict, with_bad_part
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
-from thrustmargin.models.model.next_fill import NextFill, next_fill
+from thrustmargin.models.model.next_fill import NextFill, next_fill, unsound_fill
 from thrustmargin.models.model.rotor_faults import (
     FaultEpisode,
     FaultHistory,
@@ -70,7 +70,8 @@ class FlightLevel(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorLost:
-    """What one lost rotor would have meant, yaw uncontrolled; NaN where the load is unknown."""
+    """What one lost rotor would have meant, yaw uncontrolled; NaN where the load is unknown, and
+    where it would have been survived but a part was bad."""
 
     least: float = NAN  # holdable thrust over weight, with the ends of its 90 % interval
     least_low: float = NAN
@@ -163,8 +164,8 @@ def advise(
 
         >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
         >>> made = advise(analyse(log.track, load_model())).advice
-        >>> [str(level) for level in made.levels], round(made.fill.kg)
-        (['damaged', 'under'], 9)
+        >>> [str(level) for level in made.levels], made.fill.kg
+        (['damaged', 'under'], nan)
     """
     whole = for_verdict(analysis)
     losses = loss_of_control(whole.track)
@@ -189,6 +190,11 @@ def advise(
     faults = tuple(e for e in episodes if e.fault not in repaired)
     faults = () if analysis.withheld else faults
     faults = tuple(sorted([*stopped_episodes(track), *faults], key=lambda one: one.begin_s))
+    if faults:
+        one, whole_too = with_bad_part(analysis), whole is analysis
+        analysis, whole = one, one if whole_too else with_bad_part(whole)
+        fill, by_use, by_lost = unsound_fill(fill), by_use * NAN, by_lost * NAN
+        lost = lost if lost.not_survivable_s > 0.0 else RotorLost(known_s=lost.known_s)
     battery = _battery(analysis)
     airborne_s = track.flying_s
     shown_s = float(seconds[track.flying & analysis.any_measured].sum())

@@ -75,6 +75,11 @@ class FlightSoFar:
         """The autopilot's."""
         return self.state.parameters
 
+    @property
+    def found_bad(self) -> bool:
+        """Whether a rotor or motor was found bad in it."""
+        return any(faults for _, faults in self.faults)
+
     @cached_property
     def measured(self) -> FlightTrack:
         """Its rows without what instruments say that stood still in it, as of a file."""

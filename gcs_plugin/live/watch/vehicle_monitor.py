@@ -6,6 +6,7 @@ given, so that a recording gives live what it gives from its file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -40,7 +41,13 @@ from thrustmargin.gcs_plugin.mavlink.scan import BOOT_CLOCKS
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse, heavier
+from thrustmargin.models.model.analysis import (
+    FlightAnalysis,
+    FlightState,
+    analyse,
+    heavier,
+    with_bad_part,
+)
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -250,6 +257,10 @@ class VehicleMonitor:
         else:
             self._sortie.add(reported, new.clock_s, self.claim, self.state, events)
             self._landed.forget(float(new.stamp_us[-1]) - self._sortie.kept_s * 1e6)
+        outlook = self._ahead.now
+        if self.alarms.of_parts or (flight is not None and flight.found_bad):
+            analysis = with_bad_part(analysis)
+            outlook = replace(outlook, full=lambda: math.nan)
         kept = self.last
         self.last = Update(
             vehicle=self.system,
@@ -264,7 +275,7 @@ class VehicleMonitor:
             pumped_kg=arrays["pumped_kg"],
             delivered_kg=arrays["delivered_kg"],
             margin_ahead=arrays["margin_ahead"],
-            outlook=self._ahead.now,
+            outlook=outlook,
             alarms=tuple(self.alarms.listed.values()),
             events=tuple(events),
             flight=self._sortie.now,

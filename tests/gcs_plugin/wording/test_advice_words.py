@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
 from thrustmargin.models.model.fault_test import RotorFault
-from thrustmargin.models.model.next_fill import NextFill
+from thrustmargin.models.model.next_fill import NextFill, unsound_fill
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 from thrustmargin.models.model.thrust_use import ThrustUse
 
@@ -157,10 +157,10 @@ def test_a_loss_of_control_stands_in_the_first_line_beside_the_rotor():
 
 
 def test_what_to_do_follows_the_same_order():
-    said = action(with_fault(FlightLevel.CRITICAL))
+    said = action(with_fault(FlightLevel.CRITICAL, fill=unsound_fill(FILL)))
     assert said == (
         "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
-        "for the load: fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
+        "no fill can be recommended while a rotor or motor is bad"
     )
     # While it flies it is to land, and the fill waits; without a damage nobody is asked to land.
     flying = action(with_fault(FlightLevel.CRITICAL, goes_on=True))

@@ -7,6 +7,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.wording.advice_words import facts, headline
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_MORE_LOST
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -107,6 +108,29 @@ def test_a_bad_rotor_comes_first_and_is_named_where_its_name_is_known(sitl_logs)
     assert [episode.fault.rotor for episode in made.faults] == [2]
     assert made.rotor_names[2] == "front left"
     assert advise(worn, names_known=False).advice.rotor_names == ()
+
+
+def test_what_holds_for_sound_rotors_is_not_said_of_a_bad_one(sitl_logs, sound):
+    """Of one more rotor lost it stays known that it would not be survived, not that it would."""
+    worn = analyse(read_log(sitl_logs / "onset" / "worn_prop_onset.tlog").track, shipped_model())
+    assert np.nanmin(worn.redundancy_yaw_uncontrolled) > 1.0
+    made = advise(worn)
+    assert np.isnan([made.advice.fill.kg, made.advice.fill.fresh_kg, made.advice.lost.least]).all()
+    of_rows = (
+        made.whole.redundancy_yaw_uncontrolled,
+        made.analysis.trimmable_loss,
+        made.fill_limit_kg,
+    )
+    assert np.isnan(of_rows).all()
+    assert dict(facts(made.advice))["one rotor lost"] == ONE_MORE_LOST
+    share = 0.97 / np.nanmin(worn.redundancy_yaw_uncontrolled)
+    heavy = replace(worn, redundancy_yaw_uncontrolled=share * worn.redundancy_yaw_uncontrolled)
+    bad = advise(heavy)
+    assert 0.96 < bad.advice.lost.least < 1.0
+    assert np.nanmax(bad.analysis.redundancy_yaw_uncontrolled) < 1.0
+    assert np.isnan(bad.advice.fill.kg)
+    assert advise(sound).advice.fill.kg > 0.0
+    assert not advise(sound).analysis.bad_part
 
 
 def test_a_flight_that_is_none_has_no_answer(sound):
