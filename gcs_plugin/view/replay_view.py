@@ -246,7 +246,7 @@ class ReplayView(ViewPage):
     def _drawn_charts(self, _number: int, _back_s: float) -> dict[str, Any]:
         now_s = self._start_s + self.clock.now()
         shown = {"window_s": charts.WINDOW_S, "ahead": charts.AHEAD}
-        return {"charts": charts.chart_images(self._airframe, self._speeds, now_s, **shown)}
+        return {"charts": charts.chart_images(self._analysis.places, self._speeds, now_s, **shown)}
 
     def _clicked(self, event: SceneClickEvent) -> None:
         """Go to the time at which the aircraft was where the route was clicked on."""
@@ -282,7 +282,7 @@ class ReplayView(ViewPage):
                     names[f.kind],
                     None if f.rotors else f.rotor + 1,
                     CRITICAL,
-                    fault_words(f, self._airframe.rotor_names),
+                    fault_words(f, self._analysis.places),
                     time_s,
                     rotors=tuple(rotor + 1 for rotor in f.rotors),
                 )
@@ -301,7 +301,7 @@ class ReplayView(ViewPage):
             self._pinned = None
             self._scene.set_pin(np.full(3, np.nan))
         else:
-            self._pinned = overlay.at(row, self._time_of(row), self._airframe.rotor_names)
+            self._pinned = overlay.at(row, self._time_of(row), self._analysis.places)
             self._scene.set_pin(ShownRow(self._analysis, row).position_enu)
 
     def _worst_row(self) -> int | None:

@@ -182,14 +182,9 @@ def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
 
 def moment_words(moment: Moment) -> str:
     """Which, when and in what movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
-    parts = [
-        say(
-            "rotor {rotor}, {place}, at {clock}",
-            rotor=moment.rotor,
-            place=place_words(moment.rotor_name),
-            clock=numbers.clock(moment.time_s),
-        )
-    ]
+    known = {"rotor": moment.rotor, "clock": numbers.clock(moment.time_s)}
+    words, place = "rotor {rotor}, {place}, at {clock}", place_words(moment.rotor_name)
+    parts = [say(words if place else "rotor {rotor}, at {clock}", place=place, **known)]
     if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
         use = moment.capacity_use, moment.capacity_use_low, moment.capacity_use_high
         parts.append(say("{use} in use", use=numbers.percent_within(*use)))

@@ -151,16 +151,14 @@ def advise(
     analysis: FlightAnalysis,
     *,
     limit: float = 0.5,
-    names_known: bool = True,
     history: FaultHistory | None = None,
     goes_on: bool = False,
     planned: bool = False,
 ) -> Advised:
     """The answer of a whole flight; `limit` is the share of a rotor's thrust that may last.
 
-    Not `names_known`: the rotors of the log are in another order than the airframe's. `history` are
-    the faults that were found while it flew; without it they are sought. `goes_on`: it flies now.
-    One that is only `planned` has nothing but its prediction.
+    `history` are the faults that were found while it flew; without it they are sought. `goes_on`:
+    it flies now. One that is only `planned` has nothing but its prediction.
 
         >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
         >>> made = advise(analyse(log.track, load_model())).advice
@@ -225,7 +223,7 @@ def advise(
             repaired=repaired,
             losses=tuple(losses),
             rotor_count=track.rotor_count,
-            rotor_names=analysis.model.airframe.rotor_names if names_known else (),
+            rotor_names=() if analysis.claim.other_order else analysis.places,
             predicted_alone=predicted_alone,
             unseen_from_s=NAN if goes_on else _unseen_from(whole.track),
             begun_before=bool(whole.track.flying[:1].any() and not (goes_on or planned)),

@@ -114,6 +114,12 @@ class FlightAnalysis:
         return self.claim.withheld
 
     @property
+    def places(self) -> tuple[str, ...]:
+        """Where each rotor sits; empty words where the flight's motors are in another order."""
+        names = self.model.airframe.rotor_names
+        return ("",) * len(names) if self.claim.other_order else names
+
+    @property
     def margin(self) -> Floats:
         """(T, R) thrust margin, 1 - utilisation, from measured rotor speeds."""
         return 1.0 - self.utilisation

@@ -125,9 +125,8 @@ class FlightSoFar:
         """As of a report of these rows, with the faults that were found in flight."""
         track, state = self._prepared, self.state
         made = advise(
-            analyse(track, self.model, claim=replace(self.claim, outputs=self.outputs)),
+            analyse(track, self.model, claim=self.shown_by(self.claim)),
             limit=self.limit,
-            names_known=not self.other_order,
             history=self.faults,
             goes_on=self.goes_on,
         )

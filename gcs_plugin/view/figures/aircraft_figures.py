@@ -40,7 +40,7 @@ def aircraft_figures(
     rotors = [
         {
             "number": i + 1,
-            "place": "" if claim.other_order else airframe.rotor_names[i],
+            "place": row.analysis.places[i],
             "x": round(float(places[i, 0]), 3),
             "y": round(float(places[i, 1]), 3),
             "left": known(margin[i], 4),

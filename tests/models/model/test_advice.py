@@ -107,7 +107,9 @@ def test_a_bad_rotor_comes_first_and_is_named_where_its_name_is_known(sitl_logs)
     assert made.levels == (FlightLevel.DAMAGED, FlightLevel.UNDER)
     assert [episode.fault.rotor for episode in made.faults] == [2]
     assert made.rotor_names[2] == "front left"
-    assert advise(worn, names_known=False).advice.rotor_names == ()
+    other = replace(worn, claim=replace(worn.claim, other_order=True))
+    assert advise(other).advice.rotor_names == ()
+    assert other.places == ("",) * 4
 
 
 def test_what_holds_for_sound_rotors_is_not_said_of_a_bad_one(sitl_logs, sound):
