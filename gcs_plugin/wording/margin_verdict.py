@@ -24,8 +24,7 @@ from thrustmargin.models.scores import Estimate
 
 #: Why a flight of which the model alone speaks has no good verdict.
 PREDICTED_ALONE = (
-    "predicted: for most of the flight no rotor speed, measured or from motor outputs, "
-    "shows what its rotors did"
+    "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
 )
 
 
@@ -204,6 +203,14 @@ def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float 
     return f"{numbers.joined(numbers.within(*ends, factor=factor, most=decimals))} {unit}".rstrip()
 
 
+def _outputs_go_on(analysis: FlightAnalysis) -> str:
+    """That motor outputs are there where speeds are not: of an ESC that was heard none is made."""
+    silent = analysis.track.flying & ~analysis.any_measured
+    outputs = np.any(analysis.track.throttle > 0.0, axis=1)[silent]
+    known = outputs.size and float(np.mean(outputs)) > 0.5
+    return say("; motor outputs went on, not used: look at ESC telemetry") if known else ""
+
+
 def basis_words(
     analysis: FlightAnalysis, measured_s: float, known_s: float, airborne_s: float
 ) -> str:
@@ -224,7 +231,8 @@ def basis_words(
             basis=say(analysis.speed_basis),
             part=numbers.percent(measured_s / known_s),
         )
-        return f"{words}{tail}"
+        silent = _outputs_go_on(analysis) if measured_s < 0.95 * known_s else ""
+        return f"{words}{silent}{tail}"
     if np.any(analysis.from_outputs):
         return f"{say('rotor speeds')} {analysis.track.source('rotor_speed_rpm').words}{tail}"
     return f"{say('measured rotor speeds')}{tail}"

@@ -8,6 +8,7 @@ import pytest
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.wording.advice_words import facts, headline
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_MORE_LOST
+from thrustmargin.gcs_plugin.wording.margin_verdict import basis_words
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -209,3 +210,14 @@ def test_a_rotor_that_flies_sound_is_repaired_though_the_model_holds_its_loss(so
 def test_a_loss_that_no_alarm_would_name_is_none(sound):
     made = advise(analyse(sound.track, worn_model(0.02))).advice
     assert (made.faults, made.repaired) == ((), ())
+
+
+@pytest.mark.parametrize(("outputs", "words"), [(0.5, "motor outputs went on"), (np.nan, "rest")])
+def test_outputs_that_go_on_where_every_esc_fell_silent_are_not_kept_quiet(sound, outputs, words):
+    silent = sound.track.time_s > 80.0
+    asked = np.where(silent[:, None], outputs, sound.track.throttle)
+    use = np.where(silent[:, None], np.nan, sound.utilisation)
+    made = replace(sound, utilisation=use, track=replace(sound.track, throttle=asked))
+    said = basis_words(made, measured_s=70.0, known_s=200.0, airborne_s=200.0)
+    assert words in said.split("predicted for the ")[1]
+    assert ("outputs" in said) == np.isfinite(outputs)
