@@ -90,11 +90,22 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
         return say("ABOVE THE {limit} LIMIT FOR {long}", limit=limit, long=long)
     if level is FlightLevel.UNKNOWN:
         return say("NO VERDICT")
-    words = say(SEVERAL[level], limit=limit)
+    words = say(SEVERAL[level], limit=limit) + _known_in_part(advice)
     if advice.ends_in_flight and level is FlightLevel.UNDER:
         # What was not seen may have been above it.
         return say("{words} UP TO {clock}", words=words, clock=clock(advice.unseen_from_s))
     return words
+
+
+def _known_in_part(advice: Advice) -> str:
+    """Behind what is good or near: for how much of the flight what it rests on is known."""
+    if not math.isfinite(advice.lost.least):
+        return "" if advice.faults else say(" (LOAD NOT KNOWN)")
+    known_s, whole_s = min(advice.use.known_s, advice.lost.known_s), advice.airborne_s
+    if known_s >= 0.95 * whole_s - 1.0:
+        return ""
+    known, whole = (duration(seconds).upper() for seconds in (known_s, whole_s))
+    return say(" (KNOWN FOR {known} OF {all})", known=known, all=whole)
 
 
 def damage_words(advice: Advice) -> str:

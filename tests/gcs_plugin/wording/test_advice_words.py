@@ -135,6 +135,17 @@ def test_the_first_line_of_each_level():
     assert say(FlightLevel.BATTERY, battery=collapsed) == "BATTERY COLLAPSED: 2.61 V A CELL AT 3:10"
 
 
+def test_the_first_line_is_no_surer_than_what_it_rests_on():
+    good = replace(ADVICE, levels=(FlightLevel.UNDER,))
+    assert headline(good) == "BELOW THE 50 % LIMIT"
+    short = replace(good, lost=replace(good.lost, known_s=14.0))
+    assert headline(short) == "BELOW THE 50 % LIMIT (KNOWN FOR 14 S OF 3 MIN 20 S)"
+    brief_use = replace(good, use=replace(USE, known_s=110.0))
+    assert headline(brief_use) == "BELOW THE 50 % LIMIT (KNOWN FOR 1 MIN 50 S OF 3 MIN 20 S)"
+    near = replace(good, levels=(FlightLevel.NEAR,), lost=RotorLost())
+    assert headline(near) == "NEAR THE 50 % LIMIT: CANNOT TELL (LOAD NOT KNOWN)"
+
+
 def test_a_bad_rotor_comes_first_with_its_place_and_amount():
     assert headline(with_fault(FlightLevel.CRITICAL)) == "ROTOR 3, FRONT LEFT: 12 % LESS THRUST"
     growing = replace(FAULT, upper=0.6, lower=0.4)
