@@ -16,6 +16,7 @@ Made once from the analysis, the faults of its rotors and the loss of control; t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -187,7 +188,9 @@ def advise(
     repaired = tuple(e.fault for e in episodes if e.end_s is not None and e.fault in known)
     faults = tuple(e for e in episodes if e.fault not in repaired)
     faults = () if analysis.withheld else faults
-    faults = tuple(sorted([*stopped_episodes(track), *faults], key=lambda one: one.begin_s))
+    stopped = stopped_episodes(track)
+    faults = tuple(e for e in faults if not stands(e.fault, stopped, e.begin_s))
+    faults = tuple(sorted([*stopped, *faults], key=lambda one: one.begin_s))
     if faults:
         one, whole_too = with_bad_part(analysis), whole is analysis
         analysis, whole = one, one if whole_too else with_bad_part(whole)
@@ -276,6 +279,13 @@ def stopped_episodes(track: FlightTrack) -> list[FaultEpisode]:
         )
         for one in stopped_rotors(track)
     ]
+
+
+def stands(fault: RotorFault, stopped: Sequence[FaultEpisode], time_s: float) -> bool:
+    """Whether a fault found at `time_s` is of a rotor, or of one of several, that `stopped` before:
+    all that it lacks is explained."""
+    still = {one.fault.rotor for one in stopped if one.begin_s <= time_s}
+    return not still.isdisjoint((fault.rotor, *fault.rotors))
 
 
 def cells(airframe: Airframe) -> int:

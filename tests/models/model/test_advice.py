@@ -13,6 +13,7 @@ from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model
 
 
@@ -158,6 +159,11 @@ def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
     assert (made.faults[0].fault.kind, made.faults[0].fault.rotor) == ("stopped", 2)
     assert headline(made).startswith("ROTOR 3, FRONT LEFT: STOOD STILL IN FLIGHT")
     assert "Rotor 3 front left stands still: land" in dict(facts(made))["alarm"]
+    # What it lacks is no second fault, of it or of one of two; what was there before is.
+    pair = RotorFault(kind="propeller", rotor=3, rotors=(2, 3), size=0.2, lower=0.1, upper=0.3)
+    for found_s, kinds in ((150.0, ["stopped"]), (50.0, ["propeller", "stopped"])):
+        both = advise(replace(sound, track=stood), history=[(found_s, (pair,))]).advice
+        assert [one.fault.kind for one in both.faults] == kinds
     # It needs no airframe, and of one that is not known it has no place.
     unknown = replace(sound, claim=AirframeClaim(withheld=("another battery",)))
     made = advise(replace(unknown, track=stood)).advice
