@@ -33,8 +33,9 @@ INSTRUMENTS = {
     "tank_kg": "tank gauge",
     "airspeed": "airspeed reading",
 }
-#: rad by which an aircraft has tilted that surely changed its speed.
-TILTED = 0.05
+#: rad between which an aircraft tilts, but for the SELDOM most to either side, that surely changed
+#: its speed; a hover shakes by less.
+TILTED, SELDOM = 0.1, 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,7 +79,8 @@ def frozen(
     for rows in _stands(track, "airspeed"):
         tilt = track.attitude[rows, :2]
         tilt = tilt[np.isfinite(tilt).all(axis=1)]
-        if tilt.size and np.max(np.ptp(tilt, axis=0)) > TILTED:
+        ends = np.quantile(tilt, [SELDOM, 1.0 - SELDOM], axis=0) if tilt.size else np.zeros((2, 2))
+        if np.max(ends[1] - ends[0]) > TILTED:
             known = track.flying & np.isfinite(track.airspeed)
             found["airspeed"] = Stand(
                 value=float(track.airspeed[rows][0]),
