@@ -75,11 +75,6 @@ class FlightSoFar:
         """The autopilot's."""
         return self.state.parameters
 
-    @property
-    def found_bad(self) -> bool:
-        """Whether a rotor or motor was found bad in it."""
-        return any(faults for _, faults in self.faults)
-
     @cached_property
     def measured(self) -> FlightTrack:
         """Its rows without what instruments say that stood still in it, as of a file."""
@@ -254,6 +249,12 @@ class SortieRows:
             limit=self._alarms.settings.max_utilisation,
             goes_on=bool(track.flying[-1]),
         )
+
+    @property
+    def found_bad(self) -> bool:
+        """Whether a rotor or motor was found bad in it, or before it and not cleared."""
+        found = () if self.now is None else self.now.faults
+        return self._alarms.of_parts or any(faults for _, faults in found)
 
     @property
     def kept_s(self) -> float:

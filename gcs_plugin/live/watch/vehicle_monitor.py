@@ -6,7 +6,6 @@ given, so that a recording gives live what it gives from its file.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -26,7 +25,7 @@ from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, Sorti
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.landed_flight import LandedFlights
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
-from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, with_rows
+from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, of_bad_part, with_rows
 from thrustmargin.gcs_plugin.live.watch.watch_settings import (
     GONE,
     LASTING,
@@ -41,13 +40,7 @@ from thrustmargin.gcs_plugin.mavlink.scan import BOOT_CLOCKS
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import (
-    FlightAnalysis,
-    FlightState,
-    analyse,
-    heavier,
-    with_bad_part,
-)
+from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse, heavier
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -257,12 +250,8 @@ class VehicleMonitor:
         else:
             self._sortie.add(reported, new.clock_s, self.claim, self.state, events)
             self._landed.forget(float(new.stamp_us[-1]) - self._sortie.kept_s * 1e6)
-        outlook = self._ahead.now
-        if self.alarms.of_parts or (flight is not None and flight.found_bad):
-            analysis = with_bad_part(analysis)
-            outlook = replace(outlook, full=lambda: math.nan)
         kept = self.last
-        self.last = Update(
+        made = Update(
             vehicle=self.system,
             boot=new.boot if new is not None else kept.boot if kept is not None else 0,
             analysis=analysis,
@@ -275,13 +264,14 @@ class VehicleMonitor:
             pumped_kg=arrays["pumped_kg"],
             delivered_kg=arrays["delivered_kg"],
             margin_ahead=arrays["margin_ahead"],
-            outlook=outlook,
+            outlook=self._ahead.now,
             alarms=tuple(self.alarms.listed.values()),
             events=tuple(events),
             flight=self._sortie.now,
             notes=new.notes if new is not None else kept.notes if kept is not None else (),
             asked=self._asked,
         )
+        self.last = of_bad_part(made) if self._sortie.found_bad else made
         return self.last
 
     def _claimed(self, new: LiveRows, start: FlightState | None) -> FlightState | None:
