@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
+from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, named, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
@@ -225,7 +225,7 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, f
     return found, 0 < int(fields["param_count"].max(initial=0)) <= len(found)
 
 
-def _named_values(fields: Mapping[str, NDArray[Any]]) -> Iterator[tuple[str, float]]:
+def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, float]]:
     """Name and value of each PARAM_VALUE."""
     values = np.ascontiguousarray(fields["param_value"], dtype=np.float32)
     # PX4 puts the bits of an integer where the number should be: what is no whole number then.
