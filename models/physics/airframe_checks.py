@@ -48,6 +48,8 @@ MAY_BE_ZERO = frozenset({"ceiling_voltage_exponent", "tank_volume_l", "pump_max_
 #: C_T = a 3600/(rho D^4) of propellers: UIUC's and the makers' tables lie between 0.02 and 0.2.
 _COEFFICIENT_RANGE = (0.01, 0.5)
 _LIQUIDS = (0.5, 3.0)  # kg/L, of all that is sprayed
+#: Times what all rotors lift, beyond which a full tank is in another unit: millilitres are 1000.
+_MILLILITRES = 10.0
 _GRAVITY = 9.80665  # m/s^2
 _LARGEST = 1e30  # of any number in a file
 _KEYS = ("name", "title", "layout", "tank_source", "extends", "quantities", "rotors")
@@ -201,7 +203,7 @@ def _impossible(table: dict[str, Any]) -> list[str]:
         problems.append(
             f"liquid_density is {heavy:g} kg/L; a liquid has {thin:g} to {thick:g}: check its unit"
         )
-    elif (liquid := litres * heavy * _GRAVITY) > lift:
+    elif (liquid := litres * heavy * _GRAVITY) > _MILLILITRES * lift:
         problems.append(
             f"a full tank of {litres:g} L alone weighs {liquid:.4g} N, which all rotors with their "
             f"{lift:.4g} N do not lift: check tank_volume_l"
