@@ -67,6 +67,16 @@ def test_report_page_json_console_replay_store_and_python_agree(
     ) in do.lower()
 
 
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_the_store_keeps_no_redundancy_of_a_flight_with_a_bad_rotor(sitl_logs: Path, name: str):
+    (stored,) = season_flights(sitl_logs / name, "0" * 16, IngestSettings(store=""), name=name)
+    bad = stored.summary["verdict"] == FlightLevel.DAMAGED
+    assert bad == ("worn" in name)
+    kept = stored.rows["redundancy_yaw_free"]
+    assert np.any(kept >= 1.0) != bad
+    assert np.isnan(stored.summary["fill_kg"]) == bad
+
+
 def test_of_an_aircraft_that_is_not_known_live_says_what_the_report_says(sitl_logs: Path):
     """Terminal, page, bar, metrics and MAVProxy, once it has landed; in flight of the flight so
     far, without what its owner is asked."""
