@@ -167,6 +167,18 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     return (Fact("load", f"{load}, {source.words}"),)
 
 
+def voltage_facts(analysis: FlightAnalysis) -> tuple[Fact, ...]:
+    """That the battery's voltage is not known for a part of the flight, and what stands in."""
+    track, craft = analysis.track, analysis.model.airframe
+    unknown_s = float(track.row_seconds[track.flying & ~(track.voltage > 0.0)].sum())
+    if analysis.withheld or unknown_s <= 0.05 * track.flying_s:
+        return ()
+    words = "not known for {long} of {all}: the most thrust is taken at {volts}"
+    long, whole = numbers.duration(unknown_s), numbers.duration(track.flying_s)
+    volts = numbers.number(craft.nominal_voltage, "V")
+    return (Fact("battery voltage", say(words, long=long, all=whole, volts=volts)),)
+
+
 def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
     """Which parts of the flight are unseen: before the log, in its pauses, after it."""
     words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []

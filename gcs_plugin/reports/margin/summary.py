@@ -83,6 +83,7 @@ def report_flight(
         *look_facts(found),
         *(answer if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
         *(() if contact is None else contact_facts(contact)),
+        *margin_verdict.voltage_facts(analysis),
         *(*margin_verdict.load_facts(track), *margin_verdict.unseen_facts(whole.track)),
         *((margin_verdict.Fact("prediction", checked),) if checked else ()),
         *((margin_verdict.Fact("plan", against["words"]),) if against else ()),

@@ -8,7 +8,12 @@ import pytest
 from tests.gcs_plugin.reports.margin.report_flight import log, model
 from thrustmargin.gcs_plugin.reports.margin import report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, end_rows, share
-from thrustmargin.gcs_plugin.wording.margin_verdict import Moment, estimate, moment_words
+from thrustmargin.gcs_plugin.wording.margin_verdict import (
+    Moment,
+    estimate,
+    moment_words,
+    voltage_facts,
+)
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
@@ -238,3 +243,17 @@ def test_an_estimate_has_its_interval_in_brackets_where_there_is_one():
     assert estimate(share_of_rows, "%", 1, 100) == "97 (95 to 100) %"
     assert estimate(Estimate(value=41.23, low=NAN, high=NAN), "rpm") == "41.2 rpm"
     assert estimate(Estimate(value=NAN, low=NAN, high=NAN), "rpm") == "unknown"
+
+
+@pytest.mark.parametrize(("lost", "said"), [(0, ""), (2, ""), (30, "not known for 3.0 s of 9.9 s")])
+def test_a_voltage_that_is_missing_for_a_part_is_said_with_what_stands_in(lost: int, said: str):
+    volts = np.full(100, 50.0)
+    volts[:lost] = 0.0
+    track = FlightTrack.of(
+        name="v", time_s=np.arange(100) / 10.0, rotor_count=4, voltage=volts, tank_kg=np.ones(100)
+    )
+    track = replace(track, flying=np.ones(100, dtype=np.bool_))
+    facts = voltage_facts(analyse(track, model()))
+    assert [f.text for f in facts] == (
+        [f"{said}: the most thrust is taken at 51.8 V"] if said else []
+    )
