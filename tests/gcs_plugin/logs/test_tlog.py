@@ -216,4 +216,6 @@ def test_a_parameter_that_changes_in_flight_is_a_finding_and_on_the_ground_none(
     log = read_log(written(tmp_path, b"".join(frames)))
     found = inspect_log(log, load_airframe("topxgun-f16-sitl")).findings
     words = [one.words for one in repeated(found) if one.check == "vehicle reported"]
-    assert any("parameter changed (MOT_SPIN_MIN: 0.15 to 0.5" in one for one in words) is said
+    changed = [one for one in words if "parameter changed" in one]
+    assert len(changed) == said
+    assert all("(MOT_SPIN_MIN: 0.15 to 0.5; the whole log" in one for one in changed)
