@@ -35,7 +35,7 @@ _NOTHING_FITS: Mapping[Reason, str] = {
     "take-off mass": "empty it has the maker's maximum take-off mass already",
 }
 UNKNOWN_FILL = "No fill can be recommended: mass and rotors of the aircraft are not known"
-UNSOUND = "No fill can be recommended while a rotor or motor is bad"
+UNSOUND = "No fill can be recommended: a rotor or motor is bad, and the limits are of sound ones"
 UNPREDICTED = "No fill can be recommended: the model predicts nothing in these conditions"
 
 

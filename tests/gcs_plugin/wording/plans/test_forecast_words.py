@@ -61,6 +61,8 @@ def test_a_model_that_holds_a_weak_rotor_is_told_of_it_and_gets_no_fill():
         "DO NOT TAKE OFF WITH 6.0 kg (6.0 L): ROTOR 1, FRONT RIGHT: 12 % LESS THRUST"
     )
     assert fill_words(plan) == f"{UNSOUND}."
+    heavy = forecast(plan_of(*TWO_LINES), model, TakeOff(fill_kg=16.0, flow=0.0))
+    assert survivable_words(heavy) == "Whether a lost rotor is survivable is unknown."
     fills = largest_fills(model, 1.2, 52.0, airspeed=4.0)
     assert math.isnan(before_take_off(fills, model).kg)
     assert before_take_off(fills, MODEL).kg > 0.0
