@@ -159,7 +159,8 @@ def test_with_a_bad_rotor_only_what_is_surely_bad_of_the_loss_of_one_more_is_cou
     analysis = used(rising())
     free = np.array([2.0, 0.9, 0.8, 0.9, 0.8, 0.9, 1.2, 1.3, 1.4, 2.0])
     bad = with_bad_part(replace(analysis, redundancy_yaw_uncontrolled=free))
-    unknown = dict.fromkeys(("fill_limit_kg", "fill_one_rotor_out_kg"), np.full(ROWS, np.nan))
+    nothing = np.full(ROWS, np.nan)
+    unknown = {"fill_limit_kg": nothing, "fill_one_rotor_out_kg": nothing}
     rows = redundancy_rows(bad, unknown, analysis.track.row_seconds)
     assert rows["below_one_share"] == pytest.approx(5 / 8)
     assert rows["yaw_free_min"] == pytest.approx(0.8)
