@@ -56,7 +56,9 @@ class NewestFigures:
     basis: str = ""  # what stands in for a measured speed, in words
     rotor: int = 0  # that rotor, from 1
     margin_predicted: float = NAN
+    unmeasured: int = 0  # rotors of which nothing is known where others are measured
     redundancy: float = NAN  # one rotor lost, yaw uncontrolled: holdable thrust over weight
+    redundancy_low: float = NAN  # low end of its 90 % interval; NaN where it has none
     tank_kg: float = NAN
     tank_source: str = ""
     seconds_to_empty: float = NAN
@@ -218,27 +220,38 @@ def _heard_s(update: Update) -> float:
 
 def reading(update: Update, stamp: float) -> NewestFigures:
     """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
+    import numpy as np
+
     from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
     from thrustmargin.gcs_plugin.wording.live_words import by_source
     from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
+    from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
     analysis, outlook = update.analysis, update.outlook
     claim = analysis.claim
-    known, rotor = (float(a[0]) for a in worst_rotor(analysis.known_utilisation[-1:]))
-    basis = analysis.speed_basis if analysis.any_measured[-1] else SpeedBasis.PREDICTED
+    # On the ground as predicted: a rotor at rest has all its thrust left.
+    flying = bool(analysis.track.flying[-1])
+    use = analysis.known_utilisation if flying else analysis.utilisation_predicted
+    known, rotor = (float(a[0]) for a in worst_rotor(use[-1:]))
+    measured = flying and bool(analysis.any_measured[-1])
+    basis = analysis.speed_basis if measured else SpeedBasis.PREDICTED
     predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
-    low, high = analysis.use_ends
+    low, high = analysis.use_ends if flying else (use, use)
+    redundancy = float(analysis.redundancy_yaw_uncontrolled[-1])
+    error = float(np.nan_to_num(analysis.redundancy_error[-1]))
     worst = 0 if math.isnan(rotor) else int(rotor)
     return NewestFigures(
         vehicle=update.vehicle,
         stamp=stamp,
-        flying=bool(analysis.track.flying[-1]),
+        flying=flying,
         margin=1.0 - known,
         basis="" if basis is SpeedBasis.MEASURED else basis,
         ends=(1.0 - float(high[-1, worst]), 1.0 - float(low[-1, worst])),
         rotor=int(rotor) + 1 if math.isfinite(rotor) else 0,
         margin_predicted=1.0 - float(predicted[0]),
-        redundancy=float(analysis.redundancy_yaw_uncontrolled[-1]),
+        unmeasured=int(np.sum(~np.isfinite(analysis.utilisation[-1]))) if measured else 0,
+        redundancy=redundancy,
+        redundancy_low=redundancy * math.exp(-INTERVAL * error),
         tank_kg=float(analysis.track.tank_kg[-1]),
         tank_source=by_source(analysis.track.source("tank_kg")),
         seconds_to_empty=outlook.seconds_to_empty,
@@ -325,13 +338,14 @@ def fields(
         }
     predicted = now.basis == "predicted"
     near, low = (end < 1.0 - max_utilisation for end in now.ends or (now.margin, now.margin))
-    out = now.redundancy < 1.0
+    held = now.redundancy if math.isnan(now.redundancy_low) else now.redundancy_low
+    out = "orange" if held < 1.0 else "green" if held >= 1.0 else "grey"
     rotor = f" R{now.rotor}" if now.rotor else ""
     return {
         "Margin": (
             f"Margin {'≈ ' if predicted else ''}{share(now.margin)}{rotor}",
-            "red" if low else "orange" if near or predicted else "green",
+            "red" if low else "orange" if near or predicted or now.unmeasured else "green",
         ),
-        "OneOut": (f"OneOut {number(now.redundancy, '.2f')}", "orange" if out else "green"),
+        "OneOut": (f"OneOut {number(now.redundancy, '.2f')}", out),
         "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
     }

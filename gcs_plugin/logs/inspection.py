@@ -66,6 +66,7 @@ _SPOILS = {
             "thrust",
             "battery voltage",
             "tank gauge",
+            "airspeed reading",
             "accelerometer",
             "tank",
         ),

@@ -4,7 +4,7 @@ known shows. Report, replay and live ask this one function.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from thrustmargin.gcs_plugin.logs.findings import Finding, names_wrong
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
@@ -29,9 +29,10 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
     """The answer of a log's analysed flight; `limit` is the share of a rotor's thrust that may
     last."""
     found = inspect_log(log, analysis.model.airframe, analysis.claim).findings
+    claim = replace(analysis.claim, other_order=bool(names_wrong(found)))
     return LogAnswer(
         findings=found,
-        made=advise(analysis, limit=limit, names_known=not names_wrong(found)),
+        made=advise(replace(analysis, claim=claim), limit=limit),
         contact=first_contact_of(log, analysis.claim),
     )
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
+from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, named, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
@@ -41,6 +42,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 )
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent, parameter_events
 from thrustmargin.gcs_plugin.wording.live_words import copies_words, two_autopilots
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
@@ -140,6 +142,7 @@ def _boot(
         parameters_whole=whole,
         waypoints=_waypoints(frames, chosen, clock.last_row),
         messages=_texts(streams),
+        events=_parameter_events(streams.get("PARAM_VALUE")),
         unix_minus_clock=clock.stamp_minus_clock if by_gps is None else by_gps,
         quality=LogQuality(
             bytes=frames.data.size - PADDING,
@@ -218,14 +221,25 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, f
     row; those that were sent later alone, as first sent then."""
     rows, fields = named(frames, "PARAM_VALUE", mine)
     fields = np.concatenate([fields[rows > last_row][::-1], fields[rows <= last_row]])
+    found = dict(_named_values(fields))
+    return found, 0 < int(fields["param_count"].max(initial=0)) <= len(found)
+
+
+def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, float]]:
+    """Name and value of each PARAM_VALUE."""
     values = np.ascontiguousarray(fields["param_value"], dtype=np.float32)
     # PX4 puts the bits of an integer where the number should be: what is no whole number then.
     bits = (fields["param_type"] == _INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
     known = np.where(bits, values.view(np.int32), values.astype(np.float64))
-    found = {
-        printable(name): float(value) for name, value in zip(fields["param_id"], known, strict=True)
-    }
-    return found, 0 < int(fields["param_count"].max(initial=0)) <= len(found)
+    for name, value in zip(fields["param_id"], known.tolist(), strict=True):
+        yield printable(name), value
+
+
+def _parameter_events(stream: Stream | None) -> tuple[VehicleEvent, ...]:
+    if stream is None:
+        return ()
+    sent = zip(stream.time_s.tolist(), _named_values(stream.columns), strict=True)
+    return tuple(parameter_events((time_s, *one) for time_s, one in sent))
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ...]:

@@ -27,6 +27,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_events
 from thrustmargin.models.errors import LogError
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -61,6 +62,8 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     own = whole_number(parameters, "MAV_SYS_ID") or 1
     if vehicle is not None and vehicle != own:
         raise LogError(f"{path.name}: no vehicle {vehicle}; it is the log of vehicle {own}")
+    initial = [(-np.inf, name, value) for name, value in parameters.items()]
+    changed = [(at * 1e-6, str(name), float(to)) for at, name, to in log.changed_parameters]
     motors = ulog_motors(topics, parameters)
     signals = {**ulog_signals(topics), **collected(motors.signals)}
     notes = motors.notes
@@ -75,6 +78,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         streams={},
         parameters=parameters,
         messages=tuple((m.timestamp * 1e-6, clean(str(m.message))) for m in log.logged_messages),
+        events=tuple(parameter_events([*initial, *changed], first=True)),
         unix_minus_clock=_unix_offset(topics),
         quality=LogQuality(
             bytes=path.stat().st_size,

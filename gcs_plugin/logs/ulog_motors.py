@@ -51,7 +51,7 @@ def ulog_motors(topics: Mapping[str, list[Topic]], parameters: Mapping[str, floa
     """The motors of the topics (each a list of its instances, in their order)."""
     found = UlogMotors(motor_order="by PX4's actuator functions")
     for topic in topics.get("actuator_motors", [])[:1]:
-        found.signals.extend(_throttle(topic))
+        found = _throttle(topic, found)
     if not found.signals and "actuator_outputs" in topics:
         found = _outputs(topics["actuator_outputs"], parameters)
     for topic in topics.get("esc_status", [])[:1]:
@@ -59,15 +59,22 @@ def ulog_motors(topics: Mapping[str, list[Topic]], parameters: Mapping[str, floa
     return found
 
 
-def _throttle(topic: Topic) -> list[Signal]:
+def _throttle(topic: Topic, found: UlogMotors) -> UlogMotors:
     if "control" not in topic:
-        return []
-    duty = np.clip(in_si(topic, "control", "1"), 0.0, 1.0)
+        return found
+    asked = in_si(topic, "control", "1")
+    duty = np.clip(asked, 0.0, 1.0)
     source = topic_source("actuator_motors", "control", meaning=Meaning.THRUST_DEMAND)
-    return [
-        topic_signal("throttle", source, topic, duty[:, motor], motor)
-        for motor in np.flatnonzero(np.isfinite(duty).any(axis=0)).tolist()
+    motors = np.flatnonzero(np.isfinite(duty).any(axis=0)).tolist()
+    signals = [topic_signal("throttle", source, topic, duty[:, k], k) for k in motors]
+    notes = [
+        f"actuator_motors asks motor {k + 1} for {low:.2f} to {high:.2f} of full output; "
+        "what is beyond 0 to 1 is taken as none or full"
+        for k in motors
+        for low, high in [(float(np.nanmin(asked[:, k])), float(np.nanmax(asked[:, k])))]
+        if low < -0.001 or high > 1.001
     ]
+    return replace(found, signals=signals, notes=notes)
 
 
 def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> UlogMotors:

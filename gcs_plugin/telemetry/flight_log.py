@@ -30,7 +30,7 @@ from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.vehicle_events import arming_events, text_events
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, arming_events, text_events
 from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
@@ -109,6 +109,12 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
     } | dict(recording.unused)
     texts, armed = text_events(recording.messages), best(signals, "armed")
     events = sorted([*recording.events, *texts, *arming_events(armed)], key=lambda e: e.time_s)
+    flown_s = rows.clock_s[track.flying]
+    between = (flown_s[0], flown_s[-1]) if flown_s.size else (np.inf, np.inf)
+    # On the ground parameters are set and sent anew.
+    events = [
+        e for e in events if e.kind is not EventKind.PARAMETER or _is_within(e.time_s, between)
+    ]
     header = {part.name: getattr(recording, part.name) for part in fields(LogHeader)} | {
         "messages": tuple((time - start_s, text) for time, text in recording.messages),
         "events": tuple(replace(event, time_s=event.time_s - start_s) for event in events),
@@ -125,6 +131,10 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
         esc_voltage_offset_v=esc_voltage_offsets(signals, motors.escs),
         unmeasured=rows.unmeasured,
     )
+
+
+def _is_within(time_s: float, between: tuple[float, float]) -> bool:
+    return between[0] < time_s < between[1]
 
 
 def log_of_track(

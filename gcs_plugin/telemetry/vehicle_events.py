@@ -43,6 +43,7 @@ class EventKind(StrEnum):
     FLIGHT_MODE = "flight mode"
     INTERNAL = "internal error"
     OTHER = "other"
+    PARAMETER = "parameter changed"
     RESOLVED = "resolved"  # what the subject is was over
     ARMED = "armed"
     DISARMED = "disarmed"
@@ -143,6 +144,27 @@ def _said(text: str) -> tuple[EventKind, str] | None:
         if found := pattern.match(said):
             return kind, found[1] if found.re.groups and found[1] else ""
     return None
+
+
+#: Beginnings of the parameters that thrust, load and voltage are worked out by; the last is learnt
+#: by the autopilot in every flight.
+_WORKED_BY = ("MOT_", "SERVO", "FRAME_", "BATT", "SPRAY_", "CA_", "PWM_", "THR_MDL")
+_LEARNT = "MOT_THST_HOVER"
+
+
+def parameter_events(
+    changes: Iterable[tuple[float, str, float]], *, first: bool = False
+) -> Iterator[VehicleEvent]:
+    """Each time (s, name, value) that a value which numbers rest on was sent as another; a log is
+    read by the last one, or by the `first`."""
+    known: dict[str, float] = {}
+    taken = "first" if first else "last"
+    for time_s, name, value in changes:
+        before = known.get(name, value)
+        known[name] = value
+        if abs(value - before) > 0.0 and name.startswith(_WORKED_BY) and name != _LEARNT:
+            text = f"{before:g} to {value:g}; the whole log is read by the {taken}"
+            yield VehicleEvent(EventKind.PARAMETER, time_s, name, text)
 
 
 def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[VehicleEvent]:

@@ -173,11 +173,10 @@ class LiveView(ViewPage, Subscriber):
         speeds = None if history is None else history.speeds
         if one is None or one.row is None or speeds is None or one.row.analysis.withheld:
             return {"charts": []}
-        airframe = one.row.analysis.model.airframe
         newest_s = float(speeds.time_s[-1])
         end_s = max(newest_s - back_s, float(speeds.time_s[0]))
         shown = {"window_s": LIVE_WINDOW_S, "ahead": 0.0}
-        made = chart_images(airframe, speeds, end_s, **shown)
+        made = chart_images(one.row.analysis.places, speeds, end_s, **shown)
         return {
             "charts": made,
             "back": round(newest_s - end_s + one.age, 1) if back_s else 0.0,

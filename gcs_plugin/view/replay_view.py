@@ -45,7 +45,7 @@ from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.model.advice import stopped_episodes
+from thrustmargin.models.model.advice import stands, stopped_episodes
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode, fault_history
@@ -246,7 +246,7 @@ class ReplayView(ViewPage):
     def _drawn_charts(self, _number: int, _back_s: float) -> dict[str, Any]:
         now_s = self._start_s + self.clock.now()
         shown = {"window_s": charts.WINDOW_S, "ahead": charts.AHEAD}
-        return {"charts": charts.chart_images(self._airframe, self._speeds, now_s, **shown)}
+        return {"charts": charts.chart_images(self._analysis.places, self._speeds, now_s, **shown)}
 
     def _clicked(self, event: SceneClickEvent) -> None:
         """Go to the time at which the aircraft was where the route was clicked on."""
@@ -267,7 +267,8 @@ class ReplayView(ViewPage):
         at_s = self._start_s + time_s
         last = int(np.searchsorted(self._fault_times, at_s, side="right")) - 1
         stopped = [e.fault for e in self._stopped if e.holds(at_s)]
-        faults = (*stopped, *(self._faults[last][1] if last >= 0 else ()))
+        found = self._faults[last][1] if last >= 0 else ()
+        faults = (*stopped, *(f for f in found if not stands(f, self._stopped, at_s)))
         names = {"propeller": "rotor", "motor": "motor", "stopped": "stopped"}
         return VehicleSummary(
             number=1,
@@ -282,7 +283,7 @@ class ReplayView(ViewPage):
                     names[f.kind],
                     None if f.rotors else f.rotor + 1,
                     CRITICAL,
-                    fault_words(f, self._airframe.rotor_names),
+                    fault_words(f, self._analysis.places),
                     time_s,
                     rotors=tuple(rotor + 1 for rotor in f.rotors),
                 )
@@ -301,7 +302,7 @@ class ReplayView(ViewPage):
             self._pinned = None
             self._scene.set_pin(np.full(3, np.nan))
         else:
-            self._pinned = overlay.at(row, self._time_of(row), self._airframe.rotor_names)
+            self._pinned = overlay.at(row, self._time_of(row), self._analysis.places)
             self._scene.set_pin(ShownRow(self._analysis, row).position_enu)
 
     def _worst_row(self) -> int | None:

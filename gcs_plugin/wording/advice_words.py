@@ -51,9 +51,7 @@ def headline(advice: Advice) -> str:
 def _first_line(advice: Advice, level: FlightLevel) -> str:
     use, limit = advice.use, percent(advice.limit)
     if level is FlightLevel.DAMAGED:
-        return f" {say('AND')} ".join(
-            dict.fromkeys(_fault_line(advice, e.fault) for e in advice.faults)
-        )
+        return damage_words(advice)
     if level is FlightLevel.LOST:
         return say("LOST CONTROL AT {clock}", clock=clock(advice.losses[0].time_s))
     if level is FlightLevel.BATTERY:
@@ -92,11 +90,28 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
         return say("ABOVE THE {limit} LIMIT FOR {long}", limit=limit, long=long)
     if level is FlightLevel.UNKNOWN:
         return say("NO VERDICT")
-    words = say(SEVERAL[level], limit=limit)
+    words = say(SEVERAL[level], limit=limit) + _known_in_part(advice)
     if advice.ends_in_flight and level is FlightLevel.UNDER:
         # What was not seen may have been above it.
         return say("{words} UP TO {clock}", words=words, clock=clock(advice.unseen_from_s))
     return words
+
+
+def _known_in_part(advice: Advice) -> str:
+    """Behind what is good or near: for how much of the flight what it rests on is known."""
+    if not math.isfinite(advice.lost.least):
+        return "" if advice.faults else say(" (LOAD NOT KNOWN)")
+    known_s, whole_s = min(advice.use.known_s, advice.lost.known_s), advice.airborne_s
+    if known_s >= 0.95 * whole_s - 1.0:
+        return ""
+    known, whole = (duration(seconds).upper() for seconds in (known_s, whole_s))
+    return say(" (KNOWN FOR {known} OF {all})", known=known, all=whole)
+
+
+def damage_words(advice: Advice) -> str:
+    """The bad rotors and motors in capitals, each with its amount."""
+    lines = dict.fromkeys(_fault_line(advice, episode.fault) for episode in advice.faults)
+    return f" {say('AND')} ".join(lines)
 
 
 def _fault_line(advice: Advice, fault: RotorFault) -> str:
@@ -164,6 +179,8 @@ def action(advice: Advice) -> str:
         more = number(advice.fill.beyond_gauge_kg, "kg")
         words = "{action}: thrust shows {more} more than was reported"
         first.append(say(words, action=actions.CHECK_LOAD.text, more=more))
+    if FlightLevel.DAMAGED in advice.levels:
+        return "; ".join([*first, load])
     # Where no fill can be less, how it is flown is all that is left.
     hard = {FlightLevel.OVER, FlightLevel.NEAR} if advice.fill.nothing_fits is not None else set()
     if not _spent_alone(advice):
@@ -235,6 +252,8 @@ def _passing(advice: Advice) -> str:
 def one_rotor_out(advice: Advice) -> str:
     """What the loss of a rotor would have meant."""
     lost = advice.lost
+    if not math.isfinite(lost.least) and advice.faults:
+        return say(fault_words.ONE_MORE_LOST)
     if not math.isfinite(lost.least):
         return say("not known, because the tank level is unknown")
     held = number(lost.least, "×", 2)

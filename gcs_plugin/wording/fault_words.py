@@ -78,6 +78,7 @@ def episode_words(episode: FaultEpisode, names: Sequence[str] = ()) -> str:
 WHICH_ROTOR = "by its number in the log; which rotor that is, is not known"
 
 ONE_LOST = "one rotor lost"
+ONE_MORE_LOST = "not known while a rotor or motor is bad"
 #: No yaw moment is asked of the rotors left, or the heading is held.
 SPINS = "without yaw control, it will spin"
 HELD = "with yaw control"

@@ -35,6 +35,7 @@ _NOTHING_FITS: Mapping[Reason, str] = {
     "take-off mass": "empty it has the maker's maximum take-off mass already",
 }
 UNKNOWN_FILL = "No fill can be recommended: mass and rotors of the aircraft are not known"
+UNSOUND = "No fill can be recommended: a rotor or motor is bad, and the limits are of sound ones"
 UNPREDICTED = "No fill can be recommended: the model predicts nothing in these conditions"
 
 
@@ -44,6 +45,8 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
     `limit` is the share of a rotor's largest thrust that may last. Where a flight `was_within` the
     limits nothing must change: `Up to 9.1 kg (9.1 L): with more ...`.
     """
+    if fill.reason == "unsound":
+        return say(UNSOUND)
     if not math.isfinite(fill.kg):
         return say(UNPREDICTED if fill.reason else UNKNOWN_FILL)
     assert fill.reason is not None

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, ONE_MORE_LOST, SPINS
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
@@ -37,6 +37,7 @@ NO_LOAD = WhyUnknown(
     "tank level unknown: no gauge, and no hover yet that shows the load (10 s, with rotor speeds "
     "or motor outputs); --load states it, --tank names its source"
 )
+BAD_PART = WhyUnknown(ONE_MORE_LOST)
 NO_AIRSPEED = WhyUnknown("no airspeed and no ground speed heard", RATES)
 NEXT_SORTIE = "armed again after a flight: the load that you state is taken for this sortie anew"
 NO_MISSION = WhyUnknown("no mission heard", FETCH)

@@ -24,8 +24,7 @@ from thrustmargin.models.scores import Estimate
 
 #: Why a flight of which the model alone speaks has no good verdict.
 PREDICTED_ALONE = (
-    "predicted: for most of the flight no rotor speed, measured or from motor outputs, "
-    "shows what its rotors did"
+    "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
 )
 
 
@@ -168,6 +167,18 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     return (Fact("load", f"{load}, {source.words}"),)
 
 
+def voltage_facts(analysis: FlightAnalysis) -> tuple[Fact, ...]:
+    """That the battery's voltage is not known for a part of the flight, and what stands in."""
+    track, craft = analysis.track, analysis.model.airframe
+    unknown_s = float(track.row_seconds[track.flying & ~(track.voltage > 0.0)].sum())
+    if analysis.withheld or unknown_s <= 0.05 * track.flying_s:
+        return ()
+    words = "not known for {long} of {all}: the most thrust is taken at {volts}"
+    long, whole = numbers.duration(unknown_s), numbers.duration(track.flying_s)
+    volts = numbers.number(craft.nominal_voltage, "V")
+    return (Fact("battery voltage", say(words, long=long, all=whole, volts=volts)),)
+
+
 def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
     """Which parts of the flight are unseen: before the log, in its pauses, after it."""
     words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []
@@ -182,14 +193,9 @@ def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
 
 def moment_words(moment: Moment) -> str:
     """Which, when and in what movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
-    parts = [
-        say(
-            "rotor {rotor}, {place}, at {clock}",
-            rotor=moment.rotor,
-            place=place_words(moment.rotor_name),
-            clock=numbers.clock(moment.time_s),
-        )
-    ]
+    known = {"rotor": moment.rotor, "clock": numbers.clock(moment.time_s)}
+    words, place = "rotor {rotor}, {place}, at {clock}", place_words(moment.rotor_name)
+    parts = [say(words if place else "rotor {rotor}, at {clock}", place=place, **known)]
     if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
         use = moment.capacity_use, moment.capacity_use_low, moment.capacity_use_high
         parts.append(say("{use} in use", use=numbers.percent_within(*use)))
@@ -207,6 +213,14 @@ def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float 
     if not numbers.known(figure.value):
         return numbers.UNKNOWN
     return f"{numbers.joined(numbers.within(*ends, factor=factor, most=decimals))} {unit}".rstrip()
+
+
+def _outputs_go_on(analysis: FlightAnalysis) -> str:
+    """That motor outputs are there where speeds are not: of an ESC that was heard none is made."""
+    silent = analysis.track.flying & ~analysis.any_measured
+    outputs = np.any(analysis.track.throttle > 0.0, axis=1)[silent]
+    known = outputs.size and float(np.mean(outputs)) > 0.5
+    return say("; motor outputs went on, not used: look at ESC telemetry") if known else ""
 
 
 def basis_words(
@@ -229,7 +243,8 @@ def basis_words(
             basis=say(analysis.speed_basis),
             part=numbers.percent(measured_s / known_s),
         )
-        return f"{words}{tail}"
+        silent = _outputs_go_on(analysis) if measured_s < 0.95 * known_s else ""
+        return f"{words}{silent}{tail}"
     if np.any(analysis.from_outputs):
         return f"{say('rotor speeds')} {analysis.track.source('rotor_speed_rpm').words}{tail}"
     return f"{say('measured rotor speeds')}{tail}"

@@ -22,12 +22,12 @@ NUDGE_KG = 0.02  # to the safe side of a limit, so that the search closes in on 
 def survivable_below(analysis: FlightAnalysis) -> float:
     """kg in the tank below which one lost rotor is surely survived wherever the plan has so little.
 
-    Where it never has, below what it is survived anywhere; NaN unknown.
+    Where it never has, below what it is survived anywhere; NaN unknown, as with a bad rotor.
     """
     craft, tank = flown_airframe(analysis.model), analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
     most = (craft.empty_mass + tank) * sure - craft.empty_mass
-    if not np.isfinite(most).all():
+    if analysis.bad_part or not np.isfinite(most).all():
         return math.nan
     least = float(np.min(tank[tank > most], initial=math.inf))
     return least if math.isfinite(least) and np.any(tank < least) else float(most.min())
@@ -39,14 +39,16 @@ def largest_fill(
     limit: float,
     flown: Callable[[PlanConditions], Advised],
 ) -> float:
-    """kg with which the answer is that all stays below the limit; 0: not even empty.
+    """kg with which the answer is that all stays below the limit; 0: not even empty. NaN where it
+    is not known, as with a bad rotor.
 
     Load and limit go together nearly as a line does, so few flights are needed.
     """
     craft = flown_airframe(advised.analysis.model)
     most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - craft.empty_mass)
     kg, answer = given.fill_kg, advised
-    if not math.isfinite(answer.advice.use.lasting_most) or not math.isfinite(most):
+    known = math.isfinite(answer.advice.use.lasting_most) and math.isfinite(most)
+    if not known or answer.advice.faults:
         return math.nan
     good, bad = 0.0, math.inf
     before: tuple[float, float] | None = None

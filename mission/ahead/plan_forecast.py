@@ -233,7 +233,7 @@ def forecast(
             limit,
             lambda g: _advise(fly(way, g, parts.anew), model, limit),
         ),
-        survivable_below_kg=survivable_below(analysis),
+        survivable_below_kg=survivable_below(advised.analysis),
         needs=needed,
         way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),
         swath=day.swath,

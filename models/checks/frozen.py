@@ -1,8 +1,9 @@
 """Instruments that stand still while what they measure cannot: they are none, and left out.
 
 A battery under load never keeps its voltage to the last digit; a tank whose aircraft becomes
-lighter by the thrust of its rotors does not keep its level. Of a voltage the rows in which it
-stands are left out; a gauge that stuck once is not believed before or after either.
+lighter by the thrust of its rotors does not keep its level; who tilts does not keep its airspeed.
+Of a voltage and an airspeed the rows in which it stands are left out; a gauge that stuck once is
+not believed before or after either.
 """
 
 from __future__ import annotations
@@ -27,7 +28,14 @@ FINE_S = 6.0
 LIGHTER = 0.08
 _REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 #: Channels that can be frozen -> what measures them.
-INSTRUMENTS = {"voltage": "battery voltage", "tank_kg": "tank gauge"}
+INSTRUMENTS = {
+    "voltage": "battery voltage",
+    "tank_kg": "tank gauge",
+    "airspeed": "airspeed reading",
+}
+#: rad between which an aircraft tilts, but for the SELDOM most to either side, that surely changed
+#: its speed; a hover shakes by less.
+TILTED, SELDOM = 0.1, 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,6 +74,17 @@ def frozen(
             found["tank_kg"] = Stand(
                 value=float(track.tank_kg[rows][0]),
                 rows=np.ones_like(rows),
+                throughout=bool(rows[known].all()),
+            )
+    for rows in _stands(track, "airspeed"):
+        tilt = track.attitude[rows, :2]
+        tilt = tilt[np.isfinite(tilt).all(axis=1)]
+        ends = np.quantile(tilt, [SELDOM, 1.0 - SELDOM], axis=0) if tilt.size else np.zeros((2, 2))
+        if np.max(ends[1] - ends[0]) > TILTED:
+            known = track.flying & np.isfinite(track.airspeed)
+            found["airspeed"] = Stand(
+                value=float(track.airspeed[rows][0]),
+                rows=rows,
                 throughout=bool(rows[known].all()),
             )
     return found

@@ -16,6 +16,7 @@ Made once from the analysis, the faults of its rotors and the loss of control; t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -25,10 +26,10 @@ from thrustmargin.models.checks.full_battery import HELD_ROWS
 from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
 from thrustmargin.models.checks.stopped_rotor import stopped_rotors
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
+from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict, with_bad_part
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
-from thrustmargin.models.model.next_fill import NextFill, next_fill
+from thrustmargin.models.model.next_fill import NextFill, next_fill, unsound_fill
 from thrustmargin.models.model.rotor_faults import (
     FaultEpisode,
     FaultHistory,
@@ -70,7 +71,8 @@ class FlightLevel(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorLost:
-    """What one lost rotor would have meant, yaw uncontrolled; NaN where the load is unknown."""
+    """What one lost rotor would have meant, yaw uncontrolled; NaN where the load is unknown, and
+    where it would have been survived but a part was bad."""
 
     least: float = NAN  # holdable thrust over weight, with the ends of its 90 % interval
     least_low: float = NAN
@@ -150,21 +152,19 @@ def advise(
     analysis: FlightAnalysis,
     *,
     limit: float = 0.5,
-    names_known: bool = True,
     history: FaultHistory | None = None,
     goes_on: bool = False,
     planned: bool = False,
 ) -> Advised:
     """The answer of a whole flight; `limit` is the share of a rotor's thrust that may last.
 
-    Not `names_known`: the rotors of the log are in another order than the airframe's. `history` are
-    the faults that were found while it flew; without it they are sought. `goes_on`: it flies now.
-    One that is only `planned` has nothing but its prediction.
+    `history` are the faults that were found while it flew; without it they are sought. `goes_on`:
+    it flies now. One that is only `planned` has nothing but its prediction.
 
         >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
         >>> made = advise(analyse(log.track, load_model())).advice
-        >>> [str(level) for level in made.levels], round(made.fill.kg)
-        (['damaged', 'under'], 9)
+        >>> [str(level) for level in made.levels], made.fill.kg
+        (['damaged', 'under'], nan)
     """
     whole = for_verdict(analysis)
     losses = loss_of_control(whole.track)
@@ -188,7 +188,14 @@ def advise(
     repaired = tuple(e.fault for e in episodes if e.end_s is not None and e.fault in known)
     faults = tuple(e for e in episodes if e.fault not in repaired)
     faults = () if analysis.withheld else faults
-    faults = tuple(sorted([*stopped_episodes(track), *faults], key=lambda one: one.begin_s))
+    stopped = stopped_episodes(track)
+    faults = tuple(e for e in faults if not stands(e.fault, stopped, e.begin_s))
+    faults = tuple(sorted([*stopped, *faults], key=lambda one: one.begin_s))
+    if faults:
+        one, whole_too = with_bad_part(analysis), whole is analysis
+        analysis, whole = one, one if whole_too else with_bad_part(whole)
+        fill, by_use, by_lost = unsound_fill(fill), by_use * NAN, by_lost * NAN
+        lost = lost if lost.not_survivable_s > 0.0 else RotorLost(known_s=lost.known_s)
     battery = _battery(analysis)
     airborne_s = track.flying_s
     shown_s = float(seconds[track.flying & analysis.any_measured].sum())
@@ -219,7 +226,7 @@ def advise(
             repaired=repaired,
             losses=tuple(losses),
             rotor_count=track.rotor_count,
-            rotor_names=analysis.model.airframe.rotor_names if names_known else (),
+            rotor_names=() if analysis.claim.other_order else analysis.places,
             predicted_alone=predicted_alone,
             unseen_from_s=NAN if goes_on else _unseen_from(whole.track),
             begun_before=bool(whole.track.flying[:1].any() and not (goes_on or planned)),
@@ -272,6 +279,13 @@ def stopped_episodes(track: FlightTrack) -> list[FaultEpisode]:
         )
         for one in stopped_rotors(track)
     ]
+
+
+def stands(fault: RotorFault, stopped: Sequence[FaultEpisode], time_s: float) -> bool:
+    """Whether a fault found at `time_s` is of a rotor, or of one of several, that `stopped` before:
+    all that it lacks is explained."""
+    still = {one.fault.rotor for one in stopped if one.begin_s <= time_s}
+    return not still.isdisjoint((fault.rotor, *fault.rotors))
 
 
 def cells(airframe: Airframe) -> int:

@@ -77,6 +77,8 @@ class FlightAnalysis:
     start: FlightState | None = None  # that the first row was analysed from
     #: kg that hover thrust shows beyond gauge or statement, where they surely differ.
     beyond_gauge_kg: float = 0.0
+    #: A rotor or motor of it is bad: see `with_bad_part`.
+    bad_part: bool = False
 
     def __repr__(self) -> str:
         def worst(use: Floats) -> str:
@@ -110,6 +112,12 @@ class FlightAnalysis:
     def withheld(self) -> tuple[str, ...]:
         """Why no margin is claimed: then all that needs the airframe is NaN; empty when it is."""
         return self.claim.withheld
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where each rotor sits; empty words where the flight's motors are in another order."""
+        names = self.model.airframe.rotor_names
+        return ("",) * len(names) if self.claim.other_order else names
 
     @property
     def margin(self) -> Floats:
@@ -285,6 +293,22 @@ def heavier(analysis: FlightAnalysis, beyond_kg: float) -> FlightAnalysis:
         redundancy_yaw_kept=analysis.redundancy_yaw_kept * share,
         redundancy_yaw_uncontrolled=analysis.redundancy_yaw_uncontrolled * share,
         beyond_gauge_kg=beyond_kg,
+    )
+
+
+def with_bad_part(analysis: FlightAnalysis) -> FlightAnalysis:
+    """The rows of an aircraft of which a rotor or motor was found bad.
+
+    What the loss of one more would mean was worked out for sound ones: that it is survived is no
+    longer known; that it is not holds all the more.
+    """
+    kept, free = analysis.redundancy_yaw_kept, analysis.redundancy_yaw_uncontrolled
+    return replace(
+        analysis,
+        redundancy_yaw_kept=np.where(kept < 1.0, kept, np.nan),
+        redundancy_yaw_uncontrolled=np.where(free < 1.0, free, np.nan),
+        trimmable_loss=np.full_like(analysis.trimmable_loss, np.nan),
+        bad_part=True,
     )
 
 

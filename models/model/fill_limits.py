@@ -25,8 +25,11 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, largest_fill
 
-#: `as flown`: with more, a flight was above the limit (next_fill.py).
-Reason = Literal["utilisation", "one rotor lost", "take-off mass", "tank", "as flown", "unreported"]
+#: `as flown`: with more, a flight was above the limit; `unsound`: limits are those of sound rotors
+#: (next_fill.py).
+Reason = Literal[
+    "utilisation", "one rotor lost", "take-off mass", "tank", "as flown", "unreported", "unsound"
+]
 REASONS: tuple[Reason, ...] = ("utilisation", "one rotor lost", "take-off mass", "tank")
 #: Fills at which thrust is predicted; between two of them it goes with the load as a line does.
 STEPS = 17

@@ -7,7 +7,7 @@ mass at a limit goes with the largest thrust.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from thrustmargin.models.model.fill_limits import (
 )
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.rotor_faults import faults_in_model
+from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thrust_use import ThrustUse
-from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling
 
 START_SHARE = 0.1  # of the rows in flight, that count as its start
@@ -46,11 +47,18 @@ class NextFill:
     beyond_gauge_kg: float = 0.0  # that hover thrust shows beyond gauge or statement
 
 
-def before_take_off(fills: Fills, craft: Airframe, condition: int = 0) -> NextFill:
+def unsound_fill(fill: NextFill) -> NextFill:
+    """Of an aircraft of which a rotor or motor is bad: the limits are those of sound ones."""
+    unknown = {"kg": NAN, "limit_kg": NAN, "low_kg": NAN, "high_kg": NAN, "fresh_kg": NAN}
+    return replace(fill, **unknown, reason="unsound")
+
+
+def before_take_off(fills: Fills, model: RotorModel, condition: int = 0) -> NextFill:
     """What may be filled in one of the conditions of `fills`, of an aircraft that stands."""
+    craft = flown_airframe(model)
     low, high = (float(end[condition]) for end in fills.interval)
     middle = float(fills.largest[condition])
-    return NextFill(
+    made = NextFill(
         kg=float(fills.sure[condition]),
         limit_kg=middle,
         low_kg=low,
@@ -59,6 +67,7 @@ def before_take_off(fills: Fills, craft: Airframe, condition: int = 0) -> NextFi
         nothing_fits=full_at_once(craft),
         liquid_density=craft.liquid_density,
     )
+    return unsound_fill(made) if faults_in_model(model) else made
 
 
 def next_fill(

@@ -75,7 +75,9 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         spent = means - np.nan_to_num(above - beyond) > SPENT
     if not known.any():  # a motor asked for all it has has nothing left, in any aircraft
         output = np.where(track.flying[:, None], track.throttle, np.nan)
-        spent = np.nan_to_num(_by_second(track.time_s, output)[1]) >= FULL_OUTPUT
+        full = np.nan_to_num(_by_second(track.time_s, output)[1]) >= FULL_OUTPUT
+        # Nothing flies for long with all outputs full: then they are read by a wrong range.
+        spent = full & (length[full.all(axis=1)].sum() < 0.5 * length.sum())
     passed = _runs(over & ~lasting_above, length)
     top = int(np.nanargmax(most)) if known.any() else 0
     nothing = float("nan")

@@ -47,6 +47,9 @@ OPTIONAL_QUANTITIES = MappingProxyType(
 MAY_BE_ZERO = frozenset({"ceiling_voltage_exponent", "tank_volume_l", "pump_max_flow_l_min"})
 #: C_T = a 3600/(rho D^4) of propellers: UIUC's and the makers' tables lie between 0.02 and 0.2.
 _COEFFICIENT_RANGE = (0.01, 0.5)
+_LIQUIDS = (0.5, 3.0)  # kg/L, of all that is sprayed
+#: Times what all rotors lift, beyond which a full tank is in another unit: millilitres are 1000.
+_MILLILITRES = 10.0
 _GRAVITY = 9.80665  # m/s^2
 _LARGEST = 1e30  # of any number in a file
 _KEYS = ("name", "title", "layout", "tank_source", "extends", "quantities", "rotors")
@@ -193,6 +196,17 @@ def _impossible(table: dict[str, Any]) -> list[str]:
         problems.append(
             f"all rotors at max_rotor_speed_rpm make {lift:.4g} N, which does not lift the empty "
             f"weight of {weight:.4g} N: check empty_mass, thrust_coefficient, max_rotor_speed_rpm"
+        )
+    litres, heavy = _value(table, "tank_volume_l"), _value(table, "liquid_density")
+    thin, thick = _LIQUIDS
+    if not thin <= heavy <= thick:
+        problems.append(
+            f"liquid_density is {heavy:g} kg/L; a liquid has {thin:g} to {thick:g}: check its unit"
+        )
+    elif (liquid := litres * heavy * _GRAVITY) > _MILLILITRES * lift:
+        problems.append(
+            f"a full tank of {litres:g} L alone weighs {liquid:.4g} N, which all rotors with their "
+            f"{lift:.4g} N do not lift: check tank_volume_l"
         )
     return problems
 

@@ -20,9 +20,11 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 
-from tests.gcs_plugin.live.live_vehicle import Vehicle
+from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
 from tests.gcs_plugin.peers.ports import free_udp_port
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.mavproxy_worker import (
@@ -35,7 +37,7 @@ from thrustmargin.gcs_plugin.mavproxy_worker import (
     summary,
 )
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.model_file import save_model
+from thrustmargin.models.model.model_file import save_model, shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -506,6 +508,35 @@ def test_a_problem_takes_the_place_of_numbers():
 def test_fields_change_colour_at_their_limits(margin, redundancy, colours):
     shown = fields(replace(NOW, margin=margin, redundancy=redundancy), 0.5, 0.0)
     assert (shown["Margin"][1], shown["OneOut"][1]) == colours
+
+
+@pytest.mark.parametrize(
+    ("known", "colours"),
+    [
+        ({"redundancy": float("nan")}, ("green", "grey")),
+        ({"redundancy_low": 0.98}, ("green", "orange")),
+        ({"unmeasured": 1}, ("orange", "green")),
+    ],
+)
+def test_what_is_unknown_or_within_its_error_is_not_green(known, colours):
+    good = replace(NOW, margin=0.6, ends=None, redundancy=1.05)
+    shown = fields(replace(good, **known), 0.5, 0.0)
+    assert (shown["Margin"][1], shown["OneOut"][1]) == colours
+    assert {colour for name, (_, colour) in fields(good, 0.5, 0.0).items() if name != "Tank"} == {
+        "green"
+    }
+
+
+def test_on_the_ground_the_margin_is_the_predicted_one(sitl_logs):
+    frames = log_frames(sitl_logs / "campaign" / "v4_m10_q2.5.tlog")
+    vehicle = VehicleMonitor(1, shipped_model(), WatchSettings())
+    for frame in frames[: len(frames) // 20]:
+        vehicle.take(frame)
+    last = vehicle.updates()[-1]
+    assert not last.analysis.track.flying[-1]
+    now = reading(last, 0.0)
+    assert (now.basis, now.margin) == ("predicted", pytest.approx(now.margin_predicted))
+    assert now.unmeasured == 0
 
 
 @pytest.mark.parametrize("age", [2.1, float("nan")])

@@ -23,7 +23,8 @@ from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.advice_words import action, headline
-from thrustmargin.models.model.advice import advise
+from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND
+from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.fill_limits import largest_fills
 from thrustmargin.models.model.model_file import shipped_model
@@ -60,7 +61,20 @@ def test_report_page_json_console_replay_store_and_python_agree(
     assert stored.summary["action"] == do
     advice = advise(analyse(read_log(path).track, shipped_model())).advice
     assert (headline(advice), action(advice)) == (first, do)
-    assert f"{np.floor(advice.fill.kg * 10) / 10:.1f} kg" in do
+    bad = FlightLevel.DAMAGED in advice.levels
+    assert (
+        UNSOUND.lower() if bad else f"{np.floor(advice.fill.kg * 10) / 10:.1f} kg"
+    ) in do.lower()
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_the_store_keeps_no_redundancy_of_a_flight_with_a_bad_rotor(sitl_logs: Path, name: str):
+    (stored,) = season_flights(sitl_logs / name, "0" * 16, IngestSettings(store=""), name=name)
+    bad = stored.summary["verdict"] == FlightLevel.DAMAGED
+    assert bad == ("worn" in name)
+    kept = stored.rows["redundancy_yaw_free"]
+    assert np.any(kept >= 1.0) != bad
+    assert np.isnan(stored.summary["fill_kg"]) == bad
 
 
 def test_of_an_aircraft_that_is_not_known_live_says_what_the_report_says(sitl_logs: Path):
@@ -121,6 +135,6 @@ def test_fill_says_before_the_flight_what_the_report_says_after_it(sitl_logs: Pa
         analysis.track.voltage[lowest],
         airspeed=float(np.median(analysis.track.airspeed[rows])),
     )
-    before = before_take_off(asked, model.airframe)
+    before = before_take_off(asked, model)
     assert after.kg == pytest.approx(before.kg, abs=1e-6)
     assert after.reason == before.reason

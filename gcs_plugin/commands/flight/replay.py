@@ -144,10 +144,10 @@ def replay_view(
             range(len(flights)), key=lambda k: (answers[k].level.gravity, -answers[k].use.peak)
         )
         shown = order[0] if sortie is None else sortie - 1
-        (flight, claim), analysis, answer = flights[shown], analyses[shown], answers[shown]
+        (flight, claim), analysis = flights[shown], said[shown].made.whole
         older = None if before is None else analyse(analysis.track, before, claim=claim)
         found = repeated(said[shown].findings)
-        whole = answer_of(answer, said[shown].contact)
+        whole = answer_of(answers[shown], said[shown].contact)
         words = ": ".join([whole.headline, *names_wrong(found)])
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):

@@ -107,8 +107,7 @@ def fill(
     console.print(table.advice, style="bold")
     for sentence in made.conditions(table):
         console.print(f"  {sentence}")
-    # Without a tank every place of the grids is the same "none".
-    for state, volts in table.voltages.items() if rotor_model.airframe.tank_volume_l else ():
+    for state, volts in table.voltages.items() if table.has_table else ():
         console.print(_grid(table, state, volts, made.temperatures(table)))
     for path, text in ((out, made.html_text), (json, made.json_text)):
         if path == STDOUT:

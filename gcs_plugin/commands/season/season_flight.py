@@ -36,7 +36,13 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse, for_verdict, worst_rotor
+from thrustmargin.models.model.analysis import (
+    FlightAnalysis,
+    analyse,
+    for_verdict,
+    with_bad_part,
+    worst_rotor,
+)
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.smoothing import known_mean, known_median, known_most
@@ -151,11 +157,13 @@ def flight_of_log(
         "model_digest": known,
         "sums_reason": reason,
     }
+    damaged = report.verdict.level is FlightLevel.DAMAGED
+    shown = with_bad_part(analysis) if damaged else analysis
     rows = {
         "time_s": log.track.time_s,
         "clock_s": log.track.time_s + log.clock_start_s,
         **({} if started is None else {"unix_s": log.track.time_s + started}),
-        **analysis_columns(analysis, slice(None)),
+        **analysis_columns(shown, slice(None)),
     }
     head = {"flight": name, "started_unix_s": started, "model_digest": known}
     kept = None if sums is None else head | {"arrays": array_cells(sums)}

@@ -39,7 +39,7 @@ from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.models.checks.loss_of_control import losing
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import cells, stopped_fault
-from thrustmargin.models.model.analysis import Basis, FlightAnalysis
+from thrustmargin.models.model.analysis import Basis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
 from thrustmargin.models.physics.margin import ceiling
 
@@ -148,7 +148,7 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
         share < s.saturation - 0.05,
         np.isfinite(share),
         severity=lambda *_: CRITICAL,
-        text=lambda _, k: words.at_limit(k + 1, _places(analysis)[k]),
+        text=lambda _, k: words.at_limit(k + 1, analysis.places[k]),
         rotor=share.shape[1],
         past=lambda k: words.was_at_limit(k + 1),
     )
@@ -156,7 +156,7 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 
 def stopped(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     turning = now.analysis.track.measured("rotor_speed_rpm")[now.rows] > 0.0
-    names = () if now.analysis.withheld else _places(now.analysis)
+    names = () if now.analysis.withheld else now.analysis.places
     found = np.zeros_like(turning) if now.stopped is None else now.stopped
     return AlarmChecks(
         found,
@@ -194,7 +194,7 @@ def battery(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 def esc(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     rows = now.analysis.track.rotor_speed_rpm[now.rows]
     flags = np.full_like(rows, np.nan) if now.esc_failures is None else now.esc_failures[now.rows]
-    names = _places(now.analysis)
+    names = now.analysis.places
     return AlarmChecks(
         flags > 0.0,
         flags == 0.0,
@@ -220,12 +220,6 @@ def motor_order(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     return _always(now, now.analysis.claim.other_order, WARNING, words.MOTOR_ORDER)
 
 
-def _places(analysis: FlightAnalysis) -> Sequence[str]:
-    """Of each rotor its place; empty where the order of the motors is another."""
-    names = analysis.model.airframe.rotor_names
-    return [""] * len(names) if analysis.claim.other_order else names
-
-
 def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
     """What is known at every row, and the same in all."""
     every = np.ones(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
@@ -235,7 +229,7 @@ def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
 
 def faulty(kind: Kind, s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     """The faults of one kind, one by one, then one of several rotors: all else is sound."""
-    rotors, names = now.analysis.track.rotor_count, _places(now.analysis)
+    rotors, names = now.analysis.track.rotor_count, now.analysis.places
     on = np.zeros((len(now.faults), rotors + 1), dtype=np.bool_)
     known = on.copy()
     found: dict[tuple[int, int], RotorFault] = {}

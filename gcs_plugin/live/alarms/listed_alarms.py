@@ -78,7 +78,8 @@ class Alarms:
     @property
     def of_parts(self) -> bool:
         """Whether a rotor or a motor that was found bad is listed."""
-        return any(name == part for name, _ in self.listed for part, _ in PARTS)
+        bad = ("stopped", *(part for part, _ in PARTS))
+        return any(name in bad for name, _ in self.listed)
 
     def rows(
         self,

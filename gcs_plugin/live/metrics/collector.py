@@ -185,7 +185,7 @@ def _of_vehicle(update: Update) -> dict[str, float]:
 def _of_rotors(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str, float]]]:
     """(rotor, its name, what its figures rest on), figures; none on the ground."""
     analysis = update.analysis
-    names = analysis.model.airframe.rotor_names
+    names = analysis.places
     if analysis.withheld or not analysis.track.flying[-1]:
         return
     figures = (analysis.known_utilisation, *analysis.use_ends)

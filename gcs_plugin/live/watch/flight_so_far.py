@@ -120,9 +120,8 @@ class FlightSoFar:
         """As of a report of these rows, with the faults that were found in flight."""
         track, state = self._prepared, self.state
         made = advise(
-            analyse(track, self.model, claim=replace(self.claim, outputs=self.outputs)),
+            analyse(track, self.model, claim=self.shown_by(self.claim)),
             limit=self.limit,
-            names_known=not self.other_order,
             history=self.faults,
             goes_on=self.goes_on,
         )
@@ -250,6 +249,12 @@ class SortieRows:
             limit=self._alarms.settings.max_utilisation,
             goes_on=bool(track.flying[-1]),
         )
+
+    @property
+    def found_bad(self) -> bool:
+        """Whether a rotor or motor was found bad in it, or before it and not cleared."""
+        found = () if self.now is None else self.now.faults
+        return self._alarms.of_parts or any(faults for _, faults in found)
 
     @property
     def kept_s(self) -> float:

@@ -33,7 +33,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
     if not predicted:
         found[words.PREDICTED_MARGIN] = why_predicted
     if math.isnan(analysis.redundancy_yaw_uncontrolled[row]):
-        found[ONE_LOST] = words.NO_LOAD
+        found[ONE_LOST] = words.BAD_PART if analysis.bad_part else words.NO_LOAD
     if tank_unknown:
         found[words.TANK] = words.NO_LOAD
     if track.flying[row] and not measured:
@@ -45,7 +45,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
         without = words.NO_MISSION if outlook.route is None and placed else words.NO_POSITION
         found[words.ROUTE_AHEAD] = words.NO_LOAD if tank_unknown and outlook.route else without
     if math.isnan(outlook.margin_full):
-        found[words.FULL_MARGIN] = words.NO_AIRSPEED
+        found[words.FULL_MARGIN] = words.BAD_PART if analysis.bad_part else words.NO_AIRSPEED
     return found
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, 
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.analysis import FlightAnalysis, with_bad_part
 from thrustmargin.models.provenance import Meaning, SourceKind
 
 
@@ -72,6 +73,12 @@ class Update:
         tank = () if tank_kg.kind is SourceKind.ABSENT else (tank_by(tank_kg),)
         unknown = unknown_lines(unknown_figures(self.analysis, self.outlook), self.asked)
         return (*unknown, *tank, *inferred, *self.notes)
+
+
+def of_bad_part(update: Update) -> Update:
+    """The same of an aircraft of which a rotor or motor was found bad."""
+    outlook = replace(update.outlook, full=lambda: math.nan)
+    return replace(update, analysis=with_bad_part(update.analysis), outlook=outlook)
 
 
 def goes_on(last: Update, new: LiveRows) -> bool:

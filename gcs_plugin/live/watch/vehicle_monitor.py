@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, Sorti
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.landed_flight import LandedFlights
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
-from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, with_rows
+from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, of_bad_part, with_rows
 from thrustmargin.gcs_plugin.live.watch.watch_settings import (
     GONE,
     LASTING,
@@ -251,7 +251,7 @@ class VehicleMonitor:
             self._sortie.add(reported, new.clock_s, self.claim, self.state, events)
             self._landed.forget(float(new.stamp_us[-1]) - self._sortie.kept_s * 1e6)
         kept = self.last
-        self.last = Update(
+        made = Update(
             vehicle=self.system,
             boot=new.boot if new is not None else kept.boot if kept is not None else 0,
             analysis=analysis,
@@ -271,6 +271,7 @@ class VehicleMonitor:
             notes=new.notes if new is not None else kept.notes if kept is not None else (),
             asked=self._asked,
         )
+        self.last = of_bad_part(made) if self._sortie.found_bad else made
         return self.last
 
     def _claimed(self, new: LiveRows, start: FlightState | None) -> FlightState | None:

@@ -35,7 +35,11 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent, error_events
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
+    VehicleEvent,
+    error_events,
+    parameter_events,
+)
 from thrustmargin.mission.parameter_names import parameter
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
@@ -129,10 +133,13 @@ def _recording_of(
 ) -> Recording:
     """A Recording from the streams of one boot."""
     parameters: dict[str, float] = {}
+    changes: list[VehicleEvent] = []
     if "PARM" in streams:
         columns = columns_of(streams["PARM"])
-        values = columns.number("Value").tolist()
-        parameters = dict(zip(columns.texts("Name"), values, strict=True))
+        names, values = columns.texts("Name"), columns.number("Value").tolist()
+        parameters = dict(zip(names, values, strict=True))
+        sent = zip(streams["PARM"].time_s.tolist(), names, values, strict=True)
+        changes = list(parameter_events(sent))
     own = parameter(parameters, "MAV_SYSID")
     own = int(own) if 0 < own < 256 else 1
     if vehicle is not None and vehicle != own:
@@ -144,7 +151,7 @@ def _recording_of(
         parameters=parameters,
         waypoints=_waypoints(streams.get("CMD")),
         messages=_texts(streams.get("MSG")),
-        events=_errors(streams.get("ERR")),
+        events=(*_errors(streams.get("ERR")), *changes),
         unix_minus_clock=_unix_offset(streams.get("GPS")),
         quality=quality,
         vehicle=own,

@@ -15,7 +15,6 @@ from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number
 from thrustmargin.models.model.fill_limits import Fills, largest_fills
 from thrustmargin.models.model.next_fill import NextFill, before_take_off
-from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
 
@@ -60,7 +59,12 @@ class FillTable:
     @property
     def fill(self) -> NextFill:
         """The recommendation."""
-        return before_take_off(self.recommended, flown_airframe(self.model))
+        return before_take_off(self.recommended, self.model)
+
+    @property
+    def has_table(self) -> bool:
+        """Whether a table of fills says anything: not without a tank, nor with a bad rotor."""
+        return bool(self.model.airframe.tank_volume_l) and self.fill.reason != "unsound"
 
     def rows(self, state: str) -> list[tuple[str, list[str]]]:
         """For each altitude its name and the largest fills over the temperatures, for people."""
@@ -170,7 +174,11 @@ def json_text(table: FillTable) -> str:
             "voltage": table.voltages,
             "altitude_m": table.altitudes,
             "temperature_c": table.temperatures_c,
-            "fill_kg": np.maximum(table.around.sure, 0.0).reshape(shape).tolist(),
+            "fill_kg": np.where(
+                table.fill.reason == "unsound", np.nan, np.maximum(table.around.sure, 0.0)
+            )
+            .reshape(shape)
+            .tolist(),
         },
         "conditions": conditions(table),
         "software": software_version(),

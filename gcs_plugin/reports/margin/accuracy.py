@@ -40,7 +40,7 @@ def model_use(analysis: FlightAnalysis) -> JsonObject:
         "airframe_title": airframe.title,
         "airframe_words": analysis.claim.words,
         "rotor_count": airframe.rotor_count,
-        "rotor_names": airframe.rotor_names,
+        "rotor_names": analysis.places,
         "empty_mass": airframe.empty_mass,
         "tank_capacity_kg": airframe.tank_capacity_kg,
         "model": "none" if analysis.withheld else model.description,

@@ -116,6 +116,8 @@ def redundancy_rows(
     flying, (first, _) = track.flying, end_rows(track)
     free, kept = analysis.redundancy_yaw_uncontrolled[flying], analysis.redundancy_yaw_kept[flying]
     known = np.isfinite(free)
+    # With a bad rotor only the rows are left in which one more lost would have brought it down.
+    bad, of = analysis.bad_part, slice(None) if analysis.bad_part else known
     air_s = seconds[flying]
     fills = {name: rows[f"{name}_kg"] for name in ("fill_limit", "fill_one_rotor_out")}
     return {
@@ -123,10 +125,10 @@ def redundancy_rows(
         "yaw_free_min_time_s": float(track.time_s[flying][np.nanargmin(free)])
         if known.any()
         else np.nan,
-        "yaw_free_median": known_median(free),
+        "yaw_free_median": NAN if bad else known_median(free),
         "yaw_kept_min": known_least(kept),
-        "yaw_kept_median": known_median(kept),
-        "below_one_share": share(float(air_s[free < 1.0].sum()), float(air_s[known].sum())),
+        "yaw_kept_median": NAN if bad else known_median(kept),
+        "below_one_share": share(float(air_s[free < 1.0].sum()), float(air_s[of].sum())),
         "trimmable_loss_min": known_least(analysis.trimmable_loss[flying]),
         **{
             f"{name}_{when}_kg": value

@@ -39,7 +39,7 @@ def airborne_use(analysis: FlightAnalysis) -> Floats:
     return np.where(analysis.track.flying[:, None], analysis.known_utilisation, np.nan)
 
 
-def worst_moments(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> tuple[Moment, ...]:
+def worst_moments(analysis: FlightAnalysis) -> tuple[Moment, ...]:
     """The rows with the most thrust in use, worst first, each at least APART_S from the others.
 
     When rotors peak together the moment is listed once, with its worst rotor.
@@ -52,12 +52,12 @@ def worst_moments(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> tup
     found = []
     while len(found) < MOST_MOMENTS and np.any(np.isfinite(left)):
         row = int(np.nanargmax(left))
-        found.append(_moment(analysis, use, row, rotor_names))
+        found.append(_moment(analysis, use, row))
         left[np.abs(time_s - time_s[row]) < APART_S] = np.nan
     return tuple(found)
 
 
-def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, ...]) -> Moment:
+def _moment(analysis: FlightAnalysis, use: Floats, row: int) -> Moment:
     track, time_s = analysis.track, float(analysis.track.time_s[row])
     begun, tankless = track.start_unix_s, not analysis.model.airframe.tank_volume_l
     rotor = int(np.nanargmax(use[row]))
@@ -72,7 +72,7 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         time_s=time_s,
         clock_utc=None if begun is None else unix_text(begun + time_s),
         rotor=rotor + 1,
-        rotor_name=names[rotor],
+        rotor_name=analysis.places[rotor],
         capacity_use=value,
         capacity_use_low=low,
         capacity_use_high=high,

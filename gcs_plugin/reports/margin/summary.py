@@ -59,13 +59,13 @@ def report_flight(
     said = answer_log(log, analysis, max_utilisation)
     found, made, contact = said.findings, said.made, said.contact
     advice, whole, analysis = made.advice, made.whole, made.analysis
-    track, airframe = analysis.track, analysis.model.airframe
+    track = analysis.track
     limits = ceiling(flown_airframe(analysis.model), analysis.density, track.voltage)
     rows = rows_of(
         analysis, fill_limit_kg=made.fill_limit_kg, fill_one_rotor_out_kg=made.fill_one_rotor_out_kg
     )
     seconds = track.row_seconds
-    moments = worst_moments(analysis, airframe.rotor_names)
+    moments = worst_moments(analysis)
     worst = moments[0] if moments else None
     basis, measured_share = _basis(made)
     answer = margin_verdict.verdict_facts(
@@ -83,6 +83,7 @@ def report_flight(
         *look_facts(found),
         *(answer if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
         *(() if contact is None else contact_facts(contact)),
+        *margin_verdict.voltage_facts(analysis),
         *(*margin_verdict.load_facts(track), *margin_verdict.unseen_facts(whole.track)),
         *((margin_verdict.Fact("prediction", checked),) if checked else ()),
         *((margin_verdict.Fact("plan", against["words"]),) if against else ()),
@@ -100,7 +101,7 @@ def report_flight(
         findings=found,
         alarms=tuple(alarm_row(one, advice.rotor_names) for one in advice.faults),
         redundancy=load.redundancy_rows(analysis, rows, seconds),
-        accuracy=accuracy(analysis, airframe.rotor_names),
+        accuracy=accuracy(analysis, analysis.places),
         margin_check=check,
         quality=_quality(log),
         airframe_basis=analysis.claim.basis,
@@ -242,7 +243,7 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[da
             "predicted_median": known_median(predicted[:, k]),
             "over_limit_share": data.share(float(over_s[k]), float(known_s[k])),
         }
-        for k, name in enumerate(analysis.model.airframe.rotor_names)
+        for k, name in enumerate(analysis.places)
     )
 
 

@@ -122,11 +122,10 @@ def rotor_panels(
     names: Sequence[str], traces: Callable[[int, bool], Sequence[Trace | None]], **panel: Any
 ) -> list[Panel]:
     """A strip a rotor, alike in `panel`; `traces(rotor, legend)` makes those of a 0-based rotor."""
+    titles = [f"{say('rotor')} {k + 1}, {place_words(name)}" for k, name in enumerate(names)]
     return [
-        Panel(
-            traces=traces(k, k == 0), title=f"{say('rotor')} {k + 1}, {place_words(name)}", **panel
-        )
-        for k, name in enumerate(names)
+        Panel(traces=traces(k, k == 0), title=title.removesuffix(", "), **panel)
+        for k, title in enumerate(titles)
     ]
 
 

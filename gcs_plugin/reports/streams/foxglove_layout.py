@@ -10,6 +10,7 @@ from typing import Any
 def layout_text(rotor_names: Sequence[str]) -> str:
     """The layout as JSON, with a line a rotor; Foxglove takes it by "Import from file"."""
     rotors = range(len(rotor_names))
+    rotor_names = [name or f"rotor {r + 1}" for r, name in enumerate(rotor_names)]
     panels: dict[str, dict[str, Any]] = {
         "Plot!margin": _plot(
             "Thrust margin of the worst rotor, 90 % interval",

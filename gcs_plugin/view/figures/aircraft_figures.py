@@ -40,7 +40,7 @@ def aircraft_figures(
     rotors = [
         {
             "number": i + 1,
-            "place": "" if claim.other_order else airframe.rotor_names[i],
+            "place": row.analysis.places[i],
             "x": round(float(places[i, 0]), 3),
             "y": round(float(places[i, 1]), 3),
             "left": known(margin[i], 4),
@@ -129,7 +129,7 @@ def _lost(row: ShownRow) -> dict[str, Any]:
     free, low, high = row.redundancy
     kept = float(row.analysis.redundancy_yaw_kept[row.row])
     if math.isnan(free):
-        code = "no_data"
+        code = "bad_part" if row.analysis.bad_part else "no_data"
     elif low < 1.0 <= high:
         code = "cannot_tell"
     elif free < 1.0:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from thrustmargin.gcs_plugin.wording import view_words as words
-from thrustmargin.gcs_plugin.wording.fill_words import fill_advice
+from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, fill_advice
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fill_limits import largest_fills
 from thrustmargin.models.model.next_fill import before_take_off
-from thrustmargin.models.model.predict import flown_airframe
 
 AIRSPEED = 5.0  # m/s, what `thrustmargin fill` takes unless it is asked for another
 CHANGE = 0.003  # of air density, from which it is worked out anew
@@ -31,6 +31,8 @@ class FillAdvice:
         model, density = analysis.model, float(analysis.density[-1])
         if analysis.track.flying[-1] or analysis.withheld or not math.isfinite(density):
             return ""
+        if analysis.bad_part:
+            return f"{say(UNSOUND)}."
         known = self._known
         if known is None or known[0] is not model or abs(density / known[1] - 1.0) > CHANGE:
             self._known = (model, density)
@@ -41,7 +43,7 @@ class FillAdvice:
         model = analysis.model
         volts = model.airframe.nominal_voltage
         fills = largest_fills(model, density, volts, airspeed=AIRSPEED, max_utilisation=self._limit)
-        fill = before_take_off(fills, flown_airframe(model))
+        fill = before_take_off(fills, model)
         advice = fill_advice(fill, self._limit)
         rests = words.fill_rests_on(density, analysis.density_basis, volts, AIRSPEED)
         return f"{advice}. {rests}"

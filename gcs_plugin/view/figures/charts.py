@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
-from thrustmargin.models.physics.airframe import Airframe
 
 #: s of a chart's window in a replay, the share of it that lies ahead of now, and s of a live one.
 WINDOW_S, AHEAD, LIVE_WINDOW_S = 40.0, 0.25, 120.0
@@ -43,7 +43,7 @@ class Speeds(NamedTuple):
 
 
 def chart_images(
-    airframe: Airframe, speeds: Speeds, now_s: float, *, window_s: float, ahead: float
+    places: Sequence[str], speeds: Speeds, now_s: float, *, window_s: float, ahead: float
 ) -> list[dict[str, Any]]:
     """One drawing a rotor, R in all: its number, place, and an SVG of numbers alone.
 
@@ -60,7 +60,7 @@ def chart_images(
             "place": name,
             "svg": _svg(across, now, *(values[rows, i] for values in lines), limits=limits),
         }
-        for i, name in enumerate(airframe.rotor_names)
+        for i, name in enumerate(places)
     ]
 
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from thrustmargin.gcs_plugin.wording.fill_words import amount
+from thrustmargin.gcs_plugin.wording.advice_words import damage_words
+from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, amount
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import area, duration, number, percent, percent_within
 from thrustmargin.gcs_plugin.wording.plans.plan_words import fault_words, not_understood_words
@@ -90,7 +91,7 @@ def verdict(made: PlanForecast) -> str:
         return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}: {why}"
     if level is FlightLevel.UNDER:
         return f"{say('MAY TAKE OFF{fill}', fill=fill)}{_as_far(made)}: {why}"
-    return no + say("control would be lost")
+    return no + damage_words(advice)
 
 
 def weakest_words(weakest: Weakest | None) -> str:
@@ -122,6 +123,8 @@ def weakest_words(weakest: Weakest | None) -> str:
 def fill_words(made: PlanForecast) -> str:
     """The largest fill that keeps the limit all along."""
     liquid, limit = _liquid(made), percent(made.advised.advice.limit)
+    if made.advised.advice.faults:
+        return f"{say(UNSOUND)}."
     if not math.isfinite(made.largest_fill_kg):
         return say("Largest fill unknown.")
     if not _has_tank(made):

@@ -35,6 +35,7 @@ ON_GROUND = 15.0  # s on the ground in which a tank may be filled
 #: Translational lift: blade theory for pitch over diameter of 0.3 to 0.4 gives 0.5 to 0.7, flights
 #: have shown 0.1 to 0.6.
 LIFT_GAIN, LIFT_GAIN_ERROR = 0.4, 0.3
+SURELY_NONE = 3.0  # standard errors of it beyond which no rotor has such a gain
 #: Standard errors as shares: the scatter of a mean before the flight shows it, as if by so many
 #: means; one motor and propeller against the next.
 MEAN_ERROR, WORTH, ROTOR_ERROR = 0.01, 3.0, 0.03
@@ -108,7 +109,7 @@ class LoadFit(NamedTuple):
 
 
 def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
-    """Least squares over the means; None where there are none.
+    """Least squares over the means; None where there are none, or no lift explains them.
 
     The load falls between two times of S, found by the Bayesian information criterion: a pump may
     run on an empty tank, and without a pump nothing says when spraying began.
@@ -133,7 +134,9 @@ def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
         found = (begin > 0.0) + np.isfinite(end)
         count = means.mass.size
         criterion = 2.0 * count * np.log(fit.scatter) + found * np.log(count)
-        if criterion < least:
+        # A speed that stood still, or was another's, takes what the load did for lift.
+        credible = abs(fit.gain - LIFT_GAIN) <= SURELY_NONE * LIFT_GAIN_ERROR
+        if credible and criterion < least:
             best, least = fit._replace(span=(begin, end), by_spraying=by_spraying), criterion
     return best
 

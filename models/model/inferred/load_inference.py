@@ -39,6 +39,7 @@ LOAD_FROM_SPEEDS = (
 CURVE_ERROR, MASS_ERROR, GUESSED_ERROR = 0.03, 0.005, 0.1
 #: Share of the aircraft's mass that the standard error may be for the load to be used.
 GOOD_ENOUGH = 0.15
+COVERED = 0.5  # share of a flight from which what a gauge reports stays
 OVERLOAD = 0.25  # share of the full aircraft that may be on board beyond its tank
 NINETY = 1.645  # standard errors to either side that hold 90 %
 SURELY = 2.6  # the same for 99 %: a reported or stated load further off is contradicted
@@ -78,7 +79,7 @@ class ShownLoad:
 def with_load(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> FlightTrack:
-    """The flight with the load that its thrust shows, where the whole flight reports none.
+    """The flight with the load that its thrust shows, where most of the flight reports none.
 
     A reported or stated load stays; the source of a stated one says where thrust contradicts it.
     Used where its standard error is at most GOOD_ENOUGH of the aircraft's mass and it is not below
@@ -87,7 +88,8 @@ def with_load(
     """
     source = track.source("tank_kg")
     stated = source.kind is SourceKind.STATED
-    if (track.reports("tank_kg") and not stated) or not _may_carry(track, airframe):
+    gauge = track.reports("tank_kg") and not stated
+    if (gauge and _covered(track) >= COVERED) or not _may_carry(track, airframe):
         return track
     shown = _shown(track, airframe, outputs)
     if stated:
@@ -95,10 +97,12 @@ def with_load(
             return track
         disputed = source.remarked(f"but {shown.words}")
         return replace(track, sources={**track.sources, "tank_kg": disputed})
+    if gauge and (shown is None or shown.usual_error > _unsure_from(airframe, shown.usual)):
+        return track
     if shown is None:
         return _noted(track, "no level flight with every rotor's speed to show the load")
     off, usual = shown.usual_error, shown.usual
-    if off > GOOD_ENOUGH * (airframe.empty_mass + max(usual, 0.0)):
+    if off > _unsure_from(airframe, usual):
         return _noted(track, f"{shown.words}, too unsure to be used")
     if usual < -NINETY * off:
         lacks = "less than nothing: check mass and thrust of the airframe"
@@ -107,7 +111,23 @@ def with_load(
     if usual > most + NINETY * off:
         lacks = "more than the aircraft can carry: check the airframe"
         return _noted(track, f"{shown.words}, {lacks}")
-    return _filled(track, shown.load, shown.error, _by_thrust(off, _fall(shown.fit)))
+    by_thrust = _by_thrust(off, _fall(shown.fit))
+    if gauge:
+        little = f"{source.words} covers {_covered(track):.0%} of the flight"
+        rejected = (Rejected(source, Reason.COVERS_LESS),)
+        by_thrust = replace(by_thrust.remarked(little), rejected=rejected)
+    return _filled(track, shown.load, shown.error, by_thrust)
+
+
+def _unsure_from(airframe: Airframe, load: float) -> float:
+    """kg of standard error from which a load by thrust is of no use."""
+    return GOOD_ENOUGH * (airframe.empty_mass + max(load, 0.0))
+
+
+def _covered(track: FlightTrack) -> float:
+    """Share of the rows in flight of which the tank level is known; 1 without a flight."""
+    known = np.isfinite(track.tank_kg[track.flying])
+    return float(known.mean()) if known.size else 1.0
 
 
 def with_load_for_verdict(

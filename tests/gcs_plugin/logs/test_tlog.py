@@ -203,3 +203,19 @@ def test_px4_sends_the_bits_of_a_whole_number_and_ardupilot_the_number(tmp_path)
     )
     log = read_log(written(tmp_path, flight_of(lambda m: m.pack(craft), 2) + data))
     assert log.parameters == {"A": 6.0, "B": 6.0, "C": pytest.approx(0.05), "D": -3.0}
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.5, True), (0.001, False)])
+def test_a_parameter_that_changes_in_flight_is_a_finding_and_on_the_ground_none(
+    sitl_logs, tmp_path, share, said
+):
+    frames = frames_of(sitl_logs / "campaign" / "v4_m10_q2.5.tlog")
+    cut = int(share * len(frames))
+    value = dialect.MAVLink_param_value_message(b"MOT_SPIN_MIN", 0.5, 9, 65535, 65535)
+    frames.insert(cut, frames[cut][:8] + value.pack(link()))
+    log = read_log(written(tmp_path, b"".join(frames)))
+    found = inspect_log(log, load_airframe("topxgun-f16-sitl")).findings
+    words = [one.words for one in repeated(found) if one.check == "vehicle reported"]
+    changed = [one for one in words if "parameter changed" in one]
+    assert len(changed) == said
+    assert all("(MOT_SPIN_MIN: 0.15 to 0.5; the whole log" in one for one in changed)

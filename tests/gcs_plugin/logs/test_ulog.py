@@ -17,7 +17,12 @@ ROTORS = 4
 
 
 def px4_log(
-    *, functions: bool = True, repeat: bool = False, tank: bool = True, ticks: int = 60
+    *,
+    functions: bool = True,
+    repeat: bool = False,
+    tank: bool = True,
+    ticks: int = 60,
+    asks: float = 0.5,
 ) -> bytes:
     """Tenths of a second, two seconds on the ground; ESC places 2 to 5 drive motors 1 to 4."""
     log = UlogWriter()
@@ -50,6 +55,7 @@ def px4_log(
         "BB" + "ifB" * 8,
     )
     log.part("esc_report:int32_t esc_rpm;float esc_voltage;uint8_t actuator_function;")
+    step = 0.01 if asks == 0.5 else 0.1
     for tick in range(ticks):
         t = 100.0 + tick / 10
         log.row("vehicle_attitude", t, 1.0, 0.0, 0.0, 0.0)
@@ -61,7 +67,7 @@ def px4_log(
         log.row("battery_status", t, 50.0, -1.0)
         log.row("vehicle_air_data", t, 95_600.0, 1.1)
         log.row("wind", t, -1.0, 0.0)
-        log.row("actuator_motors", t, *[0.5 + 0.01 * k for k in range(4)], *[float("nan")] * 8)
+        log.row("actuator_motors", t, *[asks + step * k for k in range(4)], *[float("nan")] * 8)
         if tank:
             log.row("fuel_tank_status", t, 9000.0 - tick, 60)
         reports = []
@@ -132,6 +138,15 @@ def test_a_px4_log_becomes_a_flight_in_si(tmp_path):
     assert not track.flying[:20].any()
     assert track.flying[-30:].all()
     assert log.messages[0][1] == "Takeoff detected"
+
+
+def test_what_px4_asks_beyond_full_output_is_taken_as_full_and_said(tmp_path):
+    track = read_log(written(tmp_path, px4_log(asks=0.8))).track
+    np.testing.assert_allclose(track.throttle[5], [0.8, 0.9, 1.0, 1.0], atol=1e-6)
+    (note,) = (one for one in track.notes if "actuator_motors" in one)
+    assert note.startswith("actuator_motors asks motor 4 for 1.10 to 1.10 of full output")
+    plain = read_log(written(tmp_path, px4_log())).track.notes
+    assert not any("actuator_motors" in one for one in plain)
 
 
 def test_escs_are_sorted_by_motor_and_the_count_is_held_against_them(tmp_path):

@@ -10,6 +10,7 @@ from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     VehicleEvent,
     arming_events,
     error_events,
+    parameter_events,
     text_events,
 )
 
@@ -65,3 +66,21 @@ def test_arming_is_told_where_it_changes():
     found = [(e.kind, e.time_s) for e in arming_events(armed)]
     assert found == [(EventKind.ARMED, 1.0), (EventKind.DISARMED, 4.0)]
     assert list(arming_events(None)) == []
+
+
+def test_a_parameter_that_numbers_rest_on_is_an_event_when_it_changes():
+    sent_values = [
+        (0.0, "MOT_SPIN_MIN", 0.15),
+        (1.0, "WP_SPD", 5.0),
+        (2.0, "MOT_SPIN_MIN", 0.15),
+        (3.0, "WP_SPD", 9.0),
+        (4.0, "MOT_THST_HOVER", 0.2),
+        (5.0, "MOT_THST_HOVER", 0.3),
+        (6.0, "MOT_SPIN_MIN", 0.5),
+        (7.0, "MOT_SPIN_MIN", NAN),
+    ]
+    (event,) = parameter_events(sent_values)
+    text = "0.15 to 0.5; the whole log is read by the last"
+    assert event == VehicleEvent(EventKind.PARAMETER, 6.0, "MOT_SPIN_MIN", text)
+    (by_first,) = parameter_events(sent_values, first=True)
+    assert by_first.text.endswith("by the first")

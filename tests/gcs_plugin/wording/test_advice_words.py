@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
 from thrustmargin.models.model.fault_test import RotorFault
-from thrustmargin.models.model.next_fill import NextFill
+from thrustmargin.models.model.next_fill import NextFill, unsound_fill
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 from thrustmargin.models.model.thrust_use import ThrustUse
 
@@ -135,6 +135,17 @@ def test_the_first_line_of_each_level():
     assert say(FlightLevel.BATTERY, battery=collapsed) == "BATTERY COLLAPSED: 2.61 V A CELL AT 3:10"
 
 
+def test_the_first_line_is_no_surer_than_what_it_rests_on():
+    good = replace(ADVICE, levels=(FlightLevel.UNDER,))
+    assert headline(good) == "BELOW THE 50 % LIMIT"
+    short = replace(good, lost=replace(good.lost, known_s=14.0))
+    assert headline(short) == "BELOW THE 50 % LIMIT (KNOWN FOR 14 S OF 3 MIN 20 S)"
+    brief_use = replace(good, use=replace(USE, known_s=110.0))
+    assert headline(brief_use) == "BELOW THE 50 % LIMIT (KNOWN FOR 1 MIN 50 S OF 3 MIN 20 S)"
+    near = replace(good, levels=(FlightLevel.NEAR,), lost=RotorLost())
+    assert headline(near) == "NEAR THE 50 % LIMIT: CANNOT TELL (LOAD NOT KNOWN)"
+
+
 def test_a_bad_rotor_comes_first_with_its_place_and_amount():
     assert headline(with_fault(FlightLevel.CRITICAL)) == "ROTOR 3, FRONT LEFT: 12 % LESS THRUST"
     growing = replace(FAULT, upper=0.6, lower=0.4)
@@ -157,10 +168,10 @@ def test_a_loss_of_control_stands_in_the_first_line_beside_the_rotor():
 
 
 def test_what_to_do_follows_the_same_order():
-    said = action(with_fault(FlightLevel.CRITICAL))
+    said = action(with_fault(FlightLevel.CRITICAL, fill=unsound_fill(FILL)))
     assert said == (
         "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
-        "for the load: fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
+        "no fill can be recommended: a rotor or motor is bad, and the limits are of sound ones"
     )
     # While it flies it is to land, and the fill waits; without a damage nobody is asked to land.
     flying = action(with_fault(FlightLevel.CRITICAL, goes_on=True))

@@ -12,7 +12,8 @@ ROOT = Path(__file__).parents[3] / "gcs_plugin"
 PAGE = (ROOT / "view/figures/screen.html").read_text("utf-8")
 OTHERS = [language for language in LANGUAGES if language != "en"]
 #: Keys that the page makes of a code of the state, not of its own text.
-BY_CODE = {"holds", "spins", "sinks", "cannot_tell", "no_data", "aircraft", "field", "charts"}
+OF_LOST = {"holds", "spins", "sinks", "cannot_tell", "bad_part", "no_data"}
+BY_CODE = {*OF_LOST, "aircraft", "field", "charts"}
 
 
 def placeholders(text: str) -> set[str]:

@@ -7,10 +7,13 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.wording.advice_words import facts, headline
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_MORE_LOST
+from thrustmargin.gcs_plugin.wording.margin_verdict import basis_words
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model
 
 
@@ -106,7 +109,32 @@ def test_a_bad_rotor_comes_first_and_is_named_where_its_name_is_known(sitl_logs)
     assert made.levels == (FlightLevel.DAMAGED, FlightLevel.UNDER)
     assert [episode.fault.rotor for episode in made.faults] == [2]
     assert made.rotor_names[2] == "front left"
-    assert advise(worn, names_known=False).advice.rotor_names == ()
+    other = replace(worn, claim=replace(worn.claim, other_order=True))
+    assert advise(other).advice.rotor_names == ()
+    assert other.places == ("",) * 4
+
+
+def test_what_holds_for_sound_rotors_is_not_said_of_a_bad_one(sitl_logs, sound):
+    """Of one more rotor lost it stays known that it would not be survived, not that it would."""
+    worn = analyse(read_log(sitl_logs / "onset" / "worn_prop_onset.tlog").track, shipped_model())
+    assert np.nanmin(worn.redundancy_yaw_uncontrolled) > 1.0
+    made = advise(worn)
+    assert np.isnan([made.advice.fill.kg, made.advice.fill.fresh_kg, made.advice.lost.least]).all()
+    of_rows = (
+        made.whole.redundancy_yaw_uncontrolled,
+        made.analysis.trimmable_loss,
+        made.fill_limit_kg,
+    )
+    assert np.isnan(of_rows).all()
+    assert dict(facts(made.advice))["one rotor lost"] == ONE_MORE_LOST
+    share = 0.97 / np.nanmin(worn.redundancy_yaw_uncontrolled)
+    heavy = replace(worn, redundancy_yaw_uncontrolled=share * worn.redundancy_yaw_uncontrolled)
+    bad = advise(heavy)
+    assert 0.96 < bad.advice.lost.least < 1.0
+    assert np.nanmax(bad.analysis.redundancy_yaw_uncontrolled) < 1.0
+    assert np.isnan(bad.advice.fill.kg)
+    assert advise(sound).advice.fill.kg > 0.0
+    assert not advise(sound).analysis.bad_part
 
 
 def test_a_flight_that_is_none_has_no_answer(sound):
@@ -131,6 +159,11 @@ def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
     assert (made.faults[0].fault.kind, made.faults[0].fault.rotor) == ("stopped", 2)
     assert headline(made).startswith("ROTOR 3, FRONT LEFT: STOOD STILL IN FLIGHT")
     assert "Rotor 3 front left stands still: land" in dict(facts(made))["alarm"]
+    # What it lacks is no second fault, of it or of one of two; what was there before is.
+    pair = RotorFault(kind="propeller", rotor=3, rotors=(2, 3), size=0.2, lower=0.1, upper=0.3)
+    for found_s, kinds in ((150.0, ["stopped"]), (50.0, ["propeller", "stopped"])):
+        both = advise(replace(sound, track=stood), history=[(found_s, (pair,))]).advice
+        assert [one.fault.kind for one in both.faults] == kinds
     # It needs no airframe, and of one that is not known it has no place.
     unknown = replace(sound, claim=AirframeClaim(withheld=("another battery",)))
     made = advise(replace(unknown, track=stood)).advice
@@ -183,3 +216,14 @@ def test_a_rotor_that_flies_sound_is_repaired_though_the_model_holds_its_loss(so
 def test_a_loss_that_no_alarm_would_name_is_none(sound):
     made = advise(analyse(sound.track, worn_model(0.02))).advice
     assert (made.faults, made.repaired) == ((), ())
+
+
+@pytest.mark.parametrize(("outputs", "words"), [(0.5, "motor outputs went on"), (np.nan, "rest")])
+def test_outputs_that_go_on_where_every_esc_fell_silent_are_not_kept_quiet(sound, outputs, words):
+    silent = sound.track.time_s > 80.0
+    asked = np.where(silent[:, None], outputs, sound.track.throttle)
+    use = np.where(silent[:, None], np.nan, sound.utilisation)
+    made = replace(sound, utilisation=use, track=replace(sound.track, throttle=asked))
+    said = basis_words(made, measured_s=70.0, known_s=200.0, airborne_s=200.0)
+    assert words in said.split("predicted for the ")[1]
+    assert ("outputs" in said) == np.isfinite(outputs)

@@ -82,7 +82,7 @@ def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
     doubted = airframe_claim(SMALL, F16, facts, {}, given=True)
     flight = analyse(track, physics_model(F16), claim=replace(doubted, withheld=("another",)))
     plain = {"track", "model", "claim", "start", "density_error", "density_given"}
-    plain |= {"density", "density_basis", "voltage_basis", "beyond_gauge_kg"}
+    plain |= {"density", "density_basis", "voltage_basis", "beyond_gauge_kg", "bad_part"}
     for field in fields(flight):
         if field.name == "prediction":
             assert not flight.prediction.basis.any()

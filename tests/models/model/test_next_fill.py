@@ -43,7 +43,7 @@ def filled(analysis: FlightAnalysis, limit: float = 0.5) -> NextFill:
 def test_it_is_the_fill_before_take_off_with_the_battery_at_its_lowest():
     model = physics_model(CRAFT)
     found = filled(flown())
-    asked = before_take_off(largest_fills(model, RHO, 52.0, airspeed=4.0), CRAFT)
+    asked = before_take_off(largest_fills(model, RHO, 52.0, airspeed=4.0), model)
     assert found.kg == pytest.approx(asked.kg)
     assert found.limit_kg == pytest.approx(asked.limit_kg)
     assert found.reason == asked.reason

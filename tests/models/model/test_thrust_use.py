@@ -106,6 +106,11 @@ def test_a_motor_at_full_output_has_nothing_left_of_an_aircraft_that_is_not_know
     assert thrust_use(replace(unknown, track=track), 0.5).spent_s == pytest.approx(2.0, abs=0.1)
     ground = replace(track, flying=np.zeros(1200, dtype=np.bool_))
     assert thrust_use(replace(unknown, track=ground), 0.5).spent_s == 0.0
+    # All full for more than half of the flight is a wrong range; one alone is not.
+    output[:601] = 1.0
+    assert thrust_use(replace(unknown, track=track), 0.5).spent_s == 0.0
+    output[:601, 3] = 0.9
+    assert thrust_use(replace(unknown, track=track), 0.5).spent_s == pytest.approx(60.0, abs=1.0)
 
 
 def test_no_interval_reaches_below_nothing_or_beyond_all():

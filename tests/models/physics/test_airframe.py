@@ -355,6 +355,8 @@ position_frd = [0.0, -1.0, 0.0]
         ("propeller_diameter", 1e-90, "m", "is 1e-90 m and .* check both units"),
         ("thrust_coefficient", 2.05e-6, "N/rpm^2", "C_T of .* check both units"),
         ("empty_mass", 211.0, "kg", "does not lift the empty weight of 2069 N"),
+        ("liquid_density", 1000.0, "kg/L", "a liquid has 0.5 to 3: check its unit"),
+        ("tank_volume_l", 16000.0, "L", "a full tank of 16000 L alone weighs 1.569e"),
     ],
 )
 def test_values_that_are_impossible_together_are_refused(tmp_path, name, value, unit, message):

@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_checks import RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import esc, saturation
 from thrustmargin.gcs_plugin.live.announce import figures
 from thrustmargin.gcs_plugin.live.console import numbers
+from thrustmargin.gcs_plugin.live.metrics.collector import _of_rotors
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
@@ -20,6 +21,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavproxy_worker import fields, reading, summary
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
+from thrustmargin.gcs_plugin.view.figures.charts import Speeds, chart_images
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -163,6 +165,13 @@ def test_motors_in_another_order_are_an_alarm_and_take_the_places_away():
     assert updates[-1].flight.advice.rotor_names == ()
     page = aircraft_figures(ShownRow(updates[-1].analysis, -1), np.nan)
     assert {rotor["place"] for rotor in page["rotors"]} == {""}
+    last = updates[-1].analysis
+    charts = chart_images(last.places, Speeds.of(last), 0.0, window_s=20.0, ahead=0.0)
+    assert (
+        {chart["place"] for chart in charts}
+        == {name for (_, name, _), _ in _of_rotors(updates[-1])}
+        == {""}
+    )
     assert ("motor order", None) not in monitored(share=0.5)[0].alarms.listed
     now = RowsNow(analysis=updates[-1].analysis, rows=slice(-1, None))
     assert saturation(AlarmSettings(), now).text(0, 2) == "Rotor 3: no thrust left, slow down"

@@ -7,6 +7,7 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
+from tests.made_sources import sent
 from tests.models.checks.test_output_evidence import SQUARE, hover
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
@@ -48,6 +49,21 @@ def test_a_gauge_that_stands_still_while_the_aircraft_grows_lighter_is_left_out(
     assert np.isnan(shown(emptied).tank_kg[-1])
     carried = hover(9.0, gauge=4.0)
     assert np.isfinite(shown(carried).tank_kg).all()
+
+
+def test_an_airspeed_that_stands_while_the_aircraft_tilts_is_left_out():
+    still = replace(
+        hover(9.0),
+        airspeed=np.full(900, 4.8),
+        sources={**hover(9.0).sources, "airspeed": sent("VFR_HUD")},
+    )
+    tilt = 0.01 * np.random.default_rng(7).standard_normal((900, 3))
+    # A hover that is held is no sign of it.
+    assert np.isfinite(shown(replace(still, attitude=tilt)).airspeed).all()
+    tilt[:, 1] = 0.1 * np.sin(np.arange(900) / 30.0)
+    found = shown(replace(still, attitude=tilt))
+    assert np.isnan(found.airspeed[-1])
+    assert found.notes[-1].startswith("airspeed reading stood at 4.8 m/s")
 
 
 def test_the_next_flight_is_looked_at_by_itself():

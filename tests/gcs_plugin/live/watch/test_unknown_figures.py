@@ -7,12 +7,19 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import log_frames
 from tests.gcs_plugin.live.monitored import MODEL
+from thrustmargin.gcs_plugin.live.announce import figures
 from thrustmargin.gcs_plugin.live.console import COLUMNS, vehicle_cells
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures
 from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavproxy_worker import fields as fields_of_console
+from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
+from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
+from thrustmargin.gcs_plugin.view.figures.before_take_off import FillAdvice
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND
 
 #: Heading of the table -> the figure by its name in sentences.
 FIGURE = {
@@ -91,6 +98,24 @@ def test_each_dash_has_its_reason_and_what_helps(flight, keep, dashes, helps):
     assert {FIGURE[heading] for heading in blank} <= {*known}
     remarks = "\n".join(watch.last.remarks)
     assert all(words in remarks for words in helps)
+
+
+def test_once_a_rotor_is_found_bad_no_screen_says_what_one_more_lost_would_mean(sitl_logs):
+    frames = log_frames(sitl_logs / "onset" / "worn_prop_onset.tlog")
+    watch, now_us = heard(frames, bool)
+    last, dash = watch.last, "not known while a rotor or motor is bad"
+    assert last is not None
+    assert watch.alarms.of_parts
+    cells = dict(zip(COLUMNS, vehicle_cells(watch, now_us, 0.5), strict=True))
+    assert (cells["one rotor lost"].plain, cells["if full"].plain) == ("-", "-")
+    assert any(dash in line for line in last.remarks)
+    now = reading(last, 0.0)
+    assert fields_of_console(now, 0.5, 0.0)["OneOut"] == ("OneOut --", "grey")
+    assert any(dash in line for line in summary(now, 0.5, 0.0))
+    assert not {"REDUND", "NEXT_FILL"} & {*figures(last)}
+    shown = aircraft_figures(ShownRow(last.analysis, -1), 0.0)
+    assert (shown["lost"]["code"], shown["lost"]["ratio"]) == ("bad_part", None)
+    assert FillAdvice(0.5).text(last.analysis) == f"{UNSOUND}."
 
 
 def test_without_any_speed_the_predicted_margin_is_shown_as_such_and_raises_its_alarm(flight):

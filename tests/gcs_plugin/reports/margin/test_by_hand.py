@@ -8,10 +8,16 @@ import pytest
 from tests.gcs_plugin.reports.margin.report_flight import log, model
 from thrustmargin.gcs_plugin.reports.margin import report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, end_rows, share
-from thrustmargin.gcs_plugin.wording.margin_verdict import Moment, estimate, moment_words
+from thrustmargin.gcs_plugin.reports.margin.load import redundancy_rows
+from thrustmargin.gcs_plugin.wording.margin_verdict import (
+    Moment,
+    estimate,
+    moment_words,
+    voltage_facts,
+)
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse, with_bad_part
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.smoothing import known_least, known_mean, known_median, known_most
 from thrustmargin.models.scores import Estimate
@@ -148,6 +154,19 @@ def test_redundancy_below_one_is_counted_in_airborne_seconds():
     assert report.redundancy["yaw_free_median"] == 1.1
 
 
+def test_with_a_bad_rotor_only_what_is_surely_bad_of_the_loss_of_one_more_is_counted():
+    """Of eight rows in flight five are below 1: the others are unknown, and the middle of all."""
+    analysis = used(rising())
+    free = np.array([2.0, 0.9, 0.8, 0.9, 0.8, 0.9, 1.2, 1.3, 1.4, 2.0])
+    bad = with_bad_part(replace(analysis, redundancy_yaw_uncontrolled=free))
+    nothing = np.full(ROWS, np.nan)
+    unknown = {"fill_limit_kg": nothing, "fill_one_rotor_out_kg": nothing}
+    rows = redundancy_rows(bad, unknown, analysis.track.row_seconds)
+    assert rows["below_one_share"] == pytest.approx(5 / 8)
+    assert rows["yaw_free_min"] == pytest.approx(0.8)
+    assert np.isnan([rows["yaw_free_median"], rows["trimmable_loss_min"]]).all()
+
+
 def test_the_largest_fill_counts_mass_that_the_model_knows_to_be_hidden():
     mass = Identified(value=3.0, unit="kg", ci95=(2.9, 3.1))
     hidden = EffectRecord(name="extra_mass", rotor=None, parameters={"mass": mass})
@@ -238,3 +257,19 @@ def test_an_estimate_has_its_interval_in_brackets_where_there_is_one():
     assert estimate(share_of_rows, "%", 1, 100) == "97 (95 to 100) %"
     assert estimate(Estimate(value=41.23, low=NAN, high=NAN), "rpm") == "41.2 rpm"
     assert estimate(Estimate(value=NAN, low=NAN, high=NAN), "rpm") == "unknown"
+
+
+@pytest.mark.parametrize(("lost", "said"), [(0, ""), (2, ""), (30, "not known for 3.0 s of 9.9 s")])
+def test_a_voltage_that_is_missing_for_a_part_is_said_with_what_stands_in(lost: int, said: str):
+    volts = np.full(100, 50.0)
+    volts[:lost] = 0.0
+    track = FlightTrack.of(
+        name="v", time_s=np.arange(100) / 10.0, rotor_count=4, voltage=volts, tank_kg=np.ones(100)
+    )
+    track = replace(track, flying=np.ones(100, dtype=np.bool_))
+    analysis = analyse(track, model())
+    facts = voltage_facts(analysis)
+    assert set(facts) <= set(report_of(analysis).verdict.facts)
+    assert [f.text for f in facts] == (
+        [f"{said}: the most thrust is taken at 51.8 V"] if said else []
+    )

@@ -38,6 +38,7 @@ from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.scores import Estimate
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 
 def unpacked(text: str) -> str:
@@ -345,7 +346,8 @@ def test_an_octocopter_has_eight_rotors_in_page_and_csv(tmp_path):
         altitude=np.full(rows, 50.0),
     )
     analysis = analyse(track, physics_model(airframe))
-    report = build_report([(analysis, replace(log(), track=track)), flight()])
+    other = replace(log(), track=track, facts=VehicleFacts())
+    report = build_report([(analysis, other), flight()])
     header = next(csv.reader(io.StringIO(csv_bytes(report).decode())))
     assert "utilisation_8 [1]" in header
     rows_of = list(csv.DictReader(io.StringIO(csv_bytes(report).decode())))

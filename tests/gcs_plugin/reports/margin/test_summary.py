@@ -50,14 +50,14 @@ def test_the_interval_of_a_moment_reaches_to_more_in_use_where_more_is_shown(ana
     shape = analysis.utilisation.shape
     nothing = np.zeros(shape)
     plain = replace(analysis, utilisation_error=nothing, utilisation_beyond=nothing)
-    (moment, *_) = worst_moments(plain, model().airframe.rotor_names)
+    (moment, *_) = worst_moments(plain)
     assert moment.capacity_use_low == moment.capacity_use == moment.capacity_use_high
     shown = replace(
         analysis,
         utilisation_error=np.full(shape, 0.03),
         utilisation_beyond=np.full(shape, 0.02),
     )
-    (moment, *_) = worst_moments(shown, model().airframe.rotor_names)
+    (moment, *_) = worst_moments(shown)
     assert moment.capacity_use_high == pytest.approx(moment.capacity_use + 1.645 * 0.03)
     assert moment.capacity_use_low == pytest.approx(moment.capacity_use - 1.645 * 0.01)
 

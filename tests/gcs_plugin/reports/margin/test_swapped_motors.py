@@ -5,13 +5,15 @@ from dataclasses import replace
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
+from thrustmargin.gcs_plugin.reports.margin.data import Report
+from thrustmargin.gcs_plugin.reports.margin.render import write_report
+from thrustmargin.gcs_plugin.reports.margin.summary import overview_of, report_flight
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model
 
 
 @pytest.mark.parametrize(("order", "known"), [([0, 1, 2, 3], True), ([2, 1, 0, 3], False)])
-def test_a_worn_rotor_is_named_only_where_names_can_be_trusted(order, known, sitl_logs):
+def test_a_worn_rotor_is_named_only_where_names_can_be_trusted(order, known, sitl_logs, tmp_path):
     log = read_log(sitl_logs / "dev/worn_prop_1.tlog")
     track = replace(log.track, rotor_speed_rpm=log.track.rotor_speed_rpm[:, order])
     track = track.rows(slice(0, 1500))
@@ -22,3 +24,15 @@ def test_a_worn_rotor_is_named_only_where_names_can_be_trusted(order, known, sit
     assert ("which rotor that is, is not known" in facts["alarm"]) is not known
     assert ("rotor 1 were" in facts["what to do"]) is known
     assert ("rotors 1, 2, 3 and 4" in facts["what to do"]) is not known
+    overview = overview_of([report], 0.5)
+    made = Report(
+        made_utc="",
+        version="",
+        max_utilisation=0.5,
+        overview=overview,
+        flights=(report,),
+        unread=(),
+    )
+    write_report(made, tmp_path / "r.html")
+    written = (tmp_path / "r.html").read_text("utf-8") + (tmp_path / "r.json").read_text("utf-8")
+    assert all((place in written.lower()) is known for place in ("front left", "rear left"))

@@ -1,10 +1,12 @@
 """A plan before take-off in words."""
 
+import math
 from dataclasses import replace
 
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND
 from thrustmargin.gcs_plugin.wording.plans.forecast_words import (
     ASSUMED,
     assumed_words,
@@ -17,7 +19,10 @@ from thrustmargin.gcs_plugin.wording.plans.forecast_words import (
 )
 from thrustmargin.mission.ahead.battery import FlightBattery
 from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.model.fill_limits import largest_fills
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.next_fill import before_take_off
 
 MODEL = shipped_model()
 CARGO = replace(MODEL, network=None, airframe=replace(MODEL.airframe, tank_volume_l=0.0))
@@ -44,6 +49,23 @@ def test_the_verdict_comes_with_its_reason(day, starts, has):
     words = verdict(made(**day))
     assert words.startswith(starts)
     assert has in words
+
+
+def test_a_model_that_holds_a_weak_rotor_is_told_of_it_and_gets_no_fill():
+    loss = {"loss": Identified(value=0.12, unit="1", ci95=(0.11, 0.13))}
+    loss["torque_share"] = Identified(value=1.0, unit="1", ci95=(0.9, 1.1))
+    weak = EffectRecord(name="rotor_degradation", rotor=1, parameters=loss)
+    model = replace(MODEL, effects=(*MODEL.effects, weak))
+    plan = forecast(plan_of(*TWO_LINES), model, TakeOff(fill_kg=6.0, flow=0.04))
+    assert verdict(plan) == (
+        "DO NOT TAKE OFF WITH 6.0 kg (6.0 L): ROTOR 1, FRONT RIGHT: 12 % LESS THRUST"
+    )
+    assert fill_words(plan) == f"{UNSOUND}."
+    heavy = forecast(plan_of(*TWO_LINES), model, TakeOff(fill_kg=16.0, flow=0.0))
+    assert survivable_words(heavy) == "Whether a lost rotor is survivable is unknown."
+    fills = largest_fills(model, 1.2, 52.0, airspeed=4.0)
+    assert math.isnan(before_take_off(fills, model).kg)
+    assert before_take_off(fills, MODEL).kg > 0.0
 
 
 def test_an_aircraft_without_a_tank_is_told_of_no_liquid():

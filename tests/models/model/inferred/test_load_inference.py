@@ -84,6 +84,22 @@ def test_an_instrument_that_was_turned_down_is_still_said_beside_the_load_that_t
     assert part.source("tank_kg").rejected == frozen
 
 
+@pytest.mark.parametrize(("until", "stays"), [(400, True), (100, False)])
+def test_a_gauge_that_falls_silent_early_hides_no_load_that_thrust_shows(until, stays):
+    """Of 60 s: 40 s of a gauge are two thirds of the flight, 10 s a sixth."""
+    gauge = np.where(np.arange(600) < until, 8.0, np.nan)
+    track = hover(np.full(600, 8.0), tank_kg=gauge)
+    track = replace(track, sources={**track.sources, "tank_kg": sent("NAMED_VALUE_FLOAT")})
+    made = with_load(track, F16)
+    assert (made is track) is stays
+    assert np.isfinite(made.tank_kg[track.flying]).all() == (not stays)
+    if not stays:
+        source = made.source("tank_kg")
+        assert [one.reason for one in source.rejected] == [Reason.COVERS_LESS]
+        assert "covers 17% of the flight" in source.words
+        assert np.median(made.tank_kg) == pytest.approx(8.0, abs=0.3)
+
+
 def test_a_hover_shows_its_load_with_an_interval_that_holds_it():
     found = with_load(hover(np.full(600, 9.0), spraying=np.zeros(600)), F16)
     error = found.standard_errors["tank_kg"]

@@ -59,6 +59,14 @@ def test_three_seconds_make_a_mean(seconds, counts):
     assert (load_fit(shown((seconds, 1, 30.0, 0, 0, 0)), CRAFT) is not None) == counts
 
 
+@pytest.mark.parametrize(("fall", "fitted"), [(0.9, True), (0.7, False)])
+def test_lift_that_no_rotor_has_explains_no_load(fall, fitted):
+    """Of 30 kg at rest, by a lift of 0.25: 27 kg are a gain of 0.44, 21 kg one of 1.7."""
+    means = [(10.0, 1, 30.0, 0.0, 0, k) for k in range(6)]
+    means += [(10.0, 1, 30.0 * fall, 0.25, 0, 6 + k) for k in range(6)]
+    assert (load_fit(shown(*means), CRAFT) is not None) == fitted
+
+
 def test_one_mean_has_the_scatter_that_means_usually_have():
     fit = fitted((10.0, 1, 30.0, 0.0, 0.0, 0.0))
     np.testing.assert_allclose(fit.values, [10.0, 0.0], atol=1e-6)
