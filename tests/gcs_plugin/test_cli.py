@@ -90,6 +90,24 @@ def test_help_is_there_at_once():
     assert min(used) < 0.3
 
 
+@pytest.mark.parametrize(("asked", "threads"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, 2)])
+def test_a_command_computes_with_one_thread_unless_more_are_asked_for(asked, threads):
+    """Whatever other libraries are allowed."""
+    code = "import sys; from thrustmargin.gcs_plugin.cli import main\n"
+    code += "try: main(['fill', '--airframe', 'topxgun-f16'])\nfinally:\n"
+    code += "  from threadpoolctl import threadpool_info\n"
+    code += "  print({pool['num_threads'] for pool in threadpool_info()}, file=sys.stderr)"
+    others = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**others, "OMP_NUM_THREADS": "2", **asked},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == f"{{{min(threads, os.cpu_count() or 1)}}}\n"
+
+
 def test_json_to_standard_output_is_json_and_nothing_else(sitl_logs, tmp_path):
     flight = str(sitl_logs / "campaign" / "v4_m16_q2.5.tlog")
     for command, look in (
