@@ -19,7 +19,6 @@ from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
 from thrustmargin.gcs_plugin.vehicle.downloads import LogEntry, VehicleLogs, choose_log
 from thrustmargin.models.errors import LinkError
 
-
 RUN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(['fetch', *sys.argv[1:]])"
 
 
