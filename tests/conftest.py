@@ -38,6 +38,7 @@ def pytest_configure() -> None:
 
 def pytest_collection_finish() -> None:
     gc.freeze()
+    gc.set_threshold(50_000)  # as of the command
     gc.enable()
 
 

@@ -66,7 +66,7 @@ def test_a_simulator_by_tcp_is_found_though_it_starts_later(monkeypatch):
                 stream.sendall(HEARTBEAT)
                 time.sleep(0.5)
 
-    thread = threading.Thread(target=serve)
+    thread = threading.Thread(target=serve, daemon=True)
     thread.start()
     assert LinkFinder((url,), list).find(8.0) == url
     thread.join()
