@@ -138,8 +138,8 @@ def monitored(changed=lambda frame: frame, share=0.33, **settings) -> tuple[Vehi
     vehicle = VehicleMonitor(1, MODEL, WatchSettings(**settings))
     updates = []
     frames = [changed(frame) for frame in log_frames(FILE) if frame.system == 1]
-    for at in range(0, int(share * len(frames)), 25):
-        for frame in frames[at : at + 25]:
+    for at in range(0, int(share * len(frames)), 50):
+        for frame in frames[at : at + 50]:
             vehicle.take(frame)
         updates += vehicle.updates()
     return vehicle, updates
