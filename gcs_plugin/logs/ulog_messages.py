@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 
 HEADER = 16  # bytes before the first message
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 _HEAD = struct.Struct("<HB")
 _ID = struct.Struct("<H")
+_ROW = struct.Struct("<HBH")  # head and topic's id of data
 _TYPE = re.compile(rb"[ABCDFILMOPQRS]")
 _FORMAT = re.compile(rb"([\w/-]+):((?:\w+(?:\[\d{1,5}\])? [\w\[\].]+;)+)")
 _FIELD = re.compile(rb"(\w+?)(?:\[(\d+)\])? ([\w\[\].]+);")
@@ -86,6 +87,29 @@ class _Log:
                 good = False
         return end if good else 0
 
+    def pass_rows(self, at: int, wanted: Mapping[int, bytes], kept: bytearray) -> int:
+        """The offset behind whole messages of data, by far the most; those `wanted` are kept."""
+        data, sizes, last, begun = self.data, self.sizes, len(self.data) - _ROW.size, -1
+        unpack = _ROW.unpack_from
+        while at <= last:
+            size, kind, number = unpack(data, at)
+            if kind != 68 or number not in sizes:
+                break
+            least, most = sizes[number]
+            end = at + 3 + size
+            if not least <= size - 2 <= most or end > len(data):
+                break
+            if not wanted.get(number):
+                if begun >= 0:
+                    kept += data[begun:at]
+                begun = -1
+            elif begun < 0:
+                begun = at
+            at = end
+        if begun >= 0:
+            kept += data[begun:at]
+        return at
+
     def size_of(self, name: bytes, depth: int = 0) -> tuple[int, int] | None:
         """Least and most bytes of a topic, padding at its end left out or not; None if unknown."""
         total = padding = 0
@@ -108,7 +132,7 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
     log, kept, at = _Log(data), bytearray(data[:HEADER]), HEADER
     skipped: list[tuple[int, int]] = []
     wanted: dict[int, bytes] = {}  # topics by id
-    while at < len(data):
+    while (at := log.pass_rows(at, wanted, kept)) < len(data):
         end = log.end(at)
         if not end:
             end = _next_whole(log, at + 1)
@@ -117,15 +141,13 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
             continue
         kind, body = data[at + 2], data[at + 3 : end]
         keep = kind in b"PLO"
-        if kind == 68:
-            keep = bool(wanted.get(_ID.unpack_from(body)[0]))
-        elif kind == 70:
+        if kind == 70:
             name, fields = body.split(b":", 1)
             log.formats[name] = [(k, int(n or 1), f) for k, n, f in _FIELD.findall(fields)]
             keep = True
         elif kind == 65:
             number, name = _ID.unpack_from(body, 1)[0], body[3:]
-            log.sizes[number] = log.size_of(name) or (0, 0)
+            log.sizes[number] = log.size_of(name) or (1, 0)  # none fits
             needed = name.decode("utf-8", "replace") in topics and _TIMED in log.formats[name]
             # At a topic that is added again pyulog would drop what it has of it.
             keep = needed and wanted.get(number) != name

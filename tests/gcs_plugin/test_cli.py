@@ -69,12 +69,13 @@ def test_help_and_version(capsys):
     assert capsys.readouterr().out == f"thrustmargin {version('thrustmargin')}\n"
 
 
-def test_help_loads_nothing_heavy():
+def test_help_loads_nothing_heavy_and_a_report_no_scipy():
     code = f"{MAIN.replace('main(sys.argv[1:])', '')}from thrustmargin.gcs_plugin.cli import run\n"
     code += "run(['--help']); light = set(sys.modules)\n"
     code += "assert not {'numpy', 'tyro', 'rich', 'pymavlink', 'asyncio'} & light\n"
     code += "try: run(['report', '--help'])\nexcept SystemExit: pass\n"
     code += "assert not {'numpy', 'pymavlink', 'plotly', 'scipy'} & set(sys.modules)\n"
+    code += "import thrustmargin.gcs_plugin.reports.margin; assert 'scipy' not in sys.modules\n"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 

@@ -34,6 +34,8 @@ def test_a_whole_log_stays_whole():
     assert found.skipped == ()
     assert rows_of(found.data) == rows_of(data)
     assert len(whole_messages(data, ()).data) < len(found.data) / 4
+    for name, count in rows_of(data).items():
+        assert rows_of(whole_messages(data, (name,)).data) == {name: count}
 
 
 @pytest.mark.parametrize("hurt", [b"\xff" * 7, b"", bytes(40), b"D\x00D" * 30])
