@@ -30,6 +30,7 @@ _TIMED = (b"uint64_t", 1, b"timestamp")  # a field that every topic of use has
 _MOST = 0xFFFF  # bytes of a message
 _LONGEST_TEXT = 1024  # bytes; PX4 writes 127 at most
 _DEEPEST = 8  # types within types
+_NONE = 1, 0  # least and most bytes where no size will do
 _CHAIN = 4  # messages in a row that are no chance
 
 
@@ -89,25 +90,16 @@ class _Log:
 
     def pass_rows(self, at: int, wanted: Mapping[int, bytes], kept: bytearray) -> int:
         """The offset behind whole messages of data, by far the most; those `wanted` are kept."""
-        data, sizes, last, begun = self.data, self.sizes, len(self.data) - _ROW.size, -1
-        unpack = _ROW.unpack_from
+        data, last, unpack = self.data, len(self.data) - _ROW.size, _ROW.unpack_from
         while at <= last:
             size, kind, number = unpack(data, at)
-            if kind != 68 or number not in sizes:
-                break
-            least, most = sizes[number]
+            least, most = self.sizes.get(number, _NONE)
             end = at + 3 + size
-            if not least <= size - 2 <= most or end > len(data):
+            if kind != 68 or not least <= size - 2 <= most or end > len(data):
                 break
-            if not wanted.get(number):
-                if begun >= 0:
-                    kept += data[begun:at]
-                begun = -1
-            elif begun < 0:
-                begun = at
+            if wanted.get(number):
+                kept += data[at:end]
             at = end
-        if begun >= 0:
-            kept += data[begun:at]
         return at
 
     def size_of(self, name: bytes, depth: int = 0) -> tuple[int, int] | None:
@@ -147,7 +139,7 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
             keep = True
         elif kind == 65:
             number, name = _ID.unpack_from(body, 1)[0], body[3:]
-            log.sizes[number] = log.size_of(name) or (1, 0)  # none fits
+            log.sizes[number] = log.size_of(name) or _NONE
             needed = name.decode("utf-8", "replace") in topics and _TIMED in log.formats[name]
             # At a topic that is added again pyulog would drop what it has of it.
             keep = needed and wanted.get(number) != name
