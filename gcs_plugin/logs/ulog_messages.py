@@ -1,9 +1,10 @@
 """The whole messages of a PX4 log, so that pyulog never meets a damaged one.
 
-On damage pyulog goes back by what it could not read, and near the end of a file for ever; and it
-makes a list of every element that a damaged format names. Here each message is held against what
-the log itself says of it, and damage is left out up to the next place from which several messages
-in a row are whole. Time grows with the size of the file alone.
+On damage pyulog goes back by what it could not read, and near the end of a file for ever; it makes
+a list of every element that a damaged format names, and several objects of every row. Here each
+message is held against what the log itself says of it, and damage is left out up to the next place
+from which several messages in a row are whole. Time grows with the size of the file alone. Of each
+topic pyulog reads one row, which tells how the others are read.
 Format: PX4 guide, "ULog File Format".
 """
 
@@ -13,6 +14,9 @@ import re
 import struct
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
 
 HEADER = 16  # bytes before the first message
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
@@ -38,7 +42,8 @@ _CHAIN = 4  # messages in a row that are no chance
 class WholeMessages:
     """A log without its damage and without what is not needed."""
 
-    data: bytes  # again a log
+    data: bytes  # again a log, of each topic's rows with the first alone
+    rows: Mapping[int, NDArray[np.uint8]]  # (rows, bytes of one) all that a topic has, by its id
     skipped: tuple[tuple[int, int], ...]  # (offset, length) of what is damaged
 
 
@@ -49,6 +54,8 @@ class _Log:
     data: bytes
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
     sizes: dict[int, tuple[int, int]] = field(default_factory=dict)  # least and most bytes by id
+    #: Of the needed topics by id: their rows, and the least and most bytes of one.
+    needed: dict[int, tuple[bytearray, int, int]] = field(default_factory=dict)
 
     def end(self, at: int) -> int:
         """Where the message at an offset ends; 0 when there is none."""
@@ -88,8 +95,8 @@ class _Log:
                 good = False
         return end if good else 0
 
-    def pass_rows(self, at: int, wanted: Mapping[int, bytes], kept: bytearray) -> int:
-        """The offset behind whole messages of data, by far the most; those `wanted` are kept."""
+    def pass_rows(self, at: int, kept: bytearray) -> int:
+        """The offset behind whole rows of data, by far the most; those that are needed are kept."""
         data, last, unpack = self.data, len(self.data) - _ROW.size, _ROW.unpack_from
         while at <= last:
             size, kind, number = unpack(data, at)
@@ -97,8 +104,12 @@ class _Log:
             end = at + 3 + size
             if kind != 68 or not least <= size - 2 <= most or end > len(data):
                 break
-            if wanted.get(number):
-                kept += data[at:end]
+            if number in self.needed:
+                rows, least, most = self.needed[number]
+                if least <= size - 2 <= most:
+                    if not rows:
+                        kept += data[at:end]
+                    rows += data[at + _ROW.size : at + _ROW.size + least]
             at = end
         return at
 
@@ -124,7 +135,8 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
     log, kept, at = _Log(data), bytearray(data[:HEADER]), HEADER
     skipped: list[tuple[int, int]] = []
     wanted: dict[int, bytes] = {}  # topics by id
-    while (at := log.pass_rows(at, wanted, kept)) < len(data):
+    found: dict[int, tuple[bytearray, int, int]] = {}
+    while (at := log.pass_rows(at, kept)) < len(data):
         end = log.end(at)
         if not end:
             end = _next_whole(log, at + 1)
@@ -144,13 +156,21 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
             # At a topic that is added again pyulog would drop what it has of it.
             keep = needed and wanted.get(number) != name
             wanted |= {number: name if needed else b""}
+            if keep:
+                log.needed[number] = found[number] = (bytearray(), *log.sizes[number])
+            elif not needed:
+                log.needed.pop(number, None)
         elif kind == 66:
             # What was written behind a crash needs no offset: whatever is damaged is left out.
             body, keep = body[:16] + bytes(len(body) - 16), True
         if keep:
             kept += data[at : at + 3] + body
         at = end
-    return WholeMessages(data=bytes(kept), skipped=tuple(skipped))
+    rows = {
+        number: np.frombuffer(table, np.uint8).reshape(-1, least)
+        for number, (table, least, _) in found.items()
+    }
+    return WholeMessages(data=bytes(kept), rows=rows, skipped=tuple(skipped))
 
 
 def _next_whole(log: _Log, at: int) -> int:
