@@ -4,7 +4,7 @@ On damage pyulog goes back by what it could not read, and near the end of a file
 a list of every element that a damaged format names, and several objects of every row. Here each
 message is held against what the log itself says of it, and damage is left out up to the next place
 from which several messages in a row are whole. Time grows with the size of the file alone. Of each
-topic pyulog reads one row, which tells how the others are read.
+topic pyulog reads one row, by which the others are read.
 Format: PX4 guide, "ULog File Format".
 """
 
