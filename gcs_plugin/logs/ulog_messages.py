@@ -34,7 +34,7 @@ _TIMED = (b"uint64_t", 1, b"timestamp")  # a field that every topic of use has
 _MOST = 0xFFFF  # bytes of a message
 _LONGEST_TEXT = 1024  # bytes; PX4 writes 127 at most
 _DEEPEST = 8  # types within types
-_NONE = 1, 0  # least and most bytes where no size will do
+_NONE = 1, 0, None  # a topic of which no row will do
 _CHAIN = 4  # messages in a row that are no chance
 
 
@@ -53,9 +53,8 @@ class _Log:
 
     data: bytes
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
-    sizes: dict[int, tuple[int, int]] = field(default_factory=dict)  # least and most bytes by id
-    #: Of the needed topics by id: their rows, and the least and most bytes of one.
-    needed: dict[int, tuple[bytearray, int, int]] = field(default_factory=dict)
+    #: By id of a topic the least and most bytes of a row, and the rows where they are needed.
+    topics: dict[int, tuple[int, int, bytearray | None]] = field(default_factory=dict)
 
     def end(self, at: int) -> int:
         """Where the message at an offset ends; 0 when there is none."""
@@ -67,7 +66,7 @@ class _Log:
         if end > len(data):
             return 0
         if kind == 68:  # D, by far the most
-            known = self.sizes.get(_ID.unpack_from(data, start)[0]) if size > 2 else None
+            known = self.topics.get(_ID.unpack_from(data, start)[0]) if size > 2 else None
             return end if known and known[0] <= size - 2 <= known[1] else 0
         if kind == 65 and size > _LONGEST_TEXT:  # A: a name
             return 0
@@ -97,19 +96,18 @@ class _Log:
 
     def pass_rows(self, at: int, kept: bytearray) -> int:
         """The offset behind whole rows of data, by far the most; those that are needed are kept."""
-        data, last, unpack = self.data, len(self.data) - _ROW.size, _ROW.unpack_from
-        while at <= last:
+        data, topic_of, unpack = self.data, self.topics.get, _ROW.unpack_from
+        whole = len(data)
+        while at + _ROW.size <= whole:
             size, kind, number = unpack(data, at)
-            least, most = self.sizes.get(number, _NONE)
+            least, most, rows = topic_of(number, _NONE)
             end = at + 3 + size
-            if kind != 68 or not least <= size - 2 <= most or end > len(data):
+            if kind != 68 or not least <= size - 2 <= most or end > whole:
                 break
-            if number in self.needed:
-                rows, least, most = self.needed[number]
-                if least <= size - 2 <= most:
-                    if not rows:
-                        kept += data[at:end]
-                    rows += data[at + _ROW.size : at + _ROW.size + least]
+            if rows is not None:
+                if not rows:
+                    kept += data[at:end]
+                rows += data[at + 5 : at + 5 + least]
             at = end
         return at
 
@@ -135,7 +133,7 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
     log, kept, at = _Log(data), bytearray(data[:HEADER]), HEADER
     skipped: list[tuple[int, int]] = []
     wanted: dict[int, bytes] = {}  # topics by id
-    found: dict[int, tuple[bytearray, int, int]] = {}
+    found: dict[int, tuple[int, bytearray]] = {}
     while (at := log.pass_rows(at, kept)) < len(data):
         end = log.end(at)
         if not end:
@@ -151,15 +149,16 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
             keep = True
         elif kind == 65:
             number, name = _ID.unpack_from(body, 1)[0], body[3:]
-            log.sizes[number] = log.size_of(name) or _NONE
+            least, most = log.size_of(name) or _NONE[:2]
             needed = name.decode("utf-8", "replace") in topics and _TIMED in log.formats[name]
             # At a topic that is added again pyulog would drop what it has of it.
             keep = needed and wanted.get(number) != name
             wanted |= {number: name if needed else b""}
             if keep:
-                log.needed[number] = found[number] = (bytearray(), *log.sizes[number])
-            elif not needed:
-                log.needed.pop(number, None)
+                found[number] = (least, bytearray())
+            # What is needed and has another size now is not what pyulog takes it for.
+            same = needed and found[number][0] == least
+            log.topics[number] = (least, most, found[number][1] if same else None)
         elif kind == 66:
             # What was written behind a crash needs no offset: whatever is damaged is left out.
             body, keep = body[:16] + bytes(len(body) - 16), True
@@ -168,7 +167,7 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
         at = end
     rows = {
         number: np.frombuffer(table, np.uint8).reshape(-1, least)
-        for number, (table, least, _) in found.items()
+        for number, (least, table) in found.items()
     }
     return WholeMessages(data=bytes(kept), rows=rows, skipped=tuple(skipped))
 
