@@ -64,6 +64,14 @@ def test_rows_end_where_what_they_are_changes(after):
     assert found.rows[0].shape == (3, 12)
 
 
+def test_rows_are_kept_without_the_padding_that_may_be_behind_them():
+    form = message("F", b"a:uint64_t timestamp;float x;uint8_t[4] _padding0;")
+    row = bytes(2) + b"\1" * 12
+    rows = message("D", row) + message("D", row + bytes(4))
+    found = whole_messages(px4_log()[:HEADER] + form + message("A", b"\0\0\0a") + 2 * rows, ("a",))
+    assert found.rows[0].tolist() == [[1] * 12] * 4
+
+
 @pytest.mark.parametrize("hurt", [b"\xff" * 7, b"", bytes(40), b"D\x00D" * 30])
 def test_the_messages_around_damage_are_kept_and_the_damage_is_told_by_place(hurt):
     data = px4_log()
