@@ -19,11 +19,11 @@ test: $(VENV)/.test
 	$(MAKE) --jobs 2 check pytest
 
 pytest: $(VENV)/.test
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
 # The loop on causes that it does not know, on measured data and on a season; minutes to an hour.
 lab: $(VENV)/.test
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGS) tests/lab
+	$(BIN)/python -m pytest $(PYTEST_ARGS) tests/lab
 
 check: $(VENV)/.test
 	$(BIN)/ruff check .

@@ -106,6 +106,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    # Small matrices: threads would only wait for each other, a third of the time of a report.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(50_000)  # imports make objects that stay: to look through them takes 0.1 s
     _end_as_by_ctrl_c()
     sys.exit(run(sys.argv[1:] if argv is None else list(argv)))

@@ -10,6 +10,10 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+# Before numpy is loaded, and for programs that tests start: with small matrices the threads of
+# several workers would only wait for each other.
+for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(threads, "1")
 ROOT = Path(__file__).resolve().parents[1]
 # How long a busy machine takes is no property of what is tested.
 settings.register_profile(
@@ -34,6 +38,7 @@ def pytest_configure() -> None:
 
 def pytest_collection_finish() -> None:
     gc.freeze()
+    gc.set_threshold(50_000)  # as of the command
     gc.enable()
 
 

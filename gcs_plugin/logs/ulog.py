@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
@@ -53,7 +54,8 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     topics: dict[str, list[Topic]] = {}
     for data in sorted(log.data_list, key=lambda d: d.multi_id):
         if "timestamp" in data.data:
-            topics.setdefault(data.name, []).append(_ordered(data.data, path.name))
+            columns = _columns(data.data, whole.rows[data.msg_id])
+            topics.setdefault(data.name, []).append(_ordered(columns, path.name))
     parameters = {
         str(name): float(value)
         for name, value in log.initial_parameters.items()
@@ -98,6 +100,13 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         firmware=" ".join(filter(None, ("PX4", log.get_version_info_str()))),
     )
     return recording, signals
+
+
+def _columns(first: Topic, rows: NDArray[np.uint8]) -> Topic:
+    """The columns of all `rows` (n, bytes of one) of a topic, as those of its `first` are read."""
+    form = np.dtype([(name, column.dtype) for name, column in first.items()])
+    table = np.ascontiguousarray(rows[:, : form.itemsize]).view(form)[:, 0]
+    return {name: table[name] for name in first}
 
 
 def _ordered(data: Topic, name: str) -> Topic:

@@ -1,9 +1,10 @@
 """The whole messages of a PX4 log, so that pyulog never meets a damaged one.
 
-On damage pyulog goes back by what it could not read, and near the end of a file for ever; and it
-makes a list of every element that a damaged format names. Here each message is held against what
-the log itself says of it, and damage is left out up to the next place from which several messages
-in a row are whole. Time grows with the size of the file alone.
+On damage pyulog goes back by what it could not read, and near the end of a file for ever; it makes
+a list of every element that a damaged format names, and several objects of every row. Here each
+message is held against what the log itself says of it, and damage is left out up to the next place
+from which several messages in a row are whole. Time grows with the size of the file alone. Of each
+topic pyulog reads one row, by which the others are read.
 Format: PX4 guide, "ULog File Format".
 """
 
@@ -11,13 +12,17 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
 
 HEADER = 16  # bytes before the first message
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 _HEAD = struct.Struct("<HB")
 _ID = struct.Struct("<H")
+_ROW = struct.Struct("<HBH")  # head and topic's id of data
 _TYPE = re.compile(rb"[ABCDFILMOPQRS]")
 _FORMAT = re.compile(rb"([\w/-]+):((?:\w+(?:\[\d{1,5}\])? [\w\[\].]+;)+)")
 _FIELD = re.compile(rb"(\w+?)(?:\[(\d+)\])? ([\w\[\].]+);")
@@ -29,6 +34,7 @@ _TIMED = (b"uint64_t", 1, b"timestamp")  # a field that every topic of use has
 _MOST = 0xFFFF  # bytes of a message
 _LONGEST_TEXT = 1024  # bytes; PX4 writes 127 at most
 _DEEPEST = 8  # types within types
+_NONE = 1, 0, None  # a topic of which no row will do
 _CHAIN = 4  # messages in a row that are no chance
 
 
@@ -36,7 +42,8 @@ _CHAIN = 4  # messages in a row that are no chance
 class WholeMessages:
     """A log without its damage and without what is not needed."""
 
-    data: bytes  # again a log
+    data: bytes  # again a log, of each topic's rows with the first alone
+    rows: Mapping[int, NDArray[np.uint8]]  # (rows, bytes of one) all that a topic has, by its id
     skipped: tuple[tuple[int, int], ...]  # (offset, length) of what is damaged
 
 
@@ -46,7 +53,8 @@ class _Log:
 
     data: bytes
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
-    sizes: dict[int, tuple[int, int]] = field(default_factory=dict)  # least and most bytes by id
+    #: By id of a topic the least and most bytes of a row, and the rows where they are needed.
+    topics: dict[int, tuple[int, int, bytearray | None]] = field(default_factory=dict)
 
     def end(self, at: int) -> int:
         """Where the message at an offset ends; 0 when there is none."""
@@ -58,7 +66,7 @@ class _Log:
         if end > len(data):
             return 0
         if kind == 68:  # D, by far the most
-            known = self.sizes.get(_ID.unpack_from(data, start)[0]) if size > 2 else None
+            known = self.topics.get(_ID.unpack_from(data, start)[0]) if size > 2 else None
             return end if known and known[0] <= size - 2 <= known[1] else 0
         if kind == 65 and size > _LONGEST_TEXT:  # A: a name
             return 0
@@ -86,6 +94,23 @@ class _Log:
                 good = False
         return end if good else 0
 
+    def pass_rows(self, at: int, kept: bytearray) -> int:
+        """The offset behind whole rows of data, by far the most; those that are needed are kept."""
+        data, topic_of, unpack = self.data, self.topics.get, _ROW.unpack_from
+        whole = len(data)
+        while at + _ROW.size <= whole:
+            size, kind, number = unpack(data, at)
+            least, most, rows = topic_of(number, _NONE)
+            end = at + 3 + size
+            if kind != 68 or not least <= size - 2 <= most or end > whole:
+                break
+            if rows is not None:
+                if not rows:
+                    kept += data[at:end]
+                rows += data[at + 5 : at + 5 + least]
+            at = end
+        return at
+
     def size_of(self, name: bytes, depth: int = 0) -> tuple[int, int] | None:
         """Least and most bytes of a topic, padding at its end left out or not; None if unknown."""
         total = padding = 0
@@ -108,7 +133,8 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
     log, kept, at = _Log(data), bytearray(data[:HEADER]), HEADER
     skipped: list[tuple[int, int]] = []
     wanted: dict[int, bytes] = {}  # topics by id
-    while at < len(data):
+    found: dict[int, tuple[int, bytearray]] = {}
+    while (at := log.pass_rows(at, kept)) < len(data):
         end = log.end(at)
         if not end:
             end = _next_whole(log, at + 1)
@@ -117,26 +143,33 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
             continue
         kind, body = data[at + 2], data[at + 3 : end]
         keep = kind in b"PLO"
-        if kind == 68:
-            keep = bool(wanted.get(_ID.unpack_from(body)[0]))
-        elif kind == 70:
+        if kind == 70:
             name, fields = body.split(b":", 1)
             log.formats[name] = [(k, int(n or 1), f) for k, n, f in _FIELD.findall(fields)]
             keep = True
         elif kind == 65:
             number, name = _ID.unpack_from(body, 1)[0], body[3:]
-            log.sizes[number] = log.size_of(name) or (0, 0)
+            least, most = log.size_of(name) or _NONE[:2]
             needed = name.decode("utf-8", "replace") in topics and _TIMED in log.formats[name]
             # At a topic that is added again pyulog would drop what it has of it.
             keep = needed and wanted.get(number) != name
             wanted |= {number: name if needed else b""}
+            if keep:
+                found[number] = (least, bytearray())
+            # What is needed and has another size now is not what pyulog takes it for.
+            same = needed and found[number][0] == least
+            log.topics[number] = (least, most, found[number][1] if same else None)
         elif kind == 66:
             # What was written behind a crash needs no offset: whatever is damaged is left out.
             body, keep = body[:16] + bytes(len(body) - 16), True
         if keep:
             kept += data[at : at + 3] + body
         at = end
-    return WholeMessages(data=bytes(kept), skipped=tuple(skipped))
+    rows = {
+        number: np.frombuffer(table, np.uint8).reshape(-1, least)
+        for number, (least, table) in found.items()
+    }
+    return WholeMessages(data=bytes(kept), rows=rows, skipped=tuple(skipped))
 
 
 def _next_whole(log: _Log, at: int) -> int:

@@ -239,8 +239,10 @@ class SuddenChange:
             most = np.add.reduce(np.logaddexp(best, moved), axis=1) - none
             if most.max() < least:
                 return None
-        each = still[:, None] + log_likelihood(a[:, None], b[:, None], steps, widths)
-        log = np.sum(np.logaddexp(each, moved[:, None]), axis=2)
+        # (M, K, H): numpy is quick along the last, and of hypotheses there are most.
+        of_all = (np.ascontiguousarray(x.T)[:, None] for x in (steps, widths))
+        no, own, *sums = (x.T[:, :, None] for x in (still, moved, a, b))
+        log = np.add.reduce(np.logaddexp(no + log_likelihood(*sums, *of_all), own), axis=0)
         total = np.logaddexp.reduce(log, axis=1)
         ratio = total - np.log(len(steps)) - none
         # Starts around the true one pass too: the best has most evidence, less what it leaves.

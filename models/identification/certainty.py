@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from statistics import NormalDist
 from types import MappingProxyType
-
-from scipy.special import ndtri
 
 SURE = 0.95  # of the weight for a name, and of the values that an interval or a limit holds
 CHOICE = 0.5  # of the weight, from which one is likelier than not
 DOUBT = 1.0 - SURE  # what a name may lack, so the weight from which anything else is listed
-ERRORS = float(ndtri(1.0 - DOUBT / 2.0))  # standard errors on either side of such an interval
+#: Standard errors on either side of such an interval.
+ERRORS = NormalDist().inv_cdf(1.0 - DOUBT / 2.0)
 
 
 @dataclass(frozen=True, slots=True)

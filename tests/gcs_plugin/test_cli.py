@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from thrustmargin.gcs_plugin.cli import COMMANDS, command_function, run
+from thrustmargin.gcs_plugin.commands.shared.options import QUIET
 
 MAIN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
 FLIGHT = "sitl_logs/campaign/v4_m16_q2.5.tlog"
@@ -68,12 +69,13 @@ def test_help_and_version(capsys):
     assert capsys.readouterr().out == f"thrustmargin {version('thrustmargin')}\n"
 
 
-def test_help_loads_nothing_heavy():
+def test_help_loads_nothing_heavy_and_a_report_no_scipy():
     code = f"{MAIN.replace('main(sys.argv[1:])', '')}from thrustmargin.gcs_plugin.cli import run\n"
     code += "run(['--help']); light = set(sys.modules)\n"
     code += "assert not {'numpy', 'tyro', 'rich', 'pymavlink', 'asyncio'} & light\n"
     code += "try: run(['report', '--help'])\nexcept SystemExit: pass\n"
     code += "assert not {'numpy', 'pymavlink', 'plotly', 'scipy'} & set(sys.modules)\n"
+    code += "import thrustmargin.gcs_plugin.reports.margin; assert 'scipy' not in sys.modules\n"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -90,41 +92,61 @@ def test_help_is_there_at_once():
     assert min(used) < 0.3
 
 
-def test_json_to_standard_output_is_json_and_nothing_else(sitl_logs, tmp_path):
+@pytest.mark.parametrize(("asked", "threads"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, 2)])
+def test_a_command_computes_with_one_thread_unless_more_are_asked_for(asked, threads):
+    """Whatever other libraries are allowed."""
+    code = "import sys; from thrustmargin.gcs_plugin.cli import main\n"
+    code += "try: main(['fill', '--airframe', 'topxgun-f16'])\nfinally:\n"
+    code += "  from threadpoolctl import threadpool_info\n"
+    code += "  print({pool['num_threads'] for pool in threadpool_info()}, file=sys.stderr)"
+    others = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**others, "OMP_NUM_THREADS": "2", **asked},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == f"{{{min(threads, os.cpu_count() or 1)}}}\n"
+
+
+def test_json_to_standard_output_is_json_and_nothing_else(sitl_logs, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
     flight = str(sitl_logs / "campaign" / "v4_m16_q2.5.tlog")
     for command, look in (
         ("inspect", lambda found: found[0]),
         ("report", lambda found: found["flights"][0]),
     ):
-        done = started(command, flight, "--json", "-", cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        assert look(json.loads(done.stdout))
+        assert run([command, flight, "--json", "-"]) == 0
+        assert look(json.loads(capfd.readouterr().out))
         assert list(tmp_path.iterdir()) == []
-    with_page = started("report", flight, "--json", "-", "--out", "page.html", cwd=tmp_path)
-    assert json.loads(with_page.stdout)["flights"]
+    assert run(["report", flight, "--json", "-", "--out", "page.html"]) == 0
+    assert json.loads(capfd.readouterr().out)["flights"]
     assert {path.name for path in tmp_path.iterdir()} == {"page.html", "page.json", "page.csv"}
 
 
-def test_json_never_takes_a_log_as_its_file(sitl_logs, tmp_path):
+def test_json_never_takes_a_log_as_its_file(sitl_logs, tmp_path, capsys):
     flight = tmp_path / "flight.tlog"
     flight.write_bytes(b"a log that is kept")
     for command in ("inspect", "report"):
-        done = started(command, str(sitl_logs / "dev" / "none.tlog"), "--json", str(flight))
-        assert done.returncode == 2
-        assert "end its name in .json" in done.stderr
+        assert run([command, str(sitl_logs / "dev" / "none.tlog"), "--json", str(flight)]) == 2
+        assert "end its name in .json" in capsys.readouterr().err
     assert flight.read_bytes() == b"a log that is kept"
 
 
-def test_quiet_says_nothing_but_errors(sitl_logs, tmp_path):
+def test_quiet_says_nothing_but_errors(sitl_logs, tmp_path, monkeypatch, capfd):
     flight = str(sitl_logs / "campaign" / "v4_m16_q2.5.tlog")
     done = started("report", "--quiet", flight, "--out", "r.html", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "r.html").exists()
     assert "--quiet" not in (tmp_path / "r.json").read_text()
-    wrong = started("inspect", "none.tlog", "--quiet", cwd=tmp_path)
-    assert wrong.returncode == 1
-    assert "none.tlog" in wrong.stderr
-    assert json.loads(started("inspect", flight, "--json", "-", "--quiet").stdout)
+    monkeypatch.setenv(QUIET, "")  # of this process, until the test ends
+    assert run(["inspect", "none.tlog", "--quiet"]) == 1
+    assert "none.tlog" in capfd.readouterr().err
+    assert run(["inspect", flight, "--json", "-", "--quiet"]) == 0
+    said = capfd.readouterr()
+    assert json.loads(said.out)
+    assert said.err == ""
 
 
 @pytest.mark.parametrize(

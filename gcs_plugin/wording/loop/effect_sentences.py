@@ -19,7 +19,6 @@ from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.inputs.wind import FOLLOWED_WIND
 from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
-from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.certainty import COSTS
 from thrustmargin.models.model.rotor_model import RotorModel
 

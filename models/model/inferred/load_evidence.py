@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -82,12 +83,12 @@ class LoadEvidence:
         kept = {key: s for key, s in self.sums.items() if key[1] < span}
         return replace(self, sums=kept, newest={}, parted={})
 
-    def means(self) -> Means:
-        """The means of all spans with enough of level flight."""
+    def means(self) -> Floats:
+        """(n, 7) Means, row by row, of all spans with enough of level flight."""
         kept = [
             (s[0], leg, *(s[1:] / s[0])) for (leg, _), s in self.whole.items() if s[0] >= LEAST_SPAN
         ]
-        return Means(*np.array(kept).reshape(-1, 7).T)
+        return np.array(kept, dtype=np.float64).reshape(-1, 7)
 
 
 class LoadFit(NamedTuple):
@@ -115,14 +116,19 @@ def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
     run on an empty tank, and without a pump nothing says when spraying began.
     """
     means = shown.means()
-    if means.mass.size == 0:
-        return None
-    by_spraying = 1.0 in shown.spraying
+    return _fit_of(means.tobytes(), shown.spraying, airframe) if means.size else None
+
+
+@lru_cache(maxsize=256)  # a listener asks with every row, and has other means every 10 s
+def _fit_of(shown: bytes, spraying: frozenset[float], airframe: Airframe) -> LoadFit | None:
+    """The fit of means (n, 7) by the states of the pump that were heard."""
+    means = Means(*np.frombuffer(shown).reshape(-1, 7).T)
+    by_spraying = 1.0 in spraying
     seconds = means.sprayed if by_spraying else means.flown
     flow = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
     fastest = flow if by_spraying and flow > 0.0 else airframe.tank_capacity_kg / EMPTYING
     usual = 0.5 * fastest if by_spraying else 0.0
-    if not by_spraying and shown.spraying:  # a pump that is heard to be off
+    if not by_spraying and spraying:  # a pump that is heard to be off
         fastest = usual = 0.0
     knots = np.unique(np.quantile(seconds, np.linspace(0.0, 1.0, KNOTS)))[1:-1]
     if fastest == 0.0:

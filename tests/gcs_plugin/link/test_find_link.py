@@ -53,19 +53,20 @@ def test_a_vehicle_by_udp_is_found_and_the_port_is_free_again():
             free.bind(("127.0.0.1", port))
 
 
-def test_a_simulator_by_tcp_is_found_though_it_starts_later():
+def test_a_simulator_by_tcp_is_found_though_it_starts_later(monkeypatch):
+    monkeypatch.setattr("thrustmargin.gcs_plugin.link.find_link.OPEN_EVERY", 0.4)
     port = free_port()
     url = f"tcp:127.0.0.1:{port}"
 
     def serve():
-        time.sleep(0.5)
+        time.sleep(0.2)
         with socket.create_server(("127.0.0.1", port)) as door:
             stream, _ = door.accept()
             with stream:
                 stream.sendall(HEARTBEAT)
                 time.sleep(0.5)
 
-    thread = threading.Thread(target=serve)
+    thread = threading.Thread(target=serve, daemon=True)
     thread.start()
     assert LinkFinder((url,), list).find(8.0) == url
     thread.join()
@@ -93,7 +94,7 @@ def test_it_says_what_became_of_each():
     urls = [f"udpin:127.0.0.1:{port}" for port in (heard, taken, silent)]
     finder = LinkFinder((*urls, f"tcp:127.0.0.1:{nobody}"), list)
     with out, other, sending(lambda: out.sendto(bytes(station), ("127.0.0.1", heard))):
-        assert finder.find(1.0) is None
+        assert finder.find(0.5) is None
     assert finder.tried[urls[0]] == "MAVLink, but no autopilot"
     assert "another program listens there" in finder.tried[urls[1]]
     assert finder.tried[urls[2]] == "nothing came"

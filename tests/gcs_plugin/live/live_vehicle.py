@@ -93,6 +93,13 @@ def log_frames(path: Path) -> list[Frame]:
     return [as_frame(data, stamp_us) for stamp_us, data in stamped_frames(path)]
 
 
+def first_part(path: Path, seconds: float, folder: Path) -> Path:
+    """The beginning of a .tlog, as a file of the same name in `folder`."""
+    frames = log_frames(path)
+    end_us = frames[0].stamp_us + round(seconds * SECOND)
+    return write_log(folder / path.name, [f for f in frames if f.stamp_us < end_us])
+
+
 def live_rows(
     frames: Iterable[Frame], airframe: Airframe, *, piece: int = 7, **options
 ) -> tuple[LiveRows | None, VehicleTelemetry]:

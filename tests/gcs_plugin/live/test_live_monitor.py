@@ -14,6 +14,7 @@ from tests.gcs_plugin.live.live_vehicle import (
     SECOND,
     Vehicle,
     as_frame,
+    first_part,
     write_log,
 )
 from tests.gcs_plugin.live.monitored import (
@@ -264,8 +265,8 @@ def test_noise_bad_checksums_and_cut_frames_cost_only_themselves(tmp_path):
     assert set(kept) <= {f.data for f in frames}
 
 
-def test_ground_stations_and_companions_are_no_vehicles(sitl_logs):
-    monitor, _ = run(sitl_logs / "onset" / "reference.tlog")
+def test_ground_stations_and_companions_are_no_vehicles(sitl_logs, tmp_path):
+    monitor, _ = run(first_part(sitl_logs / "onset" / "reference.tlog", 60.0, tmp_path))
     assert list(monitor.fleet.vehicles) == [1]
     watch = monitor.fleet.vehicles[1]
     assert watch.plan is not None
@@ -320,10 +321,10 @@ def test_a_flight_with_stations_frames_only_gives_no_vehicle(tmp_path):
 
 def test_predictions_with_effects_settle_to_those_of_the_file(sitl_logs, tmp_path):
     """Effects look both ways in time: what is recorded is what they say once both are known."""
-    path = sitl_logs / "campaign" / "v6_m10_q2.5.tlog"
+    path = first_part(sitl_logs / "campaign" / "v6_m10_q2.5.tlog", 120.0, tmp_path)
     model = shipped_model()
     assert model.effects
-    settings = MonitorSettings(urls=(str(path),), record=tmp_path)
+    settings = MonitorSettings(urls=(str(path),), record=tmp_path / "out")
     seen = Seen()
     monitor = LiveMonitor(model, settings, subscribers=[seen])
     monitor.start()
@@ -331,7 +332,7 @@ def test_predictions_with_effects_settle_to_those_of_the_file(sitl_logs, tmp_pat
         time.sleep(0.02)
     monitor.close()
     monitor.check()
-    table = sample_table(recording_in(tmp_path))
+    table = sample_table(recording_in(tmp_path / "out"))
     live = np.column_stack([table[f"predicted_rpm_{k}"].to_numpy() for k in range(1, 5)])
     track = read_log(path, airframe=model.airframe, sampling="hold").track
     read = analyse(track, model).prediction.rotor_speed_rpm

@@ -13,7 +13,7 @@ from pyulog import ULog
 
 from tests.gcs_plugin.logs.test_ulog import px4_log
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
+from thrustmargin.gcs_plugin.logs.ulog_messages import WholeMessages, whole_messages
 from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS
 
 HEADER = 16  # bytes before the first message of a .ulg
@@ -28,12 +28,48 @@ def rows_of(data: bytes) -> dict[str, int]:
     return {topic.name: len(topic.data["timestamp"]) for topic in log.data_list}
 
 
+def kept_rows(found: WholeMessages) -> dict[str, int]:
+    topics = ULog(io.BytesIO(found.data), list(TOPICS)).data_list
+    return {topic.name: len(found.rows[topic.msg_id]) for topic in topics}
+
+
+def bytes_of(found: WholeMessages) -> tuple[bytes, dict[int, bytes]]:
+    return found.data, {number: rows.tobytes() for number, rows in found.rows.items()}
+
+
 def test_a_whole_log_stays_whole():
     data = px4_log()
     found = whole_messages(data, TOPICS)
     assert found.skipped == ()
-    assert rows_of(found.data) == rows_of(data)
-    assert len(whole_messages(data, ()).data) < len(found.data) / 4
+    assert kept_rows(found) == rows_of(data)
+    assert set(rows_of(found.data).values()) == {1}  # pyulog has no more to do
+    assert whole_messages(data, ()).rows == {}
+    for name, count in rows_of(data).items():
+        assert kept_rows(whole_messages(data, (name,))) == {name: count}
+
+
+@pytest.mark.parametrize(
+    "after",
+    [
+        message("F", b"b:uint64_t timestamp;float y;") + message("A", b"\0\0\0b"),
+        message("F", b"a:uint64_t timestamp;double x;") + message("A", b"\0\0\0a"),
+    ],
+    ids=["another topic has its number", "its format is another"],
+)
+def test_rows_end_where_what_they_are_changes(after):
+    begin = message("F", b"a:uint64_t timestamp;float x;") + message("A", b"\0\0\0a")
+    rows = message("D", bytes(14)) * 3
+    later = message("D", bytes(14)) * 2 + message("D", bytes(18)) * 2
+    found = whole_messages(px4_log()[:HEADER] + begin + rows + after + later, ("a",))
+    assert found.rows[0].shape == (3, 12)
+
+
+def test_rows_are_kept_without_the_padding_that_may_be_behind_them():
+    form = message("F", b"a:uint64_t timestamp;float x;uint8_t[4] _padding0;")
+    row = bytes(2) + b"\1" * 12
+    rows = message("D", row) + message("D", row + bytes(4))
+    found = whole_messages(px4_log()[:HEADER] + form + message("A", b"\0\0\0a") + 2 * rows, ("a",))
+    assert found.rows[0].tolist() == [[1] * 12] * 4
 
 
 @pytest.mark.parametrize("hurt", [b"\xff" * 7, b"", bytes(40), b"D\x00D" * 30])
@@ -45,7 +81,7 @@ def test_the_messages_around_damage_are_kept_and_the_damage_is_told_by_place(hur
     assert len(found.skipped) == 1
     start, length = found.skipped[0]
     assert start <= row <= start + length <= row + len(hurt) + 200
-    kept, whole = rows_of(found.data), rows_of(data)
+    kept, whole = kept_rows(found), rows_of(data)
     assert all(whole[name] - 2 <= kept[name] <= whole[name] for name in whole)
 
 
@@ -72,7 +108,7 @@ def test_a_false_head_takes_no_more_with_it_than_itself(head, much):
     hurt = long[:row] + false + long[row:]
     found = whole_messages(hurt, TOPICS)
     assert sum(length for _, length in found.skipped) <= len(false)
-    assert found.data == whole_messages(long, TOPICS).data
+    assert bytes_of(found) == bytes_of(whole_messages(long, TOPICS))
 
 
 def test_an_inspection_counts_the_bytes_that_were_left_out(tmp_path):
@@ -126,7 +162,7 @@ def test_time_grows_with_the_size_of_damage_alone(kind):
         began = time.process_time()
         found = whole_messages(data, TOPICS)
         spent.append(time.process_time() - began)
-        assert sum(rows_of(found.data).values()) > sum(rows_of(px4_log()).values()) * 1.5
+        assert sum(kept_rows(found).values()) > sum(rows_of(px4_log()).values()) * 1.5
     assert spent[1] < 12 * spent[0] + 0.1
 
 

@@ -46,7 +46,7 @@ class Vehicle:
 
     def run(self) -> None:
         while True:
-            if time.monotonic() - self.last_heartbeat > self.orders.get("heartbeat", 0.5):
+            if time.monotonic() - self.last_heartbeat > self.orders.get("heartbeat", 0.1):
                 self.last_heartbeat = time.monotonic()
                 self.link.mav.heartbeat_send(2, self.orders.get("autopilot", 3), 81, 0, 3)
             if "chatter" in self.orders:

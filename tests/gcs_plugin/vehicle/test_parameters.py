@@ -16,7 +16,9 @@ ARDUPILOT = [["FRAME_CLASS", 4, 2], ["FRAME_TYPE", 1, 2], ["MOT_BAT_VOLT_MAX", 5
 ARDUPILOT += [["BATT_LOW_VOLT", 50.4, REAL]] + [[f"FILL_{n}", n / 8, REAL] for n in range(200)]
 
 
-def test_an_aircraft_is_made_from_the_vehicle_itself(tmp_path):
+def test_an_aircraft_is_made_from_the_vehicle_itself(tmp_path, monkeypatch):
+    monkeypatch.setattr("thrustmargin.gcs_plugin.vehicle.connection.SECOND_VEHICLE", 0.1)
+    monkeypatch.setattr("thrustmargin.gcs_plugin.vehicle.downloads._PAUSE", 0.4)
     port, out = free_udp_port(), tmp_path / "x8.toml"
     with vehicle(port=port, parameters=ARDUPILOT, lose_parameters=[0, 3, 77]):
         told = f"--mass 50 --arm 1.1 --tank-litres 40 --power-set hobbywing-x11-plus --out {out}"
@@ -40,7 +42,7 @@ def test_whole_numbers_are_read_as_each_autopilot_sends_them(autopilot):
         vehicle(port=port, parameters=given, autopilot=autopilot),
         VehicleLink.open(f"udpin:127.0.0.1:{port}") as link,
     ):
-        found = download_parameters(link, link.vehicle(), lambda *at: seen.append(at))
+        found = download_parameters(link, link.vehicle(1), lambda *at: seen.append(at))
     assert found == {"CA_ROTOR_COUNT": 6.0, "CA_ROTOR0_KM": pytest.approx(-0.05)}
     assert seen[-1] == (2, 2)
 
@@ -53,4 +55,4 @@ def test_a_vehicle_that_sends_none_is_named(monkeypatch):
         VehicleLink.open(f"udpin:127.0.0.1:{port}") as link,
         pytest.raises(LinkError, match="did not send its parameters"),
     ):
-        download_parameters(link, link.vehicle())
+        download_parameters(link, link.vehicle(1))

@@ -3,6 +3,7 @@
 import math
 import time
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ DAY = TakeOff(
 )
 
 
+@cache
 def outlook(*rows, day=DAY, **options):
     plan = plan_of(*(rows or TWO_LINES))
     return forecast(plan, MODEL, day, parameters=PARAMETERS, **options)

@@ -17,8 +17,15 @@ pty = pytest.importorskip("pty")  # no such thing on Windows
 STEERING = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")
 
 
-def on_a_terminal(folder: Path, *options: str, seconds: float) -> tuple[bytes, str]:
-    """What the monitor writes to its terminal while a vehicle flies: its bytes, and as read."""
+def text(shown: bytes) -> str:
+    return STEERING.sub(b"", shown).decode(errors="replace")
+
+
+def on_a_terminal(folder: Path, *options: str, until: str) -> tuple[bytes, str]:
+    """What the monitor writes to its terminal while a vehicle flies: its bytes, and as read.
+
+    It ends with what is waited for, or after 20 s.
+    """
     port = free_udp_port()
     ours, theirs = pty.openpty()
     os.environ.setdefault("TERM", "xterm-256color")
@@ -34,12 +41,12 @@ def on_a_terminal(folder: Path, *options: str, seconds: float) -> tuple[bytes, s
     shown = b""
     vehicle, air = Vehicle(), open_transport(f"udpout:127.0.0.1:{port}")
     try:
-        until = time.monotonic() + 30.0
+        end = time.monotonic() + 30.0
         while not list(folder.glob("*/telemetry.tlog")):
-            assert time.monotonic() < until
+            assert time.monotonic() < end
             time.sleep(0.05)
-        until = time.monotonic() + seconds
-        while time.monotonic() < until:
+        end = time.monotonic() + 20.0
+        while time.monotonic() < end and not re.search(until, text(shown)):
             for frame in vehicle.tick(rpm=(1700,) * 4):
                 air.send(frame.data)
             if select.select([ours], [], [], 0.1)[0]:
@@ -49,19 +56,20 @@ def on_a_terminal(folder: Path, *options: str, seconds: float) -> tuple[bytes, s
         monitor.kill()
         monitor.wait(10)
         os.close(ours)
-    return shown, STEERING.sub(b"", shown).decode(errors="replace")
+    return shown, text(shown)
 
 
 def test_a_real_terminal_shows_colours_and_no_markup(tmp_path):
-    shown, read = on_a_terminal(tmp_path, "--airframe", "topxgun-f16-sitl", seconds=3.0)
-    assert re.search(r"\d+% r[1-4]", read), read[-2000:]
+    margin = r"\d+% r[1-4]"
+    shown, read = on_a_terminal(tmp_path, "--airframe", "topxgun-f16-sitl", until=margin)
+    assert re.search(margin, read), read[-2000:]
     for markup in ("[green]", "[bold red]", "[dim]", "[/"):
         assert markup not in read
     assert b"\x1b[32m" in shown  # green, as the terminal is told
 
 
 def test_what_is_advised_can_be_done_while_the_monitor_holds_its_link(tmp_path):
-    _, read = on_a_terminal(tmp_path, seconds=3.0)
+    _, read = on_a_terminal(tmp_path, until="airframe new --from[^`]+`")
     (telemetry,) = tmp_path.glob("*/telemetry.tlog")
     advised = re.findall(r"airframe new --from ([^`]+)`", re.sub(r"\r?\n", "", read))
     assert advised, read[-2000:]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from tests.gcs_plugin.live.live_vehicle import command
+from tests.gcs_plugin.live.live_vehicle import command, first_part, log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
@@ -24,7 +24,6 @@ from thrustmargin.gcs_plugin.live.live_monitor import MonitorStatus
 from thrustmargin.gcs_plugin.live.metrics.collector import COUNTS, FIGURES, LEVELS, part_of
 from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import save_model
@@ -47,11 +46,7 @@ def scraped(port: int) -> Samples:
 def flown(tmp_path_factory, sitl_logs) -> SimpleNamespace:
     """A minute of a flight heard over UDP: metrics at its last row, and when that is old."""
     folder = tmp_path_factory.mktemp("metrics")
-    frames = list(stamped_frames(sitl_logs / "campaign" / "v4_m10_q3.5.tlog"))
-    first_us = frames[0][0]
-    part = [(us, data) for us, data in frames if us - first_us < 60_000_000]
-    log = folder / "minute.tlog"
-    log.write_bytes(b"".join(us.to_bytes(8, "big") + data for us, data in part))
+    log = first_part(sitl_logs / "campaign" / "v4_m10_q3.5.tlog", 60.0, folder)
     save_model(MODEL, folder / "model.safetensors")
     link, port = free_udp_port(), free_port()
     monitor = command(
@@ -88,7 +83,7 @@ def flown(tmp_path_factory, sitl_logs) -> SimpleNamespace:
         unheard=unheard,
         fresh=fresh,
         old=now,
-        frames=len(part),
+        frames=len(log_frames(log)),
         analysis=analyse(track, MODEL),
     )
 

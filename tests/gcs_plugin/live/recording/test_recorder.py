@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,21 @@ def flight(seconds: float) -> list[Frame]:
 
 def rows(first: int, count: int) -> pa.RecordBatch:
     return pa.record_batch({"number": np.arange(first, first + count), "value": np.ones(count)})
+
+
+def until(done: Callable[[], object], timeout: float = 30.0) -> None:
+    """Wait, also on a busy computer."""
+    deadline = time.monotonic() + timeout
+    while not done():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def often(monkeypatch) -> None:
+    """What is recorded is on the disk sooner, so that a test waits less."""
+    for name in ("SYNC", "SAMPLE_SYNC"):
+        monkeypatch.setattr(f"thrustmargin.gcs_plugin.live.recording.recorder.{name}", 0.1)
 
 
 def record(recorder: Recorder, batch: pa.RecordBatch) -> None:
@@ -58,25 +74,24 @@ def test_every_frame_is_in_the_tlog_and_pymavlink_reads_it(tmp_path):
     assert read == [f.data for f in sent]
 
 
+@pytest.mark.usefixtures("often")
 def test_samples_are_one_table_over_all_parts_and_the_parts_are_closed_by_size(tmp_path):
     recorder = Recorder(tmp_path, "session")
     for first in range(0, 15_000, 5000):
         record(recorder, rows(first, 5000))
-        time.sleep(1.0)
+        until(lambda rows=first + 5000: recorder.status().rows == rows)
     status = recorder.close()
     assert numbers(tmp_path / "session") == list(range(15_000))
     assert status.rows == 15_000
     assert len(list((tmp_path / "session" / "samples").iterdir())) == 2
 
 
+@pytest.mark.usefixtures("often")
 def test_provisional_rows_are_on_the_disk_until_better_ones_replace_them(tmp_path):
     recorder = Recorder(tmp_path, "session")
     for first in range(0, 40, 10):
         recorder.samples(1, 0, rows(first, 10), rows(first + 10, 3))
-        deadline = time.monotonic() + 30.0  # a busy computer
-        while numbers(tmp_path / "session") != list(range(first + 13)):
-            assert time.monotonic() < deadline
-            time.sleep(0.1)
+        until(lambda rows=first + 13: numbers(tmp_path / "session") == list(range(rows)))
     # After a restart the old ones stay, for nothing will replace them.
     recorder.samples(1, 1, rows(100, 2), rows(102, 2))
     recorder.close()
@@ -111,7 +126,7 @@ from pathlib import Path
 from thrustmargin.gcs_plugin.live.recording.recorder import Recorder
 from tests.gcs_plugin.live.recording.test_recorder import flight, record, rows
 recorder = Recorder(Path({folder!r}), "session")
-sent, number = flight(600), 0
+sent, number = flight(60), 0
 while True:
     recorder.frames(sent[number * 5 % len(sent):][:5])
     record(recorder, rows(number, 1))
@@ -126,7 +141,7 @@ def test_after_kill_9_all_is_there_up_to_the_last_second(tmp_path):
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     handed_over: list[tuple[int, float]] = []
-    while not handed_over or handed_over[-1][1] - handed_over[0][1] < 4.0:
+    while not handed_over or handed_over[-1][1] - handed_over[0][1] < 3.0:
         number, at = process.stdout.readline().split()
         handed_over.append((int(number), float(at)))
     os.kill(process.pid, signal.SIGKILL)
@@ -141,27 +156,30 @@ def test_after_kill_9_all_is_there_up_to_the_last_second(tmp_path):
     assert frames >= 5 * max(number for number, at in handed_over if at <= end - 1.0)
     # A second is aimed at; on a busy machine the thread that rewrites the table may be late.
     assert len(kept) >= max(number for number, at in handed_over if at <= end - 1.5)
-    assert len(kept) > 100
+    assert len(kept) > 50
 
 
 FULL = """
 import resource, sys, time
 sys.path.insert(0, {root!r})
 from pathlib import Path
-from thrustmargin.gcs_plugin.live.recording.recorder import Recorder
-from tests.gcs_plugin.live.recording.test_recorder import flight, record, rows
-recorder = Recorder(Path({folder!r}), "session")
+from thrustmargin.gcs_plugin.live.recording import recorder as module
+from tests.gcs_plugin.live.recording.test_recorder import flight, record, rows, until
+module.SYNC = module.SAMPLE_SYNC = 0.1
+recorder, sent = module.Recorder(Path({folder!r}), "session"), flight(10)
 record(recorder, rows(0, 10))
-recorder.frames(flight(10))
-time.sleep(1.5)
+recorder.frames(sent)
+until(lambda: (recorder.status().rows, recorder.status().frames) == (10, len(sent)))
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
-recorder.frames(flight(100))
+more = flight(100)
+recorder.frames(more)
 record(recorder, rows(10, 5000))
-time.sleep(2.0)
+until(lambda: recorder.status().frames + recorder.status().frames_lost == len(sent) + len(more))
+time.sleep(0.5)  # the samples are tried a few times
 full = recorder.status()
 resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY,) * 2)
 recorder.frames(flight(1))
-time.sleep(2.0)
+until(lambda: not recorder.status().trouble and recorder.status().rows == 5010)
 after = recorder.close()
 print(repr(full.trouble), full.frames_lost, after.frames_lost, after.frames, repr(after.trouble))
 """
@@ -199,6 +217,7 @@ def test_frames_that_come_faster_than_it_writes_are_counted_as_lost(tmp_path, mo
     assert status.frames_lost >= len(sent) - 200 > 0
 
 
+@pytest.mark.usefixtures("often")
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="mounts need root")
 def test_a_file_system_without_room_is_survived(tmp_path):
     small = tmp_path / "small"
@@ -210,9 +229,9 @@ def test_a_file_system_without_room_is_survived(tmp_path):
         pytest.skip("this machine does not let a test mount a file system")
     try:
         recorder = Recorder(small, "session")
-        recorder.frames(flight(120))
+        recorder.frames(sent := flight(120))
         record(recorder, rows(0, 5000))
-        time.sleep(2.0)
+        until(lambda: recorder.status().frames + recorder.status().frames_lost == len(sent))
         status = recorder.close()
         assert "No space left" in status.trouble
         assert status.frames_lost > 0

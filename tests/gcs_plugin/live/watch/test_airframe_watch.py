@@ -140,8 +140,8 @@ def monitored(changed=lambda frame: frame, share=0.33, **settings) -> tuple[Vehi
     vehicle = VehicleMonitor(1, MODEL, WatchSettings(**settings))
     updates = []
     frames = [changed(frame) for frame in log_frames(FILE) if frame.system == 1]
-    for at in range(0, int(share * len(frames)), 25):
-        for frame in frames[at : at + 25]:
+    for at in range(0, int(share * len(frames)), 50):
+        for frame in frames[at : at + 50]:
             vehicle.take(frame)
         updates += vehicle.updates()
     return vehicle, updates
@@ -158,7 +158,7 @@ def exchanged(frame: Frame) -> Frame:
 
 
 def test_motors_in_another_order_are_an_alarm_and_take_the_places_away():
-    vehicle, updates = monitored(exchanged, 0.5)
+    vehicle, updates = monitored(exchanged, 0.4)
     alarm = vehicle.alarms.listed["motor order", None]
     assert (alarm.severity, alarm.state) == (4, "active")
     assert alarm.text == "Motor order differs: rotor names are wrong, check"
@@ -172,7 +172,7 @@ def test_motors_in_another_order_are_an_alarm_and_take_the_places_away():
         == {name for (_, name, _), _ in _of_rotors(updates[-1])}
         == {""}
     )
-    assert ("motor order", None) not in monitored(share=0.5)[0].alarms.listed
+    assert ("motor order", None) not in monitored(share=0.4)[0].alarms.listed
     now = RowsNow(analysis=updates[-1].analysis, rows=slice(-1, None))
     assert saturation(AlarmSettings(), now).text(0, 2) == "Rotor 3: no thrust left, slow down"
     flags = replace(now, esc_failures=np.full_like(now.analysis.utilisation, 4.0))
@@ -189,7 +189,7 @@ def stuck(frame: Frame) -> Frame:
 
 
 def test_a_gauge_that_stood_still_is_left_out_of_the_flight_so_far_from_its_start():
-    flight = monitored(stuck, 0.7)[1][-1].flight
+    flight = monitored(stuck, 0.55)[1][-1].flight
     assert np.nanmax(flight.track.tank_kg) == np.nanmin(flight.track.tank_kg[-600:]) == 12.0
     assert np.isnan(flight.measured.tank_kg).all()
 

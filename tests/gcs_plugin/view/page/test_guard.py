@@ -169,13 +169,15 @@ def test_only_addresses_and_localhost_name_this_machine(host, loopback_only, own
 TOKEN = "field-pilot-2026"
 
 
-def asked(port: int, path: str = "/", cookie: str = "") -> http.client.HTTPResponse:
+def asked(port: int, path: str = "/", cookie: str = "") -> tuple[http.client.HTTPResponse, bytes]:
+    """The reply and its body: what is left unread, the server waits for when it stops."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
     # The server waits for a connection that is left open when it stops.
     headers = {"Host": f"127.0.0.1:{port}", "Connection": "close"}
     headers |= {"Cookie": cookie} if cookie else {}
     connection.request("GET", path, headers=headers)
-    return connection.getresponse()
+    reply = connection.getresponse()
+    return reply, reply.read()
 
 
 def test_where_others_can_reach_it_nobody_gets_in_without_the_token():
@@ -192,18 +194,17 @@ def test_where_others_can_reach_it_nobody_gets_in_without_the_token():
             ("/", f"thrustmargin_1={TOKEN}"),
             ("/", f"{name}={TOKEN}x"),
         ):
-            reply = asked(port, path, cookie)
-            body = reply.read()
+            reply, body = asked(port, path, cookie)
             assert (reply.status, b"viser" in body) == (401, False), path
             assert TOKEN.encode() not in body
         assert not socket_opens(port, host=host, origin=f"http://{host}")
-        let_in = asked(port, f"/?token={TOKEN}")
+        let_in, _ = asked(port, f"/?token={TOKEN}")
         assert (let_in.status, let_in.getheader("Location")) == (303, "/")
         cookie = str(let_in.getheader("Set-Cookie"))
         assert "HttpOnly" in cookie
         assert "SameSite=Strict" in cookie
         kept = cookie.partition(";")[0]
-        assert asked(port, "/", f"other=1; {kept}").status == 200
+        assert asked(port, "/", f"other=1; {kept}")[0].status == 200
         assert socket_opens(port, host=host, origin=f"http://{host}", cookie=kept)
         # A cookie that some other site's page makes the browser send opens nothing there.
         assert not socket_opens(port, host=host, origin="http://evil.example", cookie=kept)
