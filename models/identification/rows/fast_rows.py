@@ -19,7 +19,7 @@ from thrustmargin.models.effects.inputs.sensor_lag import ROTOR_SPEED_LAG
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.rows.whitening import whitening_of
-from thrustmargin.models.network.records import GoodFlights
+from thrustmargin.models.network.records import GoodFlights, scatter_between
 
 ENOUGH = 1_500  # rows: they show a delay to 2 ms, and telemetry repeats to no better than 10
 STEPS = 3  # of Gauss and Newton
@@ -49,16 +49,19 @@ class Reading:
 
 
 def delay_reading(delay_s: Floats, good: GoodFlights | None, resolution: float) -> Reading | None:
-    """Delays (F, 2) of flights and their errors, beyond what the good flights show.
+    """Delays (F, 2) of flights and their errors, beyond what the good flights show. Flights scatter
+    as the good ones do, or by as much more as these show.
 
     None where no good flight has shown its own: the laws of quick turns may be all that is late.
     """
     values, errors = delay_s.T
-    if good is None or np.isnan(good.delay_scatter_s) or not np.isfinite(errors).any():
+    shown = np.isfinite(errors)
+    if good is None or np.isnan(good.delay_scatter_s) or not shown.any():
         return None
+    own = scatter_between(values[shown], errors[shown])
     return Reading(
         values=values - good.delay_s,
-        errors=np.hypot(errors, good.delay_scatter_s),
+        errors=np.hypot(errors, np.fmax(own, good.delay_scatter_s)),
         shared=float(np.hypot(resolution, good.delay_scatter_s / good.flights**0.5)),
     )
 

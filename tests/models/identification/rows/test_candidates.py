@@ -219,7 +219,7 @@ def test_what_only_differs_from_flight_to_flight_is_not_sought_in_one():
 
 def test_what_rows_show_of_a_delay_is_held_against_that_of_the_good_flights(reduced):
     good = GoodFlights(flights=4, delay_s=0.03, delay_scatter_s=0.006)
-    shown = np.array([[0.11, 0.008], [0.0, np.inf], [0.09, 0.0]])
+    shown = np.array([[0.095, 0.008], [0.0, np.inf], [0.09, 0.0025]])
     known = replace(reduced, model=replace(MODEL, good_flights=good), delay_s=shown)
 
     def late(of):
@@ -228,15 +228,19 @@ def test_what_rows_show_of_a_delay_is_held_against_that_of_the_good_flights(redu
         return one.reading
 
     found = late(known)
-    np.testing.assert_allclose(found.values[[0, 2]], [0.08, 0.06])
-    np.testing.assert_allclose(found.errors, [0.01, np.inf, 0.006])  # 3-4-5
+    np.testing.assert_allclose(found.values[[0, 2]], [0.065, 0.06])
+    np.testing.assert_allclose(found.errors, [0.01, np.inf, 0.0065])  # 3-4-5, 5-12-13
     assert found.shared == pytest.approx(np.hypot(0.01, 0.003))  # no interval is below 0.01 s
     value, error = found.pooled
-    weights = np.array([1 / 0.01**2, 1 / 0.006**2])
-    assert value == pytest.approx(weights @ [0.08, 0.06] / weights.sum())
+    weights = np.array([1 / 0.01**2, 1 / 0.0065**2])
+    assert value == pytest.approx(weights @ [0.065, 0.06] / weights.sum())
     assert error == pytest.approx(np.sqrt(1 / weights.sum() + 0.01**2 + 0.003**2))
     assert found.without([0]).pooled[0] == pytest.approx(0.06)
     assert found.without([0, 2]) is None
+    # Flights that differ more than the good ones scatter by as much as they show.
+    apart = np.array([[0.11, 0.003], [0.0, np.inf], [0.03, 0.003]])
+    own = np.sqrt(0.08**2 / 2 - 0.003**2)
+    np.testing.assert_allclose(late(replace(known, delay_s=apart)).errors[0], np.hypot(0.003, own))
     # Of an older model nothing is known, and where no flight shows it nothing is read.
     assert late(replace(known, model=replace(MODEL, good_flights=GoodFlights(flights=4)))) is None
     assert late(replace(known, model=MODEL)) is None
