@@ -418,7 +418,7 @@ def test_two_views_on_one_port_are_refused(view, analysis):
 
 
 def test_run_replay_plays_until_ctrl_c_and_then_frees_its_port(analysis, capsys):
-    ready = threading.Event()
+    ready, ended = threading.Event(), threading.Event()
     urls = []
 
     def press_ctrl_c():
@@ -426,10 +426,13 @@ def test_run_replay_plays_until_ctrl_c_and_then_frees_its_port(analysis, capsys)
         urls.append(capsys.readouterr().out.split()[2])
         assert urllib.request.urlopen(urls[0], timeout=5).status == 200
         _thread.interrupt_main()
+        if not ended.wait(5):  # what comes while garbage is collected is lost
+            _thread.interrupt_main()
 
     presser = threading.Thread(target=press_ctrl_c)
     presser.start()
     run_replay(ReplayView(analysis, port=0, speed=10.0), browser=False, ready=ready)
+    ended.set()
     presser.join()
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(urls[0], timeout=5)

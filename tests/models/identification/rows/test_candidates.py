@@ -1,6 +1,7 @@
 """What may be searched for on which flights, and how values stand, move and are shared."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -222,7 +223,7 @@ def test_what_rows_show_of_a_delay_is_held_against_that_of_the_good_flights(redu
     shown = np.array([[0.095, 0.008], [0.0, np.inf], [0.09, 0.0025]])
     known = replace(reduced, model=replace(MODEL, good_flights=good), delay_s=shown)
 
-    def late(of):
+    def late(of) -> Any:
         (one,) = candidates_of(of, table(["sensor_lag:rotor speed"]))
         assert one.start.tolist() == [[np.median(of.delay_s[:, 0])]] * 3  # where a fit begins
         return one.reading
