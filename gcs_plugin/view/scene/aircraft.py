@@ -143,15 +143,19 @@ class VehicleNode:
         """Put the aircraft where `row` says, in its colours. Hidden without a position.
 
         `faulty` are the numbers, from 1, of the rotors that an alarm is of. Rotors of an `old` row
-        have the colour of no data.
+        have the colour of no data, and so have those whose places are not known, without number
+        and ring.
         """
+        known = row.analysis.placed
+        faulty = faulty if known else frozenset()
         if faulty != self._faulty:
             self._faulty = faulty
             for i, ring in enumerate(self._rings, start=1):
                 ring.visible = i in faulty
         position, wxyz = row.position_enu, row.wxyz
         margin, coloured = (
-            np.full_like(values, np.nan) if old else values for values in (row.margin, row.coloured)
+            values if known and not old else np.full_like(values, np.nan)
+            for values in (row.margin, row.coloured)
         )
         placed = bool(np.all(np.isfinite(position)))
         if placed != self._visible:
@@ -165,7 +169,7 @@ class VehicleNode:
             self._discs.batched_colors = disc_colours(coloured)
         for i, label in enumerate(self._labels):
             # Over the whole field the numbers would lie on each other: those of bad rotors alone.
-            shown = self._detailed or i + 1 in faulty
+            shown = known and (self._detailed or i + 1 in faulty)
             if label.visible != shown:
                 label.visible = shown
             text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
