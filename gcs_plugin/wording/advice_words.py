@@ -172,6 +172,8 @@ def action(advice: Advice) -> str:
     # While it should land, nobody fills.
     if land or advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
         return "; ".join(first)
+    if FlightLevel.DAMAGED not in advice.levels and not advice.rotor_names:
+        first.append(actions.WHICH_MOTOR.text)
     within = FlightLevel.UNDER in advice.levels
     load = fill_advice(advice.fill, advice.limit, was_within=within)
     load = load[:1].lower() + load[1:]

@@ -1,8 +1,8 @@
 """The figures of one aircraft at one moment, for the page: numbers, codes and colours, no words.
 
 Rotors stand at their true places, seen from above with the front at the top, or in rows by number
-where those are not known. The one quantity of a rotor is its thrust left, and where that is unknown the output that its motor gets. What is unknown
-is None, which the page shows as such.
+where those are not known. The one quantity of a rotor is its thrust left, and where that is unknown
+the output that its motor gets. What is unknown is None, which the page shows as such.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
 
 
 def by_number(rotors: int) -> tuple[Floats, float]:
-    """The same of rotors whose places are not known: in rows from the left, as they are numbered."""
+    """The same of rotors whose places are not known: in rows by their number."""
     number = np.arange(rotors)
     return np.column_stack([number % IN_A_ROW, number // IN_A_ROW]) - [1.5, 0.0], 0.48
 

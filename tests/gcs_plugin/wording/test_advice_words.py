@@ -183,6 +183,12 @@ def test_what_to_do_follows_the_same_order():
     assert action(within).startswith("nothing; up to 8.6 kg (8.6 L)")
     unordered = action(with_fault(rotor_names=()))
     assert "of rotors 1, 2, 3 and 4 were looked at" in unordered
+    assert "motor test" not in unordered  # all of them are looked at first
+    which = action(replace(within, rotor_names=()))
+    assert which.startswith("with the battery off, take the propellers off; then find by a motor")
+    assert which.endswith(
+        "for the load: up to 8.6 kg (8.6 L): with more it would descend after losing a rotor"
+    )
     empty = action(replace(ADVICE, levels=(FlightLevel.BATTERY, FlightLevel.OVER)))
     assert empty.startswith("with the battery off, take the battery out and test it")
     assert "for the load: fill at most 8.6 kg" in empty
