@@ -35,6 +35,9 @@ _UNSEEN = {
     (False, True): " (LOG ENDS IN FLIGHT)",
 }
 _PAUSED = " (NOTHING IN THE LOG FOR {long} OF IT)"
+PREDICTED_ALONE = (
+    "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
+)
 
 
 def headline(advice: Advice) -> str:
@@ -152,6 +155,12 @@ def suspects(advice: Advice) -> tuple[int, ...]:
     if faults and not advice.rotor_names:
         return tuple(range(1, advice.rotor_count + 1))
     return tuple(sorted({r + 1 for f in faults for r in (f.rotors or (f.rotor,))}))
+
+
+def no_ground(advice: Advice) -> str:
+    """Why a flight of which the model alone speaks has no verdict; empty of any other."""
+    alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
+    return say(PREDICTED_ALONE) if alone else ""
 
 
 def action(advice: Advice) -> str:

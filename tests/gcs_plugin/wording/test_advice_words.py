@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     headline,
     several_headline,
 )
+from thrustmargin.gcs_plugin.wording.answer import answer_of
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
 from thrustmargin.models.model.fault_test import RotorFault
@@ -262,3 +263,11 @@ def test_several_flights_are_counted_by_the_gravest(levels, said):
     level, words = several_headline(levels, 0.5)
     assert words.startswith(said)
     assert level in levels
+
+
+def test_a_flight_without_a_verdict_says_why_in_its_line():
+    unknown = replace(ADVICE, levels=(FlightLevel.UNKNOWN,), predicted_alone=True)
+    said = "Last flight: NO VERDICT: predicted: for most of the flight no rotor speed was measured"
+    assert answer_of(unknown).line.startswith(said)
+    assert answer_of(replace(unknown, predicted_alone=False)).line == "Last flight: NO VERDICT"
+    assert not answer_of(replace(ADVICE, levels=(FlightLevel.UNDER,), predicted_alone=True)).why
