@@ -160,21 +160,14 @@ def parameter_events(
     known: dict[str, float] = {}
     taken = "first" if first else "last"
     for time_s, name, value in changes:
-        if change := _change(name, known.get(name, value), value):
+        if change := parameter_change(name, known.get(name, value), value):
             text = f"{change}; the whole log is read by the {taken}"
             yield VehicleEvent(EventKind.PARAMETER, time_s, name, text)
         known[name] = value
 
 
-def parameter_notes(before: Mapping[str, float], after: Mapping[str, float]) -> list[str]:
-    """Each change from one value that numbers rest on to another, between two states."""
-    if before is after or len(before) != len(after):  # the same, or they are coming in
-        return []
-    made = ((name, _change(name, before.get(name, value), value)) for name, value in after.items())
-    return [f"{EventKind.PARAMETER} ({name}: {change})" for name, change in made if change]
-
-
-def _change(name: str, before: float, value: float) -> str:
+def parameter_change(name: str, before: float, value: float) -> str:
+    """`0.15 to 0.5`, of a parameter that numbers rest on; empty of any other and of no change."""
     if not abs(value - before) > 0.0 or not name.startswith(_WORKED_BY) or name == _LEARNT:
         return ""
     return f"{before:g} to {value:g}"

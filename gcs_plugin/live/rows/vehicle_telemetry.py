@@ -53,7 +53,6 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 )
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
-from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_notes
 from thrustmargin.gcs_plugin.wording.live_words import (
     FIELD_WORDS,
     NEXT_SORTIE,
@@ -165,8 +164,7 @@ class VehicleTelemetry:
         changed = False
         if frame.id in SAYS:
             before, self.state = self.state, fold(self.state, frame)
-            changes = parameter_notes(before.parameters, self.state.parameters)
-            self.events += [(frame.stamp_us, words) for words in changes]
+            self.events += [(frame.stamp_us, w) for w in self.state.changed_since(before)]
             changed = _identity(before) != _identity(self.state)
             if others := self.state.other_autopilots - before.other_autopilots:
                 words = two_autopilots(self.state.system, self.state.component or 0, others)

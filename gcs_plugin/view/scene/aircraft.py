@@ -153,10 +153,9 @@ class VehicleNode:
             for i, ring in enumerate(self._rings, start=1):
                 ring.visible = i in faulty
         position, wxyz = row.position_enu, row.wxyz
-        margin, coloured = (
-            values if known and not old else np.full_like(values, np.nan)
-            for values in (row.margin, row.coloured)
-        )
+        margin, coloured = row.margin, row.coloured
+        if old or not known:
+            margin = coloured = np.full_like(margin, np.nan)
         placed = bool(np.all(np.isfinite(position)))
         if placed != self._visible:
             self.frame.visible = self._visible = placed
@@ -178,16 +177,11 @@ class VehicleNode:
 
     def _show_tank(self, tank_kg: float) -> None:
         level = tank_level(tank_kg, self._airframe.tank_capacity_kg)
-        known = np.isfinite(level)
-        self._liquid.visible = bool(known and level > 0)
-        if known and level > 0:
-            floor = TANK_TOP - TANK_HEIGHT
-            self._liquid.scale = (self._scale, self._scale, self._scale * level)
-            self._liquid.position = (
-                0.0,
-                0.0,
-                self._scale * self._arm * (floor + level * TANK_HEIGHT / 2),
-            )
+        self._liquid.visible = level > 0.0  # no level is NaN
+        if level > 0.0:
+            scale, middle = self._scale, TANK_TOP - TANK_HEIGHT + level * TANK_HEIGHT / 2
+            self._liquid.scale = (scale, scale, scale * level)
+            self._liquid.position = (0.0, 0.0, scale * self._arm * middle)
 
 
 def disc_colours(margin: Floats) -> colours.Colours:
