@@ -100,7 +100,7 @@ def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
 
 def by_number(rotors: int) -> tuple[Floats, float]:
     """The same of rotors whose places are not known: in rows by their number."""
-    number = np.arange(rotors)
+    number = np.arange(rotors, dtype=np.float64)
     return np.column_stack([number % IN_A_ROW, number // IN_A_ROW]) - [1.5, 0.0], 0.48
 
 
