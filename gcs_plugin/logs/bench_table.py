@@ -55,8 +55,12 @@ def read_bench(path: Path) -> BenchTable:
     except csv.Error as error:
         raise DataError(f"{path.name}: no table of cells ({error}); save it as CSV") from error
     names = [name.strip() for name in rows[0]] if rows else []
-    columns = {quantity: _column(names, words) for quantity, words in _WORDS.items()}
-    found = {quantity: name for quantity, name in columns.items() if name is not None}
+    # The first with one of the words in its name; a rotor's own speed before electrical.
+    found = {
+        quantity: min(fitting, key=lambda name: "electrical" in name.lower())
+        for quantity, words in _WORDS.items()
+        if (fitting := [name for name in names if set(words) & set(_split(name))])
+    }
     for quantity, wanted in (("rotor_speed_rpm", "rpm"), ("thrust", "thrust_g, thrust_N")):
         if quantity not in found:
             raise DataError(
@@ -79,12 +83,6 @@ def read_bench(path: Path) -> BenchTable:
     except DataError as error:
         raise DataError(f"{path.name}: {error}") from error
     return BenchTable(fit=fit, columns=found, lines_left_out=tuple(r + 2 for r in fit.left_out))
-
-
-def _column(names: list[str], words: tuple[str, ...]) -> str | None:
-    """The first column with one of the words in its name; a rotor's own speed before electrical."""
-    fitting = [name for name in names if set(words) & set(_split(name))]
-    return min(fitting, key=lambda name: "electrical" in name.lower(), default=None)
 
 
 def _split(name: str) -> list[str]:

@@ -42,7 +42,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 )
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent, parameter_events
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_events
 from thrustmargin.gcs_plugin.wording.live_words import copies_words, two_autopilots
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
@@ -132,7 +132,9 @@ def _boot(
     maker = int(heart.columns["autopilot"][-1]) if heart else -1
 
     parameters, whole = _parameters(frames, mine, clock.last_row)
-    said = streams.get("SYSTEM_TIME")
+    said, sent = streams.get("SYSTEM_TIME"), streams.get("PARAM_VALUE")
+    values = () if sent is None else _named_values(sent.columns)
+    sent_s = () if sent is None else sent.time_s.tolist()
     by_gps = None if said is None else unix_minus_clock(said.columns)
     return Recording(
         path=path,
@@ -142,7 +144,7 @@ def _boot(
         parameters_whole=whole,
         waypoints=_waypoints(frames, chosen, clock.last_row),
         messages=_texts(streams),
-        events=_parameter_events(streams.get("PARAM_VALUE")),
+        events=tuple(parameter_events((at, *one) for at, one in zip(sent_s, values, strict=True))),
         unix_minus_clock=clock.stamp_minus_clock if by_gps is None else by_gps,
         quality=LogQuality(
             bytes=frames.data.size - PADDING,
@@ -233,13 +235,6 @@ def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, flo
     known = np.where(bits, values.view(np.int32), values.astype(np.float64))
     for name, value in zip(fields["param_id"], known.tolist(), strict=True):
         yield printable(name), value
-
-
-def _parameter_events(stream: Stream | None) -> tuple[VehicleEvent, ...]:
-    if stream is None:
-        return ()
-    sent = zip(stream.time_s.tolist(), _named_values(stream.columns), strict=True)
-    return tuple(parameter_events((time_s, *one) for time_s, one in sent))
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ...]:

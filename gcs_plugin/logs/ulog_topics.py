@@ -64,10 +64,6 @@ def _landed(topic: Columns) -> Floats:
     return np.where(topic["landed"] > 0, 1.0, 2.0)
 
 
-def _status_armed(topic: Columns) -> Floats:
-    return (topic["arming_state"] == _ARMED).astype(np.float64)
-
-
 _PLACE = ("lat", "lon", "alt")
 _ANGLES = ("roll_body", "pitch_body")
 _ARMED = 2  # arming_state
@@ -97,7 +93,12 @@ RULES: tuple[Rule, ...] = (
     Rule(_POSITION, ("z",), "height_agl", convert=_height, note=_ABOVE_ORIGIN),
     Rule("vehicle_land_detected", ("landed",), "landed", convert=_landed),
     Rule("actuator_armed", ("armed",), "armed"),
-    Rule("vehicle_status", ("arming_state",), "armed", convert=_status_armed),
+    Rule(
+        "vehicle_status",
+        ("arming_state",),
+        "armed",
+        convert=lambda t: 1.0 * (t["arming_state"] == _ARMED),
+    ),
     Rule("airspeed_validated", ("true_airspeed_m_s",), "airspeed", "m/s"),
     Rule("airspeed", ("true_airspeed_m_s",), "airspeed", "m/s"),
     Rule("wind", _WIND, "wind_ned", convert=_level_wind, note="level"),

@@ -110,11 +110,9 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
     texts, armed = text_events(recording.messages), best(signals, "armed")
     events = sorted([*recording.events, *texts, *arming_events(armed)], key=lambda e: e.time_s)
     flown_s = rows.clock_s[track.flying]
-    between = (flown_s[0], flown_s[-1]) if flown_s.size else (np.inf, np.inf)
+    up_s, down_s = (flown_s[0], flown_s[-1]) if flown_s.size else (np.inf, np.inf)
     # On the ground parameters are set and sent anew.
-    events = [
-        e for e in events if e.kind is not EventKind.PARAMETER or _is_within(e.time_s, between)
-    ]
+    events = [e for e in events if e.kind is not EventKind.PARAMETER or up_s < e.time_s < down_s]
     header = {part.name: getattr(recording, part.name) for part in fields(LogHeader)} | {
         "messages": tuple((time - start_s, text) for time, text in recording.messages),
         "events": tuple(replace(event, time_s=event.time_s - start_s) for event in events),
@@ -131,10 +129,6 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
         esc_voltage_offset_v=esc_voltage_offsets(signals, motors.escs),
         unmeasured=rows.unmeasured,
     )
-
-
-def _is_within(time_s: float, between: tuple[float, float]) -> bool:
-    return between[0] < time_s < between[1]
 
 
 def log_of_track(

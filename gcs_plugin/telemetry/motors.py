@@ -7,7 +7,7 @@ sprayer's pump. PX4 says the same by PWM_MAIN_FUNCn of the outputs, and not of t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import (
     motor_outputs,
+    moved_motors,
     px4_motor_outputs,
     whole_number,
 )
@@ -29,6 +30,7 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
 _PUMP_FUNCTION = 22
+NO_OUTPUT = -1  # of a motor: it is on none that is known
 _FIRST_AUX = 8  # output, from 0; the eight before it are on the board's second processor
 
 
@@ -67,7 +69,7 @@ class MotorMap:
         for output, pulses in zip(
             self.outputs, pulse_ranges(parameters, self.outputs), strict=True
         ):
-            there = output < servos[0].values.shape[1]
+            there = 0 <= output < servos[0].values.shape[1]
             # No pulse at all says nothing about a motor.
             share = pulses.share(servos[0].values[:, output]) if there else np.empty(0)
             known = np.isfinite(share).any()
@@ -175,6 +177,10 @@ def motor_map(
             by = ", but other ESCs turned: which is whose is not known, and none is used"
             notes.append(f"{words}{by}")
         esc_words = words if escs == outputs else words + by
+    if assumed and not esc_order and (moved := moved_motors(parameters, count)):
+        by = "not on the output of that number by SERVOn_FUNCTION: no motor output is used"
+        notes.append(f"motor {_listed(moved)} {by}")
+        outputs = (NO_OUTPUT,) * count
     return MotorMap(count, outputs, pump, words, tuple(notes), facts, assumed, escs, esc_words)
 
 
@@ -207,7 +213,7 @@ def _escs_of(outputs: tuple[int, ...], turned: Collection[int]) -> tuple[int, ..
     return tuple(sorted(turned)[sorted(outputs).index(output)] for output in outputs)
 
 
-def _listed(outputs: tuple[int, ...]) -> str:
+def _listed(outputs: Iterable[int]) -> str:
     return ", ".join(str(output + 1) for output in outputs)
 
 

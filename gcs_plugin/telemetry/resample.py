@@ -57,7 +57,8 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
     when, values = _reports(channel, signal)
     if when.size == 0:
         return np.full((time_s.size, *values.shape[1:]), np.nan)
-    if sampling == "linear" and TRACK_CHANNELS[channel].averaged and _is_fast(when):
+    averaged = sampling == "linear" and TRACK_CHANNELS[channel].averaged and when.size > 4
+    if averaged and np.median(np.diff(when)) < GRID / 2:
         when, values = _averaged(when, values)
     if time_s.size <= _BLOCK:
         return _at(TRACK_CHANNELS[channel], when, values, time_s, sampling)
@@ -79,10 +80,6 @@ def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
     if time_s.size:
         keep[:-1] &= (time_s[1:] > time_s[:-1]) | ~keep[1:]
     return (time_s, values) if keep.all() else (time_s[keep], values[keep])
-
-
-def _is_fast(when: Floats) -> bool:
-    return when.size > 4 and float(np.median(np.diff(when))) < GRID / 2
 
 
 def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:

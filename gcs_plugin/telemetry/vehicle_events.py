@@ -160,11 +160,17 @@ def parameter_events(
     known: dict[str, float] = {}
     taken = "first" if first else "last"
     for time_s, name, value in changes:
-        before = known.get(name, value)
-        known[name] = value
-        if abs(value - before) > 0.0 and name.startswith(_WORKED_BY) and name != _LEARNT:
-            text = f"{before:g} to {value:g}; the whole log is read by the {taken}"
+        if change := parameter_change(name, known.get(name, value), value):
+            text = f"{change}; the whole log is read by the {taken}"
             yield VehicleEvent(EventKind.PARAMETER, time_s, name, text)
+        known[name] = value
+
+
+def parameter_change(name: str, before: float, value: float) -> str:
+    """`0.15 to 0.5`, of a parameter that numbers rest on; empty of any other and of no change."""
+    if not abs(value - before) > 0.0 or not name.startswith(_WORKED_BY) or name == _LEARNT:
+        return ""
+    return f"{before:g} to {value:g}"
 
 
 def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[VehicleEvent]:

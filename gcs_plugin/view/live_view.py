@@ -129,8 +129,9 @@ class LiveView(ViewPage, Subscriber):
         for summary in fleet:
             one = self._aircraft.get(summary.number)
             if summary.gone:
-                if one is not None:
-                    self._leave(one)
+                if one is not None:  # where it flew stays
+                    one.there, one.shown, one.label.visible = False, None, False
+                    self._scene.hide(str(one.number))
                 continue
             if one is None or not one.there:
                 one = self._add(summary.number)
@@ -207,12 +208,6 @@ class LiveView(ViewPage, Subscriber):
         if self._focus is None:
             self._focus = number
         return one
-
-    def _leave(self, one: Aircraft) -> None:
-        """Take away the aircraft; where it flew stays."""
-        one.there, one.shown = False, None
-        one.label.visible = False
-        self._scene.hide(str(one.number))
 
     def _show(self, one: Aircraft, summary: VehicleSummary, fleet: list[VehicleSummary]) -> None:
         update = summary.update

@@ -65,6 +65,9 @@ THEN_MOTOR = at_desk(
 )
 UNSTEADY = at_desk("rotor", "look for what bends, slips or gets warm")
 LOOK_AT_MOTOR = hands_on("motor", "look at its motor, ESC and wiring")
+WHICH_MOTOR = hands_on(
+    "motor", "take the propellers off; then find by a motor test which motor has which number"
+)
 FEEL_HEAT = hands_on(
     "motor", "right after landing, compare the heat of its motor and ESC with the others'"
 )

@@ -35,6 +35,9 @@ _UNSEEN = {
     (False, True): " (LOG ENDS IN FLIGHT)",
 }
 _PAUSED = " (NOTHING IN THE LOG FOR {long} OF IT)"
+PREDICTED_ALONE = (
+    "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
+)
 
 
 def headline(advice: Advice) -> str:
@@ -154,6 +157,12 @@ def suspects(advice: Advice) -> tuple[int, ...]:
     return tuple(sorted({r + 1 for f in faults for r in (f.rotors or (f.rotor,))}))
 
 
+def no_ground(advice: Advice) -> str:
+    """Why a flight of which the model alone speaks has no verdict; empty of any other."""
+    alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
+    return say(PREDICTED_ALONE) if alone else ""
+
+
 def action(advice: Advice) -> str:
     """What to do next, the gravest part first, for this air and this battery; empty where nothing
     is known."""
@@ -172,6 +181,8 @@ def action(advice: Advice) -> str:
     # While it should land, nobody fills.
     if land or advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
         return "; ".join(first)
+    if FlightLevel.DAMAGED not in advice.levels and not advice.rotor_names:
+        first.append(actions.WHICH_MOTOR.text)
     within = FlightLevel.UNDER in advice.levels
     load = fill_advice(advice.fill, advice.limit, was_within=within)
     load = load[:1].lower() + load[1:]

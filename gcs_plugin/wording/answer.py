@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from thrustmargin.gcs_plugin.wording import actions, report_words
-from thrustmargin.gcs_plugin.wording.advice_words import action, suspects
+from thrustmargin.gcs_plugin.wording.advice_words import action, no_ground, suspects
 from thrustmargin.gcs_plugin.wording.fault_words import place_words
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.language import say
@@ -24,6 +24,7 @@ class FlightAnswer:
     action: str = ""  # what to do next; empty where nothing is known
     rotors: tuple[int, ...] = ()  # from 1, that were found bad, or of one of which it was
     fill_kg: float = math.nan  # to plan the next fill by, rounded down
+    why: str = ""  # there is no verdict, of an aircraft that is known
     brief: str = ""  # what to do after landing, in the 50 letters of a STATUSTEXT
     until_s: float = math.nan  # of the flight, up to which it goes; NaN of a whole one
     contact: report_words.FirstContact | None = (
@@ -36,7 +37,7 @@ class FlightAnswer:
         which = say("last flight")
         if not math.isnan(self.until_s):
             which = say("flight to {clock}", clock=clock(self.until_s))
-        words = ": ".join(filter(None, (which, self.headline, self.action)))
+        words = ": ".join(filter(None, (which, self.headline, self.why, self.action)))
         return words[:1].upper() + words[1:]
 
     @property
@@ -79,6 +80,7 @@ def answer_of(
         headline=report_words.first_line(advice, contact),
         level=advice.level,
         action=action(advice),
+        why=no_ground(advice),
         rotors=suspects(advice),
         fill_kg=safe_kg(advice.fill),
         brief=brief(advice, contact),

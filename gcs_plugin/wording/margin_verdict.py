@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import numbers
-from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_found
+from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_found, no_ground
 from thrustmargin.gcs_plugin.wording.fault_words import place_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.flight import FlightTrack
@@ -21,11 +21,6 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
-
-#: Why a flight of which the model alone speaks has no good verdict.
-PREDICTED_ALONE = (
-    "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,9 +115,8 @@ def verdict_facts(
     if worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
         return (Fact("why", say(why)), airframe)
-    alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
     return (
-        *((Fact("why", say(PREDICTED_ALONE)),) if alone else ()),
+        *((Fact("why", why),) if (why := no_ground(advice)) else ()),
         *_to_do(advice),
         *(Fact(label, text) for label, text in facts(advice)),
         Fact("worst", moment_words(worst)),

@@ -4,7 +4,7 @@ A table says its units only by its headings: time in milliseconds, angles in deg
 in feet a second would make every delay, smoothing and turn wrong without a word. What moves is
 compared with its rate times the seconds between rows: both regressions, of one on the other, bound
 the true ratio however much noise either has. Source: Frisch 1934, bounds of a slope with errors in
-both variables.
+both variables. Airspeed is compared so with velocity less wind.
 """
 
 from __future__ import annotations
@@ -24,12 +24,16 @@ LONGEST = 3.0  # times the usual step: beyond it is a pause
 LEAST_SHARED = 0.05
 #: and below which going the other way may be a slow channel's doing
 LEAST_OPPOSITE = 0.5
+#: Squared correlation of airspeed with velocity less wind from which they are one thing in two
+#: units; below it the tube may be blocked, or the wind another.
+LEAST_OF_AIR = 0.5
 
 Bounds = tuple[float, float]
 
 
 def motion_units(track: FlightTrack) -> str | None:
-    """Why the rates of a flight cannot be those of its positions, and what to check; else None."""
+    """Why the rates of a flight cannot be those of its positions, or its airspeed that of its
+    velocity and wind, and what to check; else None."""
     wrong = {
         name: bounds
         for name, bounds, possible in (
@@ -41,7 +45,7 @@ def motion_units(track: FlightTrack) -> str | None:
         if bounds is not None and not (bounds[0] <= possible[1] and bounds[1] >= possible[0])
     }
     if not wrong:
-        return None
+        return _air_units(track)
     rates = {"position": "velocity", "heading": "yaw rate"}
     rates |= {"height": "vertical velocity", "tilt": "roll and pitch rate"}
     metres, angles = "m and m/s", "rad and rad/s"
@@ -57,6 +61,28 @@ def motion_units(track: FlightTrack) -> str | None:
     step = known_median(np.diff(track.time_s))
     own = "" if len(wrong) > 1 else "".join(f", these in {units[name]}" for name in wrong)
     return f"{found}, with rows {step:.3g} s apart: time_s must be in s{own}"
+
+
+def _air_units(track: FlightTrack) -> str | None:
+    bounds = through_air(track)
+    if bounds is None or (bounds[0] <= POSSIBLE[1] and bounds[1] >= POSSIBLE[0]):
+        return None
+    factor = float(f"{np.sqrt(bounds[0] * bounds[1]):.2g}")
+    return f"airspeed changes {factor:g} times as much as velocity less wind: all must be in m/s"
+
+
+def through_air(track: FlightTrack) -> Bounds | None:
+    """Least and largest of airspeed over the size of velocity less wind, by how both change in
+    flight; None where either is not reported or they do not go together."""
+    relative = np.linalg.norm(track.velocity_ned - track.wind_ned, axis=1)
+    known = track.flying & np.isfinite(relative) & np.isfinite(track.airspeed)
+    if int(known.sum()) < FEWEST_STEPS:
+        return None
+    by_motion, airspeed = (v[known] - v[known].mean() for v in (relative, track.airspeed))
+    both, squares, changes = by_motion @ airspeed, by_motion @ by_motion, airspeed @ airspeed
+    if both <= 0.0 or both**2 <= LEAST_OF_AIR * squares * changes:
+        return None
+    return float(both / squares), float(changes / both)
 
 
 def moved(track: FlightTrack) -> Bounds | None:

@@ -120,6 +120,11 @@ class FlightAnalysis:
         return ("",) * len(names) if self.claim.other_order else names
 
     @property
+    def placed(self) -> bool:
+        """Whether the place of each rotor is known, so that it may be drawn there."""
+        return not (self.claim.withheld or self.claim.other_order)
+
+    @property
     def margin(self) -> Floats:
         """(T, R) thrust margin, 1 - utilisation, from measured rotor speeds."""
         return 1.0 - self.utilisation

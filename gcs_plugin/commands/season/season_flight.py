@@ -28,8 +28,8 @@ from thrustmargin.gcs_plugin.store.row_table import analysis_columns
 from thrustmargin.gcs_plugin.store.schema import ROTORS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
+from thrustmargin.gcs_plugin.wording.advice_words import PREDICTED_ALONE
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
-from thrustmargin.gcs_plugin.wording.margin_verdict import PREDICTED_ALONE
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack

@@ -17,6 +17,7 @@ from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import of_vehicles
 from thrustmargin.gcs_plugin.telemetry.recording import mission_item
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, parameter_change
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -67,6 +68,14 @@ class VehicleState:
     def disarmed(self) -> bool:
         """Whether the autopilot says that it is; False while it was never heard."""
         return self.component is not None and not self.armed
+
+    def changed_since(self, before: VehicleState) -> list[str]:
+        """Each parameter that numbers rest on and that has another value than in a state before."""
+        known, now = before.parameters, self.parameters
+        if known is now or len(known) != len(now):  # the same, or they are coming in
+            return []
+        made = ((name, parameter_change(name, known.get(name, v), v)) for name, v in now.items())
+        return [f"{EventKind.PARAMETER} ({name}: {change})" for name, change in made if change]
 
     @property
     def parameters_whole(self) -> bool:

@@ -33,11 +33,7 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, SAYS, Veh
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.telemetry.clock import (
-    ArrivalClock,
-    arrival_times,
-    unix_minus_clock,
-)
+from thrustmargin.gcs_plugin.telemetry.clock import ArrivalClock, arrival_times, unix_minus_clock
 from thrustmargin.gcs_plugin.telemetry.motors import (
     MotorMap,
     counted_by_reports,
@@ -117,7 +113,8 @@ class VehicleTelemetry:
         self.stamp_us = 0  # ground's clock when anything last came
         self.clock = ArrivalClock()
         self.problem = ""
-        #: Restarts and leaps of its clock since they were last taken, and when by the ground's.
+        #: Restarts, leaps of its clock and changed parameters since they were last taken, and when
+        #: by the ground's.
         self.events: list[tuple[int, str]] = []
         self.counts: Counter[int] = Counter()  # messages that came, by id
         self._options, self._asked = options, asked
@@ -141,9 +138,8 @@ class VehicleTelemetry:
         self._last_escs: dict[str, Stream] = {}
         self._tank_s = math.nan  # vehicle's clock at the last report of the tank level
         self._flew = self._rested = False  # since it was armed; was disarmed on the ground since
-        self._counted = (
-            VehicleFacts()
-        )  # the most rotors that have turned, where nothing says how many
+        # The most rotors that have turned, where nothing says how many.
+        self._counted = VehicleFacts()
 
     @property
     def waiting(self) -> bool:
@@ -168,6 +164,7 @@ class VehicleTelemetry:
         changed = False
         if frame.id in SAYS:
             before, self.state = self.state, fold(self.state, frame)
+            self.events += [(frame.stamp_us, w) for w in self.state.changed_since(before)]
             changed = _identity(before) != _identity(self.state)
             if others := self.state.other_autopilots - before.other_autopilots:
                 words = two_autopilots(self.state.system, self.state.component or 0, others)

@@ -84,7 +84,10 @@ def rows_of(unseen: Sequence[Unseen], tracks: Sequence[FlightTrack]) -> Rows:
     channels = {}
     for name, (_, _, factor) in CHANNEL_WORDS.items():
         values = np.concatenate([np.asarray(getattr(u.problem.channels, name)) for u in unseen])
-        if np.isfinite(values).all() and _varies(values):
+        if not np.isfinite(values).all():
+            continue
+        low, middle, high = np.quantile(values, [0.01, 0.5, 0.99])
+        if high - low > max(LEAST_VARIATION * abs(middle), 1e-9):
             channels[name] = values * factor
     return Rows(
         names=tuple(n for u in unseen for n in u.problem.names),
@@ -103,11 +106,6 @@ def rows_of(unseen: Sequence[Unseen], tracks: Sequence[FlightTrack]) -> Rows:
         rotor_names=first.model.airframe.rotor_names,
         channels=channels,
     )
-
-
-def _varies(values: Floats) -> bool:
-    low, middle, high = np.quantile(values, [0.01, 0.5, 0.99])
-    return bool(high - low > LEAST_VARIATION * abs(middle) and high - low > 1e-9)
 
 
 def _places(problem: Problem, tracks: Sequence[FlightTrack]) -> tuple[Floats, Floats]:

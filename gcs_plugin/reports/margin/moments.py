@@ -115,7 +115,8 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
     if abs(climb) > CLIMB_RATE:
         words.append("climbing" if climb > 0 else "descending")
     speed = np.hypot(track.velocity_ned[near, 0], track.velocity_ned[near, 1])
-    change = _slope(time_s[near], speed)
+    at, known = time_s[near] - time_s[near][0], np.isfinite(speed)
+    change = np.polyfit(at[known], speed[known], 1)[0] if known.sum() > 2 else np.nan
     if abs(change) > SPEED_CHANGE:
         words.append("speeding up" if change > 0 else "braking")
     elif known_mean(speed) < HOVER_SPEED and "taking off" not in words and "landing" not in words:
@@ -146,13 +147,6 @@ def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
         "size_high": fault.upper,
         "words": fault_words(fault, names),
     }
-
-
-def _slope(time_s: Floats, values: Floats) -> float:
-    known = np.isfinite(values)
-    if np.count_nonzero(known) < 3:
-        return float("nan")
-    return float(np.polyfit(time_s[known] - time_s[known][0], values[known], 1)[0])
 
 
 def look_facts(findings: Iterable[Finding]) -> Iterator[Fact]:

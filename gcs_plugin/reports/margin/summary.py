@@ -33,7 +33,7 @@ from thrustmargin.mission.ahead.plan_flight import PlanConditions
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.margin_check import margin_check
@@ -68,9 +68,9 @@ def report_flight(
     moments = worst_moments(analysis)
     worst = moments[0] if moments else None
     basis, measured_share = _basis(made)
-    answer = margin_verdict.verdict_facts(
-        worst, advice, analysis.claim, basis, _no_flight(whole.track)
-    )
+    flown_s = whole.track.flying_s
+    no_flight = not_flown(whole.track) or (too_short(flown_s) if flown_s < LEAST_FLIGHT_S else "")
+    answer = margin_verdict.verdict_facts(worst, advice, analysis.claim, basis, no_flight)
     check = None if analysis.withheld else margin_check(analysis)
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
     against = None
@@ -109,12 +109,6 @@ def report_flight(
         beside_plan=against,
         rows=rows,
     )
-
-
-def _no_flight(track: FlightTrack) -> str:
-    """Why there is no flight to check; empty where there is one."""
-    short = track.flying_s < LEAST_FLIGHT_S
-    return not_flown(track) or (too_short(track.flying_s) if short else "")
 
 
 def _basis(made: Advised) -> tuple[str, float]:

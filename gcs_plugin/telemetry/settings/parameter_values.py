@@ -29,6 +29,14 @@ def motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
     return _by_function(parameters, "SERVO{}_FUNCTION", MOTOR_FUNCTIONS)
 
 
+def moved_motors(parameters: Mapping[str, float], count: int) -> list[int]:
+    """Of the first motors, from 0, those that are not on the output of their number by
+    SERVOn_FUNCTION: that drives something else, or another drives them."""
+    on = motor_outputs(parameters)
+    says = [whole_number(parameters, f"SERVO{k + 1}_FUNCTION") for k in range(count)]
+    return [k for k in range(count) if on.get(k, -1 if says[k] is not None else k) != k]
+
+
 def px4_motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
     """The same by PWM_MAIN_FUNCn."""
     return _by_function(parameters, "PWM_MAIN_FUNC{}", PX4_FUNCTIONS)

@@ -82,11 +82,6 @@ _AUTOSTART: dict[int, VehicleKind] = {
 OUTPUTS = range(1, 17)
 
 
-def functions_whole(parameters: Mapping[str, float]) -> bool:
-    """Whether the functions of all outputs are known, so that motors can be counted by them."""
-    return all(f"SERVO{n}_FUNCTION" in parameters for n in OUTPUTS)
-
-
 def vehicle_facts(
     parameters: Mapping[str, float],
     *,
@@ -98,7 +93,7 @@ def vehicle_facts(
 
     Not `whole`: more parameters may come; motors are then not counted by a part of the outputs.
     """
-    if not whole and not functions_whole(parameters):
+    if not whole and any(f"SERVO{n}_FUNCTION" not in parameters for n in OUTPUTS):
         functions = {f"SERVO{n}_FUNCTION" for n in range(1, 33)}
         parameters = {name: v for name, v in parameters.items() if name not in functions}
     texts = tuple(texts)

@@ -1,8 +1,8 @@
 """The figures of one aircraft at one moment, for the page: numbers, codes and colours, no words.
 
-Rotors stand at their true places, seen from above with the front at the top. The one quantity of a
-rotor is its thrust left, and where that is unknown the output that its motor gets. What is unknown
-is None, which the page shows as such.
+Rotors stand at their true places, seen from above with the front at the top, or in rows by number
+where those are not known. The one quantity of a rotor is its thrust left, and where that is unknown
+the output that its motor gets. What is unknown is None, which the page shows as such.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import SourceKind
 
 #: Of the arm: largest radius of a drawn rotor, and how far those of a coaxial pair are drawn from
-#: their true place, which both share.
-LARGEST, APART = 0.5, 0.36
+#: their true place, which both share. Rotors in a row by number.
+LARGEST, APART, IN_A_ROW = 0.5, 0.36, 4
 
 
 def aircraft_figures(
@@ -34,7 +34,8 @@ def aircraft_figures(
     worst = row.worst[1]
     if not row.flying and np.isfinite(row.margin_predicted).any():
         worst = int(np.nanargmin(row.margin_predicted))
-    places, radius = rotor_places(airframe)
+    placed = row.analysis.placed
+    places, radius = rotor_places(airframe) if placed else by_number(airframe.rotor_count)
     track, margin, coloured = row.track, row.margin, row.coloured
     low, high = row.ends if row.flying else (row.margin, row.margin)
     rotors = [
@@ -62,6 +63,7 @@ def aircraft_figures(
         "remedy": claim.remedy if claim.withheld else "",
         "claim": claim.words,
         "rotors": rotors,
+        "placed": placed,
         "radius": round(radius, 3),
         "worst": worst,
         "unmeasured": row.unmeasured,
@@ -94,6 +96,12 @@ def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
     behind = true * (1.0 + APART * shift[:, None])
     best = max((beside, behind), key=_room)
     return best, min(LARGEST, 0.48 * _room(best))
+
+
+def by_number(rotors: int) -> tuple[Floats, float]:
+    """The same of rotors whose places are not known: in rows by their number."""
+    number = np.arange(rotors, dtype=np.float64)
+    return np.column_stack([number % IN_A_ROW, number // IN_A_ROW]) - [1.5, 0.0], 0.48
 
 
 def _room(places: Floats) -> float:

@@ -87,7 +87,7 @@ class VehicleSummary:
             level = of_verdict(self.whole)
             # Not green before it is known whether there were alarms.
             unsure = self.pending and level == "green"
-            do = _sentence(self.whole.action)
+            do = _sentence(self.whole.action or self.whole.why)
             return self.whole.headline, do or self.pending, "grey" if unsure else level
         # Also while nothing is heard: what was found does not end with a gap in the telemetry.
         if so_far is not None and of_verdict(so_far) in ("red", "amber"):

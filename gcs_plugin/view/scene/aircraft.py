@@ -143,16 +143,19 @@ class VehicleNode:
         """Put the aircraft where `row` says, in its colours. Hidden without a position.
 
         `faulty` are the numbers, from 1, of the rotors that an alarm is of. Rotors of an `old` row
-        have the colour of no data.
+        have the colour of no data, and so have those whose places are not known, without number
+        and ring.
         """
+        known = row.analysis.placed
+        faulty = faulty if known else frozenset()
         if faulty != self._faulty:
             self._faulty = faulty
             for i, ring in enumerate(self._rings, start=1):
                 ring.visible = i in faulty
         position, wxyz = row.position_enu, row.wxyz
-        margin, coloured = (
-            np.full_like(values, np.nan) if old else values for values in (row.margin, row.coloured)
-        )
+        margin, coloured = row.margin, row.coloured
+        if old or not known:
+            margin = coloured = np.full_like(margin, np.nan)
         placed = bool(np.all(np.isfinite(position)))
         if placed != self._visible:
             self.frame.visible = self._visible = placed
@@ -165,7 +168,7 @@ class VehicleNode:
             self._discs.batched_colors = disc_colours(coloured)
         for i, label in enumerate(self._labels):
             # Over the whole field the numbers would lie on each other: those of bad rotors alone.
-            shown = self._detailed or i + 1 in faulty
+            shown = known and (self._detailed or i + 1 in faulty)
             if label.visible != shown:
                 label.visible = shown
             text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
@@ -174,16 +177,11 @@ class VehicleNode:
 
     def _show_tank(self, tank_kg: float) -> None:
         level = tank_level(tank_kg, self._airframe.tank_capacity_kg)
-        known = np.isfinite(level)
-        self._liquid.visible = bool(known and level > 0)
-        if known and level > 0:
-            floor = TANK_TOP - TANK_HEIGHT
-            self._liquid.scale = (self._scale, self._scale, self._scale * level)
-            self._liquid.position = (
-                0.0,
-                0.0,
-                self._scale * self._arm * (floor + level * TANK_HEIGHT / 2),
-            )
+        self._liquid.visible = level > 0.0  # no level is NaN
+        if level > 0.0:
+            scale, middle = self._scale, TANK_TOP - TANK_HEIGHT + level * TANK_HEIGHT / 2
+            self._liquid.scale = (scale, scale, scale * level)
+            self._liquid.position = (0.0, 0.0, scale * self._arm * middle)
 
 
 def disc_colours(margin: Floats) -> colours.Colours:

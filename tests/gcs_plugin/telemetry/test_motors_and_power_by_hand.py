@@ -53,6 +53,18 @@ def test_motors_are_where_their_functions_are():
     assert [motors({f"SERVO{n}_FUNCTION": 22.0}).pump_output for n in (32, 33)] == [31, None]
 
 
+def test_the_output_of_a_pump_is_no_motors_where_a_motor_is_not_found():
+    driven = [reports("servo_us", np.full((3, 8), 1500.0))]
+    for other in ({"SERVO1_FUNCTION": 22.0}, functions(5, 2), {"SERVO3_FUNCTION": 0.0}):
+        found = motors(other, driven, F16)
+        assert found.throttle(collected(driven), other) == [None] * 4
+        assert found.notes[0].endswith("by SERVOn_FUNCTION: no motor output is used")
+    unsaid = {"SERVO6_FUNCTION": 22.0, "SERVO2_FUNCTION": 34.0}
+    found = motors(unsaid, driven, F16)
+    assert (found.outputs, found.notes) == ((0, 1, 2, 3), ())
+    assert None not in found.throttle(collected(driven), unsaid)
+
+
 def test_motors_that_nothing_names_are_taken_in_order():
     found = motors(airframe=F16)
     assert (found.outputs, found.assumed, found.pump_output) == ((0, 1, 2, 3), True, None)
@@ -62,6 +74,8 @@ def test_motors_that_nothing_names_are_taken_in_order():
     assert motors(functions(5, 6, 7), airframe=None).rotor_count == 3
     broken = {k: v for k, v in functions(5, 6, 7, 8).items() if k != "SERVO6_FUNCTION"}
     assert motors(broken, airframe=F16).assumed
+    # Nor are they on the outputs 1 to 4: motors 1, 3 and 4 are said to be elsewhere.
+    assert motors(broken, airframe=F16).outputs == (-1, -1, -1, -1)
     assert not motors().assumed  # of no motors
     ordered = motors(motor_order="numbered by motor", mav_type=13)
     assert (ordered.order_words, ordered.assumed) == ("numbered by motor", False)

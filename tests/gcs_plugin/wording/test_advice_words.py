@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     headline,
     several_headline,
 )
+from thrustmargin.gcs_plugin.wording.answer import answer_of
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
 from thrustmargin.models.model.fault_test import RotorFault
@@ -183,6 +184,12 @@ def test_what_to_do_follows_the_same_order():
     assert action(within).startswith("nothing; up to 8.6 kg (8.6 L)")
     unordered = action(with_fault(rotor_names=()))
     assert "of rotors 1, 2, 3 and 4 were looked at" in unordered
+    assert "motor test" not in unordered  # all of them are looked at first
+    which = action(replace(within, rotor_names=()))
+    assert which.startswith("with the battery off, take the propellers off; then find by a motor")
+    assert which.endswith(
+        "for the load: up to 8.6 kg (8.6 L): with more it would descend after losing a rotor"
+    )
     empty = action(replace(ADVICE, levels=(FlightLevel.BATTERY, FlightLevel.OVER)))
     assert empty.startswith("with the battery off, take the battery out and test it")
     assert "for the load: fill at most 8.6 kg" in empty
@@ -256,3 +263,11 @@ def test_several_flights_are_counted_by_the_gravest(levels, said):
     level, words = several_headline(levels, 0.5)
     assert words.startswith(said)
     assert level in levels
+
+
+def test_a_flight_without_a_verdict_says_why_in_its_line():
+    unknown = replace(ADVICE, levels=(FlightLevel.UNKNOWN,), predicted_alone=True)
+    said = "Last flight: NO VERDICT: predicted: for most of the flight no rotor speed was measured"
+    assert answer_of(unknown).line.startswith(said)
+    assert answer_of(replace(unknown, predicted_alone=False)).line == "Last flight: NO VERDICT"
+    assert not answer_of(replace(ADVICE, levels=(FlightLevel.UNDER,), predicted_alone=True)).why

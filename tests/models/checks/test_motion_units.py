@@ -1,9 +1,16 @@
 """Positions against velocities, headings against yaw rates, over the seconds of a table."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from thrustmargin.models.checks.motion_units import motion_units, moved, turned
+from thrustmargin.models.checks.motion_units import (
+    motion_units,
+    moved,
+    through_air,
+    turned,
+)
 from thrustmargin.models.flight import FlightTrack
 
 TIME = np.arange(0.0, 60.0, 0.1)
@@ -176,3 +183,34 @@ def test_height_and_tilt_are_held_against_their_rates(wrong, begins):
     assert found.startswith(begins)
     # Roll and pitch that are seen too seldom are off by less than that.
     assert motion_units(swaying(tilt=5.0)) is None
+
+
+def in_wind(unit: float, *, noise: float = 0.3, blocked: bool = False) -> FlightTrack:
+    """North at 2 to 6 m/s in a wind of 1 m/s to the south: 3 to 7 m/s through the air."""
+    still, rng = np.zeros_like(TIME), np.random.default_rng(5)
+    north = 4.0 + 2.0 * np.sin(2.0 * np.pi * TIME / 20.0)
+    airspeed = np.where(blocked, 0.2, north + 1.0) + noise * rng.normal(size=TIME.size)
+    return FlightTrack.of(
+        name="wind.csv",
+        time_s=TIME,
+        rotor_count=4,
+        velocity_ned=np.stack([north, still, still], axis=1),
+        wind_ned=np.stack([still - 1.0, still, still], axis=1),
+        airspeed=airspeed * unit,
+    )
+
+
+@pytest.mark.parametrize(("unit", "factor"), [(3.6, "3.7"), (2.237, "2.3"), (1.944, "2")])
+def test_an_airspeed_in_another_unit_is_said_with_its_factor(unit, factor):
+    """Of 2 m²/s² of changes 0.09 are noise: the mean of both bounds is 2 % above the unit."""
+    said = f"airspeed changes {factor} times as much as velocity less wind: all must be in m/s"
+    assert motion_units(in_wind(unit)) == said
+
+
+def test_an_airspeed_in_its_unit_and_a_blocked_tube_are_let_pass():
+    assert motion_units(in_wind(1.0)) is None
+    assert through_air(in_wind(1.0, noise=0.0)) == pytest.approx((1.0, 1.0))
+    assert motion_units(in_wind(1.0, blocked=True)) is None
+    assert motion_units(in_wind(0.28)) is not None
+    calm = in_wind(3.6)
+    assert through_air(replace(calm, wind_ned=np.full_like(calm.wind_ned, np.nan))) is None

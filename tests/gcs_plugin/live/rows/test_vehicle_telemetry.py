@@ -254,3 +254,17 @@ def test_a_new_part_begins_with_the_first_gps_time_of_a_start_and_with_no_other(
         booted = unix_s + part.track.time_s[0] - part.clock_s[0]
         late = part.clock_s[0] > (530.05, 35.05)[part.boot]
         assert booted == pytest.approx((gps if late else ground)[part.boot], abs=0.2)
+
+
+def test_a_parameter_that_numbers_rest_on_is_noted_when_it_changes_and_not_as_it_comes_in():
+    vehicle = Vehicle()
+    telemetry = VehicleTelemetry(1, Options(airframe=AIRFRAME, sampling="hold"))
+    for name, value in (
+        *((b"MOT_SPIN_MIN", 0.15), (b"WP_SPD", 5.0), (b"MOT_SPIN_MIN", 0.15)),
+        *((b"WP_SPD", 9.0), (b"MOT_SPIN_MIN", 0.5)),
+    ):
+        telemetry.take(vehicle.frame(dialect.MAVLink_param_value_message(name, value, 9, 2, 0)))
+        telemetry.take(as_frame(vehicle.heartbeat()))
+    (_, words), *others = telemetry.events
+    assert words == "parameter changed (MOT_SPIN_MIN: 0.15 to 0.5)"
+    assert not others

@@ -1,6 +1,7 @@
 """The figures of the aircraft are those of the row; what is unknown is None, never a number."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -118,6 +119,17 @@ def test_within_the_error_of_what_can_be_held_it_cannot_be_told():
     lost = aircraft_figures(ShownRow(analysis, 10), math.nan)["lost"]
     assert (lost["code"], lost["ratio"]) == ("cannot_tell", 1.02)
     assert lost["low"] < 1.0 < lost["high"]
+
+
+@pytest.mark.parametrize("wrong", [{"other_order": True}, {"withheld": ("not known",)}])
+def test_rotors_of_unknown_places_stand_in_a_row_by_number(wrong):
+    analysis = flight()
+    other = replace(analysis, claim=replace(analysis.claim, **wrong))
+    figures = aircraft_figures(ShownRow(other, 10), math.nan, {3})
+    assert not figures["placed"]
+    assert [(r["x"], r["y"]) for r in figures["rotors"]] == [(k - 1.5, 0.0) for k in range(4)]
+    assert [r["faulty"] for r in figures["rotors"]] == [False, False, True, False]
+    assert aircraft_figures(ShownRow(analysis, 10), math.nan)["placed"]
 
 
 @pytest.mark.parametrize("name", ["topxgun-f16", "agras-t20", "agras-t40"])

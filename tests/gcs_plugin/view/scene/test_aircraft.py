@@ -1,5 +1,6 @@
 """What stands on an aircraft in the scene of a server that nobody looks at."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -56,3 +57,27 @@ def test_discs_have_the_colours_of_the_page_and_promise_nothing_that_is_only_pre
     assert np.abs(drawn - page).max() <= 4
     assert tuple(page[2]) == GREY
     assert tuple(page[0]) != GREY
+
+
+def test_where_places_are_not_known_no_number_ring_or_colour_is_at_one():
+    known = flight()
+    other = replace(known, claim=replace(known.claim, other_order=True))
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        node = VehicleNode(server.scene, "/world", "1", known.model.airframe)
+
+        def shown(analysis) -> tuple[int, int, int]:
+            """Numbers, rings and discs in a colour."""
+            node.show(ShownRow(analysis, 200), frozenset({3}))
+            handle: Any = server.scene.get_handle_by_name
+            numbers = [handle(f"/world/vehicle_1/label_{k}").visible for k in (1, 2, 3, 4)]
+            rings = [handle(f"/world/vehicle_1/fault_{k}").visible for k in (1, 2, 3, 4)]
+            discs = seen_for(handle("/world/vehicle_1/discs").batched_colors).astype(int)
+            coloured = np.abs(discs - GREY).max(axis=1) > 4
+            return sum(numbers), sum(rings), int(coloured.sum())
+
+        assert shown(known) == (4, 1, 4)
+        assert shown(other) == (0, 0, 0)
+        assert shown(known) == (4, 1, 4)
+    finally:
+        server.stop()
