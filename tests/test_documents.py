@@ -146,6 +146,16 @@ def test_sentences_are_counted_across_lines_and_not_in_tables_or_code():
     assert [words(s) for s in sentences(text)] == [6, 1, 2]
 
 
+@pytest.mark.parametrize("page", pages(), ids=lambda p: p.name)
+def test_a_row_of_a_table_has_as_many_cells_as_its_heading(page: Path):
+    wrong, width = [], 0
+    for line in page.read_text(encoding="utf-8").splitlines():
+        cells = len(re.findall(r"(?<!\\)\|", line)) if line.startswith("|") else 0
+        wrong += [line] if cells and width and cells != width else []
+        width = (width or cells) if cells else 0
+    assert wrong == []
+
+
 @pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda p: p.name)
 def test_a_page_begins_with_the_task_of_its_reader(page: Path):
     first = re.sub(r"^# .*\n", "", page.read_text(encoding="utf-8")).strip()
