@@ -129,6 +129,7 @@ def replay_view(
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
     from thrustmargin.gcs_plugin.wording.advice_words import headline
+    from thrustmargin.gcs_plugin.wording.alarm_words import MOTOR_ORDER
     from thrustmargin.gcs_plugin.wording.answer import answer_of
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
@@ -148,11 +149,12 @@ def replay_view(
         older = None if before is None else analyse(analysis.track, before, claim=claim)
         found = repeated(said[shown].findings)
         whole = answer_of(answers[shown], said[shown].contact)
-        words = ": ".join([whole.headline, *names_wrong(found)])
+        wrong = [MOTOR_ORDER] if analysis.claim.other_order else []
+        whole = replace(whole, headline="; ".join([whole.headline, *wrong]))
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
-    for line in whole.contact_lines:
+    for line in (*names_wrong(found), *whole.contact_lines):
         console.print(escape(f"  {line}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
         line = f"{sortie_words(other.sortie, other.track)}: {headline(answers[k])}"
@@ -162,6 +164,6 @@ def replay_view(
         waypoints=flight.waypoints,
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        whole=replace(whole, headline=words),
+        whole=whole,
         **options,
     )

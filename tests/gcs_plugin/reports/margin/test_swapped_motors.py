@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
+from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.reports.margin.data import Report
 from thrustmargin.gcs_plugin.reports.margin.render import write_report
@@ -36,3 +38,15 @@ def test_a_worn_rotor_is_named_only_where_names_can_be_trusted(order, known, sit
     write_report(made, tmp_path / "r.html")
     written = (tmp_path / "r.html").read_text("utf-8") + (tmp_path / "r.json").read_text("utf-8")
     assert all((place in written.lower()) is known for place in ("front left", "rear left"))
+
+
+def test_a_replay_says_in_its_first_line_what_live_says_and_on_the_terminal_which(
+    sitl_logs, tmp_path, capsys
+):
+    track = read_log(sitl_logs / "campaign/v4_m16_q2.5.tlog").track
+    path = tmp_path / "swapped.csv"
+    write_csv(replace(track, rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]]), path)
+    view = replay_view(path, shipped_model(), port=0, paused=True)
+    assert view.whole.headline.endswith("; Motor order differs: rotor names are wrong, check")
+    said = " ".join(capsys.readouterr().err.split())
+    assert "rotor names cannot be trusted: motors 1 and 2 look swapped" in said
