@@ -140,17 +140,12 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
             term = Term(effect=effect, rotor=rotor)
             if not reduced.lacks(effect) and _would_show(reduced, effect):
                 one = candidate(term, reduced.flights, taught=taught)
-                found.append(_delayed(reduced, one) if effect.delays else one)
+                good, delay_s = reduced.model.good_flights, reduced.delay_s
+                if effect.delays:
+                    (delay,) = effect.parameters
+                    one = replace(one, reading=delay_reading(delay_s, good, delay.resolution))
+                found.append(one)
     return found
-
-
-def _delayed(reduced: Reduced, one: Candidate) -> Candidate:
-    """A delay with what rows show of it: it has more than one likely value, and steps from nothing
-    may end at a small wrong one, so it begins there."""
-    start = np.full_like(one.start, np.median(reduced.delay_s[:, 0]))
-    (delay,) = one.parameters
-    reading = delay_reading(reduced.delay_s, reduced.model.good_flights, delay.resolution)
-    return replace(one, start=start, reading=reading)
 
 
 def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects.channels import concatenate, froude_time_scale
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
-from thrustmargin.models.identification.rows.fast_rows import delay_of_rows
+from thrustmargin.models.identification.rows.fast_rows import UNKNOWN, delay_of_rows
 from thrustmargin.models.identification.rows.output_shares import of_outputs
 from thrustmargin.models.identification.rows.problem import (
     Problem,
@@ -51,25 +51,29 @@ class Reduced(RowsToFit):
         return np.arange(self.measured_rpm.shape[1]) >= int(self.of_outputs)
 
 
-def reduce_flights(model: RotorModel, tracks: Sequence[FlightTrack]) -> Reduced:
+def reduce_flights(
+    model: RotorModel, tracks: Sequence[FlightTrack], *, delays: bool = True
+) -> Reduced:
     """Means of the rows that can be fitted; raises as `problem.assemble`, flight by flight."""
-    return rows_and_means(model, tracks)[1]
+    return rows_and_means(model, tracks, delays=delays)[1]
 
 
-def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Problem, Reduced]:
-    """The rows as `problem.assemble` thins them, and the means of all rows; one flight at a time
-    is held in full."""
+def rows_and_means(
+    model: RotorModel, tracks: Sequence[FlightTrack], *, delays: bool = True
+) -> tuple[Problem, Reduced]:
+    """The rows as `problem.assemble` thins them, and the means of all rows, with `delays` those of
+    the rotor speeds; one flight at a time is held in full."""
     of_outputs(tracks)  # raises where flights are of both kinds
     stride = stride_of(model, tracks)
     seconds = sum(flown_s(model, track) for track in tracks)
     every = -(-int(seconds / (BIN * froude_time_scale(model.airframe))) // MOST_MEANS)
     length = min(STRETCH, max(LEAST_STRETCH, MOST_MEANS // len(tracks)))
-    rows, parts, delays = [], [], []
+    rows, parts, late = [], [], []
     for index, track in enumerate(tracks):
         whole = assemble_flight(model, track)
         rows.append(thinned(whole, stride))
         parts.append(_stretches(_means(whole, index), index, every, length))
-        delays.append(delay_of(whole))
+        late.append(delay_of(whole) if delays else UNKNOWN)
     first = parts[0]
     channels = concatenate([p.channels for p in parts])
     means = replace(
@@ -79,7 +83,7 @@ def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Pr
         flight=np.concatenate([p.flight for p in parts]),
         follows=np.concatenate([p.follows for p in parts]),
         uncertainty_rpm=base_uncertainty_rpm(model, first.base, channels),
-        delay_s=np.array(delays),
+        delay_s=np.array(late),
         names=tuple(name for p in parts for name in p.names),
     )
     return joined(rows), means

@@ -78,7 +78,7 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
     Raises DataError when the flight has too few rows to be fitted, AirframeError for a wrong rotor
     count.
     """
-    reduced = reduce_flights(model, [track])
+    reduced = reduce_flights(model, [track], delays=False)
     catalogue = effects_for(model.airframe)
     if reduced.of_outputs:
         catalogue = effects_on_shares(catalogue)

@@ -72,7 +72,14 @@ class Search:
         self.candidates = list(candidates)
         self.solved = self.nuisance.solved()
         self.fitted: dict[Key, FittedSet] = {}
-        self.start = [Held(candidate=c, values=c.start) for c in self.candidates]
+        self.start = [Held(candidate=c, values=self._begin(c)) for c in self.candidates]
+
+    def _begin(self, one: Candidate) -> Floats:
+        """(F, K) where its values start: a delay has more than one likely value, and steps from
+        nothing may end at a small wrong one, so it starts where rows show it."""
+        if not one.term.effect.delays:
+            return one.start
+        return np.full_like(one.start, np.median(self.reduced.delay_s[:, 0]))
 
     def run(self, progress: Progress | None = None) -> None:
         """Search until the best set stays. What is likely about a set that is far from the best

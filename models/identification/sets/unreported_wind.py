@@ -40,7 +40,7 @@ def unreported_wind(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
             replace(track, wind_ned=np.tile(wind, (track.time_s.size, 1))) if lacks else track
             for track, lacks in zip(tracks, lacking, strict=True)
         ]
-        channels = reduce_flights(reduced.model, blown).channels
+        channels = reduce_flights(reduced.model, blown, delays=False).channels
         moved = replace(
             reduced.channels, **{name: getattr(channels, name) for name in OF_DIRECTION}
         )

@@ -11,6 +11,7 @@ from tests.lab.undeclared.recorded import CAMPAIGN, implanted
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.identification.rows.reduced import reduce_flights
 from thrustmargin.models.identification.season.flight_sums import (
     FlightEvidence,
     flight_sums,
@@ -41,7 +42,9 @@ def test_a_worn_propeller_is_in_the_sums_of_its_flight():
 
 def test_the_sums_are_the_linear_problem_of_the_search():
     model, track = shipped_model(), read_log(CAMPAIGN / "v4_m10_q2.5.tlog").track
-    space = search_space(model, [track], effects_for(model.airframe))
+    # Sums of flights add up about one place, so a delay stands at none, whatever the rows show.
+    means = reduce_flights(model, [track], delays=False)
+    space = search_space(model, [track], effects_for(model.airframe), means)
     search = Search(space.reduced, space.nuisance, space.candidates)
     linear = search.linearise(search.fit(frozenset(), ()))
     evidence = flight_sums(model, track)
@@ -54,6 +57,20 @@ def test_the_sums_are_the_linear_problem_of_the_search():
     np.testing.assert_allclose(mine[lasting, -1], whole[lasting, -1])
     assert mine[-1, -1] == pytest.approx(whole[-1, -1])
     assert np.all(evidence.known >= mine.diagonal()[:q] - 1e-6)
+
+
+def test_a_late_flight_has_its_sums_about_no_delay_as_every_other():
+    model, track = shipped_model(), read_log(CAMPAIGN / "v4_m10_q2.5.tlog").track
+    columns = [np.interp(track.time_s - 0.1, track.time_s, c) for c in track.rotor_speed_rpm.T]
+    late = replace(track, rotor_speed_rpm=np.column_stack(columns))
+    for flight in (track, late):
+        sums = flight_sums(model, flight)
+        assert sums.limit("absent")[sums.names.index("sensor_lag:rotor speed.lag")] == 0.0
+    # The search of the same flight starts where its rows show the delay.
+    space = search_space(model, [late], effects_for(model.airframe))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    (began,) = [h for h in search.start if h.candidate.key == "sensor_lag:rotor speed"]
+    assert began.values[0, 0] == pytest.approx(0.1, abs=0.01)
 
 
 def test_about_a_loss_the_sums_are_those_of_an_aircraft_that_has_it():
