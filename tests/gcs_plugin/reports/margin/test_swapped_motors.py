@@ -47,6 +47,7 @@ def test_a_replay_says_in_its_first_line_what_live_says_and_on_the_terminal_whic
     path = tmp_path / "swapped.csv"
     write_csv(replace(track, rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]]), path)
     view = replay_view(path, shipped_model(), port=0, paused=True)
+    assert view.whole is not None
     assert view.whole.headline.endswith("; Motor order differs: rotor names are wrong, check")
     said = " ".join(capsys.readouterr().err.split())
     assert "rotor names cannot be trusted: motors 1 and 2 look swapped" in said
