@@ -68,7 +68,7 @@ fleet-demo: $(VENV)/.test
 	$(BIN)/thrustmargin fleet fleet-demo --out fleet.html
 
 $(VENV)/.demo: $(VENV)/.venv pyproject.toml constraints.txt
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable .
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[loop]'
 	touch $@
 
 $(VENV)/.test: $(VENV)/.demo

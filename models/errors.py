@@ -41,6 +41,7 @@ class InstallError(ThrustMarginError):
 
 #: library -> the extra that installs it
 EXTRAS = {
+    "scipy": "loop",
     "torch": "train",
     "mavsdk": "vehicle",
     **dict.fromkeys(("pyarrow", "duckdb", "fsspec", "filelock", "distributed", "s3fs"), "fleet"),

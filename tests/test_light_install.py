@@ -15,13 +15,11 @@ ROOT = Path(__file__).resolve().parents[1]
 FLIGHT = str(ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog")
 VIEW = ["--port", "0", "--no-browser", "--seconds", "1"]
 WITHOUT_EXTRAS = {
-    "cover": ["--help"],
     "demo": [FLIGHT, *VIEW],
     "airframe": ["check", "topxgun-f16-sitl", FLIGHT],
     "export": [FLIGHT, "--layout", "layout.json"],
     "fill": ["--airframe", "topxgun-f16"],
     "forecast": [FLIGHT, "--fill", "4"],
-    "identify": [FLIGHT],
     "inspect": [FLIGHT],
     "install": ["vehicle-sender", "."],
     "match": ["--airframe", "topxgun-f16"],
@@ -34,11 +32,13 @@ WITHOUT_EXTRAS = {
 LINK = "udpin:127.0.0.1:14999"
 #: command line, what it says is missing, and the extra that holds it
 WITH_EXTRAS = [
+    (["identify", FLIGHT], "identify needs scipy", "loop"),
+    (["cover", FLIGHT, "--swath", "4"], "cover needs scipy", "loop"),
     (["train", FLIGHT], "train needs torch", "train"),
     (["fetch", "mission", LINK, "-o", "a.plan"], "talking to a vehicle needs mavsdk", "vehicle"),
     (["airframe", "new", "--from", LINK], "talking to a vehicle needs mavsdk", "vehicle"),
     (["monitor", FLIGHT, "--fetch-mission"], "--fetch-mission needs mavsdk", "vehicle"),
-    (["ingest", FLIGHT, "--store", "s"], "a season's store needs fsspec", "fleet"),
+    (["ingest", FLIGHT, "--store", "s"], "ingest needs fsspec", "fleet"),
     (["fleet", "s"], "a season's store needs fsspec", "fleet"),
 ]
 #: Hides what only extras hold from every finder, so that Python sees it as not installed.
@@ -47,7 +47,7 @@ import sys
 
 HIDDEN = {
     "torch", "mavsdk", "pyarrow", "duckdb", "fsspec", "filelock", "distributed",
-    "dask", "s3fs", "shapefile", "pyproj", "pandas", "plotly", "matplotlib", "cattrs",
+    "dask", "s3fs", "scipy", "threadpoolctl", "shapefile", "pyproj", "pandas", "plotly", "matplotlib", "cattrs",
 }
 
 class Without:

@@ -17,6 +17,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_range,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import require
 
 if TYPE_CHECKING:
     from thrustmargin.mission.steps import PumpOutput
@@ -69,6 +70,7 @@ def cover(
         out: File to write, .plan (QGroundControl) or .waypoints; may be given again. Without any,
             field.plan.
     """
+    require("cover", "scipy")
     from thrustmargin.gcs_plugin.wording.plans.plan_words import coverage_words
     from thrustmargin.mission.coverage.coverage_plan import CoverageOrder, cover_field
     from thrustmargin.mission.coverage.field_file import read_field

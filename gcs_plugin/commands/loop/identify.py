@@ -19,10 +19,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     require_logs,
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
-from thrustmargin.models.errors import (
-    DataError,
-    ModelError,
-)
+from thrustmargin.models.errors import DataError, ModelError, require
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -76,6 +73,7 @@ def identify(
         seed: Not needed any more: the same flights give the same answer.
         force: Replace the new model file and the mission if they are there.
     """
+    require("identify", "scipy")
     from datetime import UTC, datetime
 
     from thrustmargin.gcs_plugin.commands.shared.inputs import starting_model

@@ -61,6 +61,7 @@ def train(
         max_epochs: Most epochs for a network; early stopping usually ends it before.
         force: Replace the model file if it is there.
     """
+    require("train", "torch", "scipy")
     from dataclasses import replace
     from datetime import UTC, datetime
     from importlib.metadata import version
@@ -92,7 +93,6 @@ def train(
 
     progress = Terminal(stderr=True)
     logs = require_logs(logs)
-    require("train", "torch")
     check_outputs(
         [
             Output("--out-model", out_model, (".safetensors",), keep=not force),

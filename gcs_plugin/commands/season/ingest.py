@@ -90,6 +90,7 @@ def ingest(
             is stored: for another model, airframe or aircraft's name.
         json: Write what was done as JSON to this file (.json); - is standard output.
     """
+    require("ingest", "fsspec", "pyarrow", "filelock", "scipy")
     from thrustmargin.gcs_plugin.commands.season.anonymous import own_key, pseudonym
     from thrustmargin.gcs_plugin.commands.season.season_flight import (
         IngestSettings,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from scipy.spatial.transform import Rotation
+from viser.transforms import SO3
 
 from thrustmargin.gcs_plugin.view.scene.aircraft import VehicleNode
 from thrustmargin.gcs_plugin.view.scene.camera import (
@@ -204,7 +204,7 @@ class Scene:
 
     def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
         """(3,) origin, m, and direction of a ray of the page as the world has them, which moves."""
-        turn = Rotation.from_quat(self._world.wxyz, scalar_first=True).inv()
+        turn = SO3(self._world.wxyz).inverse()
         return turn.apply(np.asarray(origin) - self._world.position), turn.apply(np.asarray(ray))
 
     def add_vehicle(self, key: str, airframe: Airframe) -> None:

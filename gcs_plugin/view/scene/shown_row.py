@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from viser.transforms import SO3
 
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.palette import ENOUGH
@@ -167,9 +167,8 @@ def wxyz_from_attitude(attitude: Floats) -> Floats:
     """(4,) quaternion, scene from vehicle frame, of roll, pitch, yaw in rad; NaN when unknown."""
     if not np.all(np.isfinite(attitude)):
         return np.full(4, np.nan)
-    ned_frd = Rotation.from_euler("ZYX", attitude[::-1]).as_matrix()
-    turned = Rotation.from_matrix(ENU_NED @ ned_frd @ FRD_FLU)
-    return turned.as_quat(canonical=True, scalar_first=True)
+    ned_frd = SO3.from_rpy_radians(*attitude).as_matrix()
+    return SO3.from_matrix(ENU_NED @ ned_frd @ FRD_FLU).wxyz
 
 
 #: MAV_FRAME in which altitude is above mean sea level; in the others it is above home or ground.

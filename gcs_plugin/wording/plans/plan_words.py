@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.mission.beside.blame import Off
 from thrustmargin.mission.beside.stretches import StretchBeside
-from thrustmargin.mission.coverage.coverage_plan import Coverage
 from thrustmargin.mission.plan_items import NotUnderstood
+
+if TYPE_CHECKING:  # what loads scipy, which only `cover` has
+    from thrustmargin.mission.coverage.coverage_plan import Coverage
 
 #: Why an item is not understood -> what is so, and what to do.
 NOT_UNDERSTOOD: Mapping[str, tuple[str, str]] = {
