@@ -167,7 +167,7 @@ def wxyz_from_attitude(attitude: Floats) -> Floats:
     """(4,) quaternion, scene from vehicle frame, of roll, pitch, yaw in rad; NaN when unknown."""
     if not np.all(np.isfinite(attitude)):
         return np.full(4, np.nan)
-    ned_frd = SO3.from_rpy_radians(*attitude).as_matrix()
+    ned_frd = SO3.from_rpy_radians(*np.asarray(attitude, dtype=float)).as_matrix()
     return SO3.from_matrix(ENU_NED @ ned_frd @ FRD_FLU).wxyz
 
 
