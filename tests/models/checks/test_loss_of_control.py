@@ -10,6 +10,7 @@ from thrustmargin.models.checks.loss_of_control import (
     LossKind,
     before_loss,
     loss_of_control,
+    movements,
     recovered,
 )
 from thrustmargin.models.flight import FlightTrack, FlyingBy
@@ -191,3 +192,8 @@ def test_one_that_turns_over_on_its_legs_never_flew_and_is_lost():
         assert not loss_of_control(replace(flight(**on_the_ground), flying_by=by))
     # A stick held over before it lifts asks for a tilt that no aircraft on its legs takes.
     assert not signs(asked_deg=[(3.0, 6.0, 45.0)], flying=(40.0, 50.0))
+
+
+def test_level_flight_is_not_calm_while_a_steep_attitude_is_asked():
+    calm = movements(flight(asked_deg=[(10.0, 12.0, 35.0), (20.0, 22.0, 25.0)])).calm
+    np.testing.assert_array_equal(calm, ~between(10.0, 12.0))

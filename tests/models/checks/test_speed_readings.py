@@ -211,3 +211,11 @@ def test_what_drives_a_new_reading_is_what_drove_it_then():
     )
     assert (last.low, last.high) == (0.7, 0.7)
     assert (last.value, last.since_s, last.step) == (1900.0, 2.0, 400.0)
+
+
+def test_a_value_is_held_by_time_and_not_by_a_row_that_comes_just_then():
+    rpm = np.concatenate([moving(20), np.full(20, 1950.0)])
+    output = 0.6 + 0.1 * np.sin(np.arange(40) / 2)
+    found = np.array(judged(rpm, output=output, step=0.4))
+    # 3 s after its first reading: the row at 3.2 s.
+    assert np.flatnonzero(found == HELD).tolist() == list(range(28, 40))
