@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.evidence import (
     Scored,
+    ValuePrior,
     is_shape,
     prior_of,
     score,
@@ -51,7 +53,7 @@ class FittedSet:
         return frozenset(kept)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Linear:
     """All candidates about a fitted set: `gram` (q, q) of [derivatives, changes, residual].
 
@@ -64,6 +66,16 @@ class Linear:
     columns: tuple[slice, ...]
     gram: Floats
     temperature: float  # times the noise, that sets are weighed with
+
+    @cached_property
+    def _priors(self) -> tuple[ValuePrior, ...]:
+        """Of the values of each candidate alone."""
+        return tuple(prior_of([one]) for one in self.held)
+
+    @cached_property
+    def _reads(self) -> Floats:
+        """(C,) what readings say for each candidate."""
+        return np.array([one.read for one in self._priors])
 
     def score(self, key: Iterable[int]) -> Scored:
         """A set about this one."""
@@ -92,7 +104,7 @@ class Linear:
             of = np.flatnonzero(sizes == size)
             some = np.array(pool)[of]
             part = np.array([self.columns[c].start for c in some])[:, None] + np.arange(size)
-            change, own = first + some, [prior_of([self.held[c]]) for c in some]
+            change, own = first + some, [self._priors[c] for c in some]
             sign = np.array([1.0 if c in self.about.key else -1.0 for c in some])
             pull = np.stack([one.pull for one in own])
             g = along[part] + sign[:, None] * left[part, change[:, None]] + pull
@@ -102,7 +114,7 @@ class Linear:
             h[:, place, place] += weight + TINY * (np.abs(h[:, place, place]) + TINY)
             gain = np.sum(g * np.linalg.solve(h, g[:, :, None])[:, :, 0], axis=1)
             out[of] = 0.5 * gain - sign * along[change] - 0.5 * left[change, change]
-            out[of] += [one.read for one in own]
+            out[of] += self._reads[some]
         return out
 
     def only(self, members: Collection[int], without: Collection[int]) -> Linear:

@@ -40,7 +40,7 @@ from thrustmargin.models.identification.sets.linear_sets import (
 )
 from thrustmargin.models.identification.sets.nuisance import Nuisance
 
-BEAM = 12  # sets that are grown at each size
+BEAM = 12  # sets that are grown at each size beyond one
 FITTED = 6  # sets that are fitted in full in each round
 NEXT = 4  # the same of those one effect away, however they rank: far from it a line misleads
 ROUNDS = 6
@@ -206,9 +206,10 @@ class Search:
             return found[key]
 
         about = linear.about.key
-        self._grow(linear, [about, *(about - {member} for member in about)], look)
-        if about:  # others may stand in the place of all
-            self._grow(linear, [frozenset()], look)
+        if about:
+            self._grow(linear, [about, *(about - {member} for member in about)], look)
+        # Others may stand in the place of all, and two of which neither alone says much.
+        self._grow(linear, [frozenset({c}) for c in range(len(self.candidates))], look)
         ranked = sorted(found, key=lambda k: -found[k])
         top = max(found[ranked[0]], best.total)
         near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
@@ -216,13 +217,14 @@ class Search:
         return list(dict.fromkeys([*near[:FITTED], *more[:NEXT]]))
 
     def _grow(self, linear: Linear, starts: Sequence[Key], look: Callable[[Key], float]) -> None:
-        """Look at sets that grow from some, the likeliest of each size, until they get no
-        likelier."""
+        """Look at sets that grow from each of some, then from the likeliest of each size, until
+        they get no likelier."""
         everything = range(len(self.candidates))
         beam = {key: look(key) for key in starts}
+        grown_from = len(beam)
         while True:
             grown: dict[Key, float] = {}
-            for key in sorted(beam, key=lambda k: -beam[k])[:BEAM]:
+            for key in sorted(beam, key=lambda k: -beam[k])[:grown_from]:
                 pool = [c for c in everything if c not in key and not self._twice(key, c)]
                 if len(key) >= MOST_EFFECTS or not pool:
                     continue
@@ -233,7 +235,7 @@ class Search:
                         grown[new] = look(new)
             if not grown or max(grown.values()) < max(beam.values()) - NEAR:
                 break
-            beam = grown
+            beam, grown_from = grown, BEAM
 
     def _twice(self, key: Key, c: int) -> bool:
         """True where the same effect of the same rotor, or the only load on a cable, is in a set in

@@ -1,5 +1,6 @@
 """The loop on recorded flights with one told change: its name, its size, and nothing beside it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,3 +99,16 @@ def test_two_flights_show_the_inflow_of_climbs_as_three_do(sitl_logs):
     assert effect["name"] == "climb_inflow"
     assert effect["parameters"]["slope"]["value"] == pytest.approx(1.3, abs=0.2)
     assert result["unexplained"]["mode"] is None
+
+
+@pytest.mark.slow
+def test_two_weak_rotors_beside_each_other_are_no_warm_air_with_two_strong_ones(sitl_logs):
+    """Neither weak rotor alone says as much as warmer air, with which the others seem strong."""
+    names = ("v2_m16_q1.5", "v2_m10_q2.5", "v6_m16_q2.5", "v6_m4_q1.5")
+    model, flown = tracks(sitl_logs / "campaign", [f"{name}.tlog" for name in names])
+    speeds = np.sqrt([0.97, 1.0, 0.97, 1.0])  # of a rotor that makes 3 % less thrust
+    weak = [replace(t, rotor_speed_rpm=t.rotor_speed_rpm / speeds) for t in flown]
+    effects = identify(weak, model).to_json()["effects"]
+    assert [(e["name"], e["rotor"]) for e in effects] == [("rotor_degradation", k) for k in (1, 3)]
+    for effect in effects:
+        assert effect["parameters"]["loss"]["value"] == pytest.approx(0.03, abs=0.004)

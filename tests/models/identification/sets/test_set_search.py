@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets import set_search
 from thrustmargin.models.identification.sets.evidence import prior_of
@@ -25,10 +25,12 @@ FEW = ["extra_mass", "cg_offset", "yaw_trim"]
 MORE = [*FEW, "rotor_degradation", "tank_scale"]
 
 
-def searched(names: Sequence[str], **change) -> Search:
+def searched(
+    names: Sequence[str], flights: Sequence[FlightTrack] | None = None, **change
+) -> Search:
     """On a model that flights have taught, so that all effects have the same odds."""
     model = replace(curve_model(), good_flights=GoodFlights(flights=3))
-    flights = made_flights(2, duration=60.0, **change)
+    flights = flights or made_flights(2, duration=60.0, **change)
     space = search_space(model, flights, effects_for(F16, table(names)))
     return Search(space.reduced, space.nuisance, space.candidates)
 
@@ -160,6 +162,19 @@ def test_a_search_ends_at_the_set_that_is_best_of_all_fitted_in_full():
         whole.fit(key, ())
     assert search.best.key == whole.best.key == place(search, "extra_mass")
     assert search.best.total == pytest.approx(whole.best.total, abs=0.05)
+
+
+def test_two_that_say_little_alone_are_found_together(monkeypatch):
+    """Two weak rotors at the front: mass or air does more than either, in three effects as much."""
+    monkeypatch.setattr(set_search, "BEAM", 2)
+    weak = np.sqrt([0.95, 1.0, 0.95, 1.0])
+    flights = [
+        replace(track, rotor_speed_rpm=track.rotor_speed_rpm / weak)
+        for track in made_flights(3, duration=60.0)
+    ]
+    search = searched(["extra_mass", "air_density", "tank_scale", "rotor_degradation"], flights)
+    search.run()
+    assert search.best.key == place(search, "rotor_degradation@1", "rotor_degradation@3")
 
 
 def test_candidates_found_on_the_way_are_tried_alone_and_beside_a_set():
