@@ -47,8 +47,8 @@ import sys
 
 HIDDEN = {
     "torch", "mavsdk", "pyarrow", "duckdb", "fsspec", "filelock", "distributed",
-    "dask", "s3fs", "scipy", "threadpoolctl", "shapefile", "pyproj", "pandas", "plotly", "matplotlib",
-    "cattrs",
+    "dask", "s3fs", "scipy", "threadpoolctl", "shapefile", "pyproj", "pandas", "plotly",
+    "matplotlib", "cattrs",
 }
 
 class Without:
