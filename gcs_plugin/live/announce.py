@@ -18,7 +18,7 @@ Figures go out once a second:
     MARGIN_ROT  the worst rotor, from 1
     MARGIN_LIM  smallest margin that may last, %
     MARGIN_DO   what the gravest alarm asks for, a place in `alarm_words.ASKED`
-    FLIGHT_LVL  answer of the flight so far or the last: 0 damaged to 7 below the limit
+    FLIGHT_LVL  answer of the flight so far or the last: 0 damaged to 8 below the limit
     NEXT_FILL   kg, the largest fill by that flight, at the safe end
 After each landing a text says what to do before the next flight.
 Unknown figures are not sent. With `battery` margin and tank go out as batteries 90 and 91 besides,

@@ -9,6 +9,7 @@ Made once from the analysis, the faults of its rotors and the loss of control; t
     no_thrust    a rotor had nothing left, for a second or more (thrust_use.py)
     critical     for a time one lost rotor would have brought it down
     over         what lasts is above the limit
+    order        its motors are not where the airframe has them: which rotor is which is not known
     near         the limit, or a rotor whose loss is just survived, lies within the 90 % interval
     under        below the limit; a turn or a gust above it passes
     unknown      no thrust utilisation, no flight, or a good one that is predicted alone
@@ -59,6 +60,7 @@ class FlightLevel(StrEnum):
     NO_THRUST = "no_thrust"
     CRITICAL = "critical"
     OVER = "over"
+    ORDER = "order"
     NEAR = "near"
     UNDER = "under"
     UNKNOWN = "unknown"
@@ -213,9 +215,11 @@ def advise(
         of_load = _load_level(use, low, high)
         if use.known_s > 0.0 and not (predicted_alone and of_load is FlightLevel.UNDER):
             levels.append(of_load)
+        if use.known_s > 0.0 and analysis.claim.other_order:
+            levels.append(FlightLevel.ORDER)
     return Advised(
         advice=Advice(
-            levels=tuple(levels) or (FlightLevel.UNKNOWN,),
+            levels=tuple(sorted(levels, key=lambda one: one.gravity)) or (FlightLevel.UNKNOWN,),
             limit=limit,
             airborne_s=airborne_s,
             use=use,
