@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thrustmargin.models.checks.broken_voltage import without_broken_voltage
 from thrustmargin.models.checks.output_evidence import thrust_by_outputs, thrust_by_speeds
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats
@@ -50,7 +51,9 @@ class Stand:
 def without_frozen(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> FlightTrack:
-    """The track of T rows with NaN where an instrument is frozen, which says so."""
+    """The track of T rows with NaN where an instrument is frozen, or its voltage broke, and a note
+    that says so."""
+    track, _ = without_broken_voltage(track)
     return left_out(track, frozen(track, airframe, parameters))
 
 

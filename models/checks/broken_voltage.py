@@ -1,0 +1,76 @@
+"""A voltage that falls at once, of which the motors feel nothing: the reading broke, no battery.
+
+A rotor turns in proportion to output and voltage: d ln(speed / output) = d ln V. Of a fall by a
+quarter within LOOK seconds half at least must show: as more output, or as less speed. Without
+speeds the weight stands for them, which does not fall at once. Once a reading was broken for LOOK,
+motors are no longer asked; it ends when the voltage is back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.provenance import Reason, Rejected
+
+FALL = 0.75  # share of the voltage LOOK before, below which it fell at once
+LOOK = 3.0  # s
+SHOWN = 0.5  # share of the fall that the motors must show
+EDGE = np.ones(11)  # rows about a broken one: between two reports a row may be made of both
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VoltageSoFar:
+    """The last rows (n, 4): time s, V in flight, output, speed rpm; that before a fall (4,), and
+    when it fell."""
+
+    rows: Floats = field(default_factory=lambda: np.empty((0, 4)))
+    sound: Floats | None = None
+    since_s: float = np.inf
+
+
+def without_broken_voltage(
+    track: FlightTrack, so_far: VoltageSoFar | None = None
+) -> tuple[FlightTrack, VoltageSoFar]:
+    """The track of T rows with NaN where its voltage broke, which says so; `so_far` is of the rows
+    before them."""
+    so_far = VoltageSoFar() if so_far is None else so_far
+    volts = np.where(track.flying & (track.voltage > 0.0), track.voltage, np.nan)
+    motors = (track.throttle, track.rotor_speed_rpm)
+    means = [np.ma.masked_invalid(v).mean(axis=1).filled(np.nan) for v in motors]
+    rows = np.concatenate([so_far.rows, np.stack([track.time_s, volts, *means], axis=1)])
+    time_s, sound, since_s = rows[:, 0], so_far.sound, so_far.since_s
+    before, believed = np.searchsorted(time_s, time_s - LOOK), 0
+    broke = np.zeros(time_s.size, dtype=np.bool_)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fallen = rows[:, 1] < FALL * np.nanmax(rows[:, 1], initial=0.0)
+        for k in range(len(so_far.rows), time_s.size) if fallen.any() or sound is not None else ():
+            was = sound if sound is not None else rows[max(before[k], believed)]
+            if np.isnan(rows[k, 1]):
+                continue
+            fall, output, speed = np.log(rows[k, 1:] / was[1:])
+            felt = np.nan_to_num(speed) - output <= SHOWN * fall or np.isnan(output)
+            fell = bool(fall < np.log(FALL))
+            broke[k] = fell and (not felt or time_s[k] - since_s >= LOOK)
+            believed = k if fell and not broke[k] else believed
+            sound, since_s = (was, min(since_s, time_s[k])) if broke[k] else (None, np.inf)
+    kept = rows[max(before[-1], believed) :] if time_s.size else rows
+    found = VoltageSoFar(kept, sound, float(since_s))
+    broke = broke[len(so_far.rows) :]
+    if not broke.any():
+        return track, found
+    broke = np.convolve(broke, EDGE)[5:-5] > 0.0
+    source = track.source("voltage")
+    gone = replace(source, rejected=(*source.rejected, Rejected(source, Reason.BROKEN)))
+    note = (
+        f"battery voltage fell to {np.nanmin(volts[broke]):.4g} V at once, and the motors felt "
+        "nothing of it: no measurement, and left out"
+    )
+    return replace(
+        track,
+        voltage=np.where(broke, np.nan, track.voltage),
+        sources={**track.sources, "voltage": gone},
+        notes=(*track.notes, note),
+    ), found
