@@ -32,7 +32,7 @@ TOO_SELDOM = "readings come every {seconds} s: too seldom to find a weak rotor o
 LEFT_OUT: Mapping[Reason, str] = {
     Reason.FROZEN: "its reading stood still in flight: no measurement, and left out",
     Reason.BROKEN: "its reading fell at once, and the motors felt nothing of it: no measurement, "
-    "and left out; look at its sensor and wiring",
+    "and left out; look at sensor, wiring and battery",
 }
 
 
