@@ -39,6 +39,7 @@ _PAUSED = " (NOTHING IN THE LOG FOR {long} OF IT)"
 PREDICTED_ALONE = (
     "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
 )
+NOT_SOUGHT = "not looked for in {long}: that takes the measured speed of every rotor, and the load"
 
 
 def headline(advice: Advice) -> str:
@@ -222,6 +223,8 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
     found += [("model", sound_again(fault)) for fault in advice.repaired]
+    if advice.unsought_s >= 0.2 * advice.airborne_s:
+        found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
     if math.isfinite(use.lasting_most):
         found.append(("steady flight", _lasting(advice)))
         if use.passing:

@@ -130,8 +130,8 @@ def forecast(
 
     `parameters` are the autopilot's by name; their defaults are taken for those that are missing.
     `limit` is the share of a rotor's largest thrust that may last. Not `refilled`, it is flown on
-    with an empty tank. `faults` are those of the flight in which the plan was flown before, that are
-    not known to be repaired; None: what the model holds. Raises PlanError when the plan flies nowhere.
+    with an empty tank. `faults` are those of the flight in which it was flown before, and not known
+    to be repaired; None: what the model holds. Raises PlanError when the plan flies nowhere.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 6.0).level.value

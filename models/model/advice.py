@@ -112,6 +112,7 @@ class Advice:
     begun_before: bool  # it flew already where its log begins
     paused_s: float  # in flight of which the log has nothing, in pauses of LONG_PAUSE_S or more
     goes_on: bool  # it flies now: all is of the flight so far
+    unsought_s: float  # in flight in which no weak rotor could be sought, for want of a speed
     #: For most of the flight neither speed nor output shows what a rotor did: what it should have
     #: done is no ground for a good answer.
     predicted_alone: bool
@@ -201,6 +202,8 @@ def advise(
     battery = _battery(analysis)
     airborne_s = track.flying_s
     shown_s = float(seconds[track.flying & analysis.any_measured].sum())
+    sought = np.isfinite(track.measured("rotor_speed_rpm") - analysis.prediction.rotor_speed_rpm)
+    unsought_s = 0.0 if planned else float(seconds[track.flying & ~sought.all(axis=1)].sum())
     predicted_alone = not planned and use.known_s > 0.0 and shown_s < 0.5 * airborne_s
     levels: list[FlightLevel] = []
     if faults:
@@ -236,6 +239,7 @@ def advise(
             begun_before=bool(whole.track.flying[:1].any() and not (goes_on or planned)),
             paused_s=float(pauses_in_flight(whole.track)[1].sum()),
             goes_on=goes_on,
+            unsought_s=unsought_s,
             withheld=bool(analysis.withheld),
         ),
         whole=whole,
