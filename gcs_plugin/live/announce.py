@@ -21,7 +21,7 @@ Figures go out once a second:
     FLIGHT_LVL  answer of the flight so far or the last: 0 damaged to 8 below the limit
     NEXT_FILL   kg, the largest fill by that flight, at the safe end
 After each landing a text says what to do before the next flight.
-Unknown figures are not sent. With `battery` margin and tank go out as batteries 90 and 91 besides,
+Unknown figures are not sent, and NaN once they no longer are known. With `battery` margin and tank go out as batteries 90 and 91 besides,
 of which only the share left is known, so that none has a voltage; a quiet text says what they are.
 """
 
@@ -66,6 +66,7 @@ class _Vehicle:
     reminded: dict[tuple[str, int | None], float] = field(default_factory=dict)
     gravest: dict[tuple[str, int | None], int] = field(default_factory=dict)  # severity, as sent
     flying: bool = False  # when last looked at
+    sent: set[str] = field(default_factory=set)  # names of the figures
 
 
 class Announcer(Subscriber):
@@ -106,9 +107,10 @@ class Announcer(Subscriber):
                 row = watch.last
                 if row is not None:
                     self._landed(state, row)
-                if row is not None and now_us - int(row.stamp_us[-1]) < QUIET * 1e6:
-                    self._figures(number, row, watch.alarms.listed.values())
-                    if self._battery:
+                if row is not None:
+                    fresh = now_us - int(row.stamp_us[-1]) < QUIET * 1e6
+                    self._figures(number, row, state, watch.alarms.listed.values(), fresh=fresh)
+                    if self._battery and fresh:
                         self._as_batteries(number, row, state, now_s)
             for key, alarm in watch.alarms.listed.items():
                 reminded_s = state.reminded.setdefault(key, now_s)
@@ -149,9 +151,14 @@ class Announcer(Subscriber):
             del state.texts[WAITING:]
             self.dropped += 1
 
-    def _figures(self, vehicle: int, update: Update, listed: Iterable[Alarm]) -> None:
-        sent = figures(update) | what_to_do(listed) | {"MARGIN_LIM": 100.0 * self._limit}
-        for name, value in sent.items():
+    def _figures(
+        self, vehicle: int, update: Update, state: _Vehicle, listed: Iterable[Alarm], *, fresh: bool
+    ) -> None:
+        known = figures(update) if fresh else {}
+        known |= what_to_do(listed) | {"MARGIN_LIM": 100.0 * self._limit}
+        # A station shows the last value of a name for ever: what is no longer known must take it.
+        state.sent |= known.keys()
+        for name, value in (dict.fromkeys(sorted(state.sent), math.nan) | known).items():
             message = self._sender.dialect.MAVLink_named_value_float_message(
                 int(update.clock_s[-1] * 1e3) % 2**32, name.encode(), value
             )
@@ -192,7 +199,8 @@ def figures(update: Update) -> dict[str, float]:
     """The figures of the last row that are known."""
     analysis = update.analysis
     margins = analysis.margin[-1]
-    worst = int(np.nanargmin(margins)) + 1 if np.isfinite(margins).all() else math.nan
+    placed = analysis.placed and np.isfinite(margins).all()
+    worst = int(np.nanargmin(margins)) + 1 if placed else math.nan
     found = {
         "MARGIN": 100.0 * float(np.min(margins)),
         "MARGIN_ROT": float(worst),
