@@ -50,6 +50,7 @@ from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, 
 from thrustmargin.gcs_plugin.wording.language import say
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
+OF_THE_FLIGHT = ("FLIGHT_LVL", "NEXT_FILL")  # figures that do not age with its rows
 QUIET = 1.5  # s of a vehicle's silence from which nothing is sent for it
 INFO = 6  # MAV_SEVERITY that no ground station speaks
 EXPLAINED_EVERY = 300.0  # s between two texts that say what these are
@@ -154,7 +155,7 @@ class Announcer(Subscriber):
     def _figures(
         self, vehicle: int, update: Update, state: _Vehicle, listed: Iterable[Alarm], *, fresh: bool
     ) -> None:
-        known = figures(update) if fresh else {}
+        known = {n: v for n, v in figures(update).items() if fresh or n in OF_THE_FLIGHT}
         known |= what_to_do(listed) | {"MARGIN_LIM": 100.0 * self._limit}
         # A station shows the last value of a name for ever: what is no longer known must take it.
         state.sent |= known.keys()

@@ -3,7 +3,7 @@
 A rotor turns in proportion to output and voltage: d ln(speed / output) = d ln V. Of a fall by a
 quarter within LOOK seconds half at least must show: as more output, or as less speed. Without
 speeds the weight stands for them, which does not fall at once. Once a reading was broken for LOOK,
-motors are no longer asked; it ends when the voltage is back.
+motors are no longer asked; it ends when the voltage is back, on the ground too.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ EDGE = np.ones(11)  # rows about a broken one: between two reports a row may be 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VoltageSoFar:
-    """The last rows (n, 4): time s, V in flight, output, speed rpm; that before a fall (4,), and
+    """The last rows (n, 4): time s, V, output in flight, speed rpm; that before a fall (4,), and
     when it fell."""
 
     rows: Floats = field(default_factory=lambda: np.empty((0, 4)))
@@ -37,8 +37,9 @@ def without_broken_voltage(
     """The track of T rows with NaN where its voltage broke, which says so; `so_far` is of the rows
     before them."""
     so_far = VoltageSoFar() if so_far is None else so_far
-    volts = np.where(track.flying & (track.voltage > 0.0), track.voltage, np.nan)
-    motors = (track.throttle, track.rotor_speed_rpm)
+    volts = np.where(track.voltage > 0.0, track.voltage, np.nan)
+    # On the ground motors show nothing.
+    motors = (np.where(track.flying[:, None], track.throttle, np.nan), track.rotor_speed_rpm)
     means = [np.ma.masked_invalid(v).mean(axis=1).filled(np.nan) for v in motors]
     rows = np.concatenate([so_far.rows, np.stack([track.time_s, volts, *means], axis=1)])
     time_s, sound, since_s = rows[:, 0], so_far.sound, so_far.since_s

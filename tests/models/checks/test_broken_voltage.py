@@ -53,6 +53,8 @@ def test_what_the_motors_do_not_feel_is_no_voltage(volts, output, speed_rpm, bro
 def test_rows_in_pieces_are_as_the_whole_and_it_ends_when_the_voltage_is_back():
     whole = flight(25.0, 0.5, 2000.0)
     whole = replace(whole, voltage=np.where(TIME_S >= 30.0, 49.0, whole.voltage))
+    # On the ground the reading is as broken; there alone nothing shows that it is.
+    whole = replace(whole, flying=(TIME_S > 5.0) & (TIME_S < 27.0))
     # Motors are asked for LOOK alone: an aircraft that climbs later makes no battery of it.
     whole = replace(whole, throttle=np.where(TIME_S >= 25.0, 0.9, 0.5)[:, None] * np.ones(4))
     so_far, known = VoltageSoFar(), []
@@ -64,3 +66,8 @@ def test_rows_in_pieces_are_as_the_whole_and_it_ends_when_the_voltage_is_back():
     for found in (np.concatenate(known), np.isfinite(without_broken_voltage(whole)[0].voltage)):
         assert not found[inside].any()
         assert found[outside].all()
+
+
+def test_a_battery_that_is_changed_on_the_ground_is_one():
+    track = replace(flight(25.0, 0.0, 0.0), flying=TIME_S < 15.0)
+    assert np.isfinite(without_broken_voltage(track)[0].voltage).all()
