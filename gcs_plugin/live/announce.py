@@ -21,8 +21,9 @@ Figures go out once a second:
     FLIGHT_LVL  answer of the flight so far or the last: 0 damaged to 8 below the limit
     NEXT_FILL   kg, the largest fill by that flight, at the safe end
 After each landing a text says what to do before the next flight.
-Unknown figures are not sent, and NaN once they no longer are known. With `battery` margin and tank go out as batteries 90 and 91 besides,
-of which only the share left is known, so that none has a voltage; a quiet text says what they are.
+Unknown figures are not sent, and NaN once they no longer are known. With `battery` margin and tank
+go out as batteries 90 and 91 besides, of which only the share left is known, so that none has a
+voltage; a quiet text says what they are.
 """
 
 from __future__ import annotations

@@ -8,12 +8,11 @@ motors are no longer asked; it ends when the voltage is back, on the ground too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.provenance import Reason, Rejected
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 
 FALL = 0.75  # share of the voltage LOOK before, below which it fell at once
 LOOK = 3.0  # s
@@ -31,11 +30,10 @@ class VoltageSoFar:
     since_s: float = np.inf
 
 
-def without_broken_voltage(
+def broken_voltage(
     track: FlightTrack, so_far: VoltageSoFar | None = None
-) -> tuple[FlightTrack, VoltageSoFar]:
-    """The track of T rows with NaN where its voltage broke, which says so; `so_far` is of the rows
-    before them."""
+) -> tuple[Bools, VoltageSoFar]:
+    """(T,) rows in which the voltage broke; `so_far` is of the rows before them."""
     so_far = VoltageSoFar() if so_far is None else so_far
     volts = np.where(track.voltage > 0.0, track.voltage, np.nan)
     # On the ground motors show nothing.
@@ -58,20 +56,6 @@ def without_broken_voltage(
             believed = k if fell and not broke[k] else believed
             sound, since_s = (was, min(since_s, time_s[k])) if broke[k] else (None, np.inf)
     kept = rows[max(before[-1], believed) :] if time_s.size else rows
-    found = VoltageSoFar(kept, sound, float(since_s))
     broke = broke[len(so_far.rows) :]
-    if not broke.any():
-        return track, found
-    broke = np.convolve(broke, EDGE)[5:-5] > 0.0
-    source = track.source("voltage")
-    gone = replace(source, rejected=(*source.rejected, Rejected(source, Reason.BROKEN)))
-    note = (
-        f"battery voltage fell to {np.nanmin(volts[broke]):.4g} V at once, and the motors felt "
-        "nothing of it: no measurement, and left out"
-    )
-    return replace(
-        track,
-        voltage=np.where(broke, np.nan, track.voltage),
-        sources={**track.sources, "voltage": gone},
-        notes=(*track.notes, note),
-    ), found
+    near = np.convolve(broke, EDGE)[5:-5] > 0.0 if broke.any() else broke
+    return near, VoltageSoFar(kept, sound, float(since_s))
