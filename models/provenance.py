@@ -70,6 +70,7 @@ class Reason(StrEnum):
     NO_NUMBERS = "has no numbers"
     CONTRADICTED = "contradicted by thrust"
     FROZEN = "stood still throughout the flight"
+    BROKEN = "fell at once, and the motors felt nothing of it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

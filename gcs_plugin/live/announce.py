@@ -18,11 +18,12 @@ Figures go out once a second:
     MARGIN_ROT  the worst rotor, from 1
     MARGIN_LIM  smallest margin that may last, %
     MARGIN_DO   what the gravest alarm asks for, a place in `alarm_words.ASKED`
-    FLIGHT_LVL  answer of the flight so far or the last: 0 damaged to 7 below the limit
+    FLIGHT_LVL  answer of the flight so far or the last: 0 damaged to 8 below the limit
     NEXT_FILL   kg, the largest fill by that flight, at the safe end
 After each landing a text says what to do before the next flight.
-Unknown figures are not sent. With `battery` margin and tank go out as batteries 90 and 91 besides,
-of which only the share left is known, so that none has a voltage; a quiet text says what they are.
+Unknown figures are not sent, and NaN once they no longer are known. With `battery` margin and tank
+go out as batteries 90 and 91 besides, of which only the share left is known, so that none has a
+voltage; a quiet text says what they are.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, 
 from thrustmargin.gcs_plugin.wording.language import say
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
+OF_THE_FLIGHT = ("FLIGHT_LVL", "NEXT_FILL")  # figures that do not age with its rows
 QUIET = 1.5  # s of a vehicle's silence from which nothing is sent for it
 INFO = 6  # MAV_SEVERITY that no ground station speaks
 EXPLAINED_EVERY = 300.0  # s between two texts that say what these are
@@ -66,6 +68,7 @@ class _Vehicle:
     reminded: dict[tuple[str, int | None], float] = field(default_factory=dict)
     gravest: dict[tuple[str, int | None], int] = field(default_factory=dict)  # severity, as sent
     flying: bool = False  # when last looked at
+    sent: set[str] = field(default_factory=set)  # names of the figures
 
 
 class Announcer(Subscriber):
@@ -106,9 +109,10 @@ class Announcer(Subscriber):
                 row = watch.last
                 if row is not None:
                     self._landed(state, row)
-                if row is not None and now_us - int(row.stamp_us[-1]) < QUIET * 1e6:
-                    self._figures(number, row, watch.alarms.listed.values())
-                    if self._battery:
+                if row is not None:
+                    fresh = now_us - int(row.stamp_us[-1]) < QUIET * 1e6
+                    self._figures(number, row, state, watch.alarms.listed.values(), fresh=fresh)
+                    if self._battery and fresh:
                         self._as_batteries(number, row, state, now_s)
             for key, alarm in watch.alarms.listed.items():
                 reminded_s = state.reminded.setdefault(key, now_s)
@@ -149,9 +153,14 @@ class Announcer(Subscriber):
             del state.texts[WAITING:]
             self.dropped += 1
 
-    def _figures(self, vehicle: int, update: Update, listed: Iterable[Alarm]) -> None:
-        sent = figures(update) | what_to_do(listed) | {"MARGIN_LIM": 100.0 * self._limit}
-        for name, value in sent.items():
+    def _figures(
+        self, vehicle: int, update: Update, state: _Vehicle, listed: Iterable[Alarm], *, fresh: bool
+    ) -> None:
+        known = {n: v for n, v in figures(update).items() if fresh or n in OF_THE_FLIGHT}
+        known |= what_to_do(listed) | {"MARGIN_LIM": 100.0 * self._limit}
+        # A station shows the last value of a name for ever: what is no longer known must take it.
+        state.sent |= known.keys()
+        for name, value in (dict.fromkeys(sorted(state.sent), math.nan) | known).items():
             message = self._sender.dialect.MAVLink_named_value_float_message(
                 int(update.clock_s[-1] * 1e3) % 2**32, name.encode(), value
             )
@@ -192,7 +201,8 @@ def figures(update: Update) -> dict[str, float]:
     """The figures of the last row that are known."""
     analysis = update.analysis
     margins = analysis.margin[-1]
-    worst = int(np.nanargmin(margins)) + 1 if np.isfinite(margins).all() else math.nan
+    placed = analysis.placed and np.isfinite(margins).all()
+    worst = int(np.nanargmin(margins)) + 1 if placed else math.nan
     found = {
         "MARGIN": 100.0 * float(np.min(margins)),
         "MARGIN_ROT": float(worst),

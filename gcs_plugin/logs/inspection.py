@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.logs.findings import (
     loss_findings,
 )
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.gcs_plugin.wording.flight_words import STOOD_STILL, TOO_SELDOM
+from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.frozen import INSTRUMENTS
 from thrustmargin.models.checks.late_speeds import late_speeds
@@ -32,7 +32,7 @@ from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.provenance import Meaning, Reason
+from thrustmargin.models.provenance import Meaning
 
 #: m/s² that a body feels in steady flight on average, between these
 _STEADY_FORCE = (8.5, 11.5)
@@ -200,11 +200,12 @@ def _order(order: MotorOrder) -> Finding:
 
 
 def _frozen(track: FlightTrack) -> list[Finding]:
-    """Instruments that stood still, and are left out."""
+    """Instruments that stood still or broke, and are left out."""
     return [
-        Finding(instrument, Severity.WARNING, say(STOOD_STILL))
+        Finding(instrument, Severity.WARNING, say(words))
         for channel, instrument in INSTRUMENTS.items()
-        if any(one.reason is Reason.FROZEN for one in track.source(channel).rejected)
+        for reason, words in LEFT_OUT.items()
+        if any(one.reason is reason for one in track.source(channel).rejected)
     ]
 
 

@@ -67,7 +67,7 @@ tank_source | text | | where the load is known from
 takeoff_mass_kg | number | kg | of the aircraft with its liquid
 speed_source | text | | where rotor speeds are known from
 airspeed_source | text | | where the airspeed is known from
-verdict | text | | damaged, lost, battery, no_thrust, critical, over, near, under, unknown
+verdict | text | | damaged, lost, battery, no_thrust, critical, over, order, near, under, unknown
 verdict_reason | text | | the verdict in words, or why there is none
 action | text | | what to do next, as the report says it
 limit | number | 1 | largest thrust utilisation that is allowed

@@ -37,6 +37,8 @@ def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, I
         sources[channel] = chain(candidates, _of_escs(channel, signals, sampling))
     others = [
         str(number)
+        if sampling == "hold"
+        else f"{number} ({np.nanmin(signal.values):.1f} to {np.nanmax(signal.values):.1f} V)"
         for number, signal in by_index(signals, "battery_voltage").items()
         if number != flown and np.mean(signal.values > 2 * SENDER_VOLTAGE) > 0.5
     ]

@@ -64,11 +64,11 @@ class TankContext:
 
 
 def flight_battery(signals: Signals) -> int | None:
-    """Battery id of the one that is flown on: the lowest one above a level sender's voltage."""
-    for number, signal in _heard(signals, "battery_voltage").items():
-        if known_median(signal.values) > SENDER_VOLTAGE:
-            return number
-    return None
+    """Battery id of the one that is flown on: the lowest one above a level sender's voltage, and
+    above half of the highest voltage: others are of what the autopilot is fed by."""
+    volts = {n: known_median(s.values) for n, s in _heard(signals, "battery_voltage").items()}
+    least = max(SENDER_VOLTAGE, 0.5 * max(volts.values(), default=0.0))
+    return next((number for number, level in volts.items() if level > least), None)
 
 
 def first_level(levels: Iterator[TankLevel]) -> TankLevel:

@@ -21,6 +21,7 @@ SEVERAL: Mapping[FlightLevel, str] = {
     FlightLevel.NO_THRUST: "WITH NO THRUST LEFT AT TIMES",
     FlightLevel.CRITICAL: "TOO HEAVY TO LOSE A ROTOR",
     FlightLevel.OVER: "ABOVE THE {limit} LIMIT",
+    FlightLevel.ORDER: "WITH MOTORS IN ANOTHER ORDER",
     FlightLevel.NEAR: "NEAR THE {limit} LIMIT: CANNOT TELL",
     FlightLevel.UNDER: "BELOW THE {limit} LIMIT",
     FlightLevel.UNKNOWN: "WITHOUT VERDICT",
@@ -38,12 +39,14 @@ _PAUSED = " (NOTHING IN THE LOG FOR {long} OF IT)"
 PREDICTED_ALONE = (
     "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
 )
+NOT_SOUGHT = "not looked for in {long}: that takes the measured speed of every rotor, and the load"
 
 
 def headline(advice: Advice) -> str:
     """The answer in capitals, to be read first."""
     first = [level for level in (FlightLevel.DAMAGED, FlightLevel.LOST) if level in advice.levels]
-    words = "; ".join(_first_line(advice, level) for level in first or advice.levels[:1])
+    which = [FlightLevel.ORDER] if FlightLevel.ORDER in advice.levels[1:] else []
+    words = "; ".join(_first_line(advice, one) for one in (*(first or advice.levels[:1]), *which))
     if advice.seen_whole or FlightLevel.LOST in first or advice.level is FlightLevel.UNKNOWN:
         return words
     if unseen := _UNSEEN.get((advice.begun_before, advice.ends_in_flight)):
@@ -91,6 +94,8 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
             return say("ABOVE THE {limit} LIMIT ALL FLIGHT", limit=limit)
         long = duration(use.lasting_above_s).upper()
         return say("ABOVE THE {limit} LIMIT FOR {long}", limit=limit, long=long)
+    if level is FlightLevel.ORDER:
+        return say("MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG")
     if level is FlightLevel.UNKNOWN:
         return say("NO VERDICT")
     words = say(SEVERAL[level], limit=limit) + _known_in_part(advice)
@@ -218,6 +223,8 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
     found += [("model", sound_again(fault)) for fault in advice.repaired]
+    if advice.unsought_s >= 0.2 * advice.airborne_s:
+        found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
     if math.isfinite(use.lasting_most):
         found.append(("steady flight", _lasting(advice)))
         if use.passing:

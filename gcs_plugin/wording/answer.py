@@ -103,6 +103,8 @@ def brief(advice: Advice, contact: report_words.FirstContact | None = None) -> s
     if FlightLevel.BATTERY in advice.levels:
         volts = number(advice.battery.least_cell, "V", 2)
         return say("Battery {volts} a cell: test or retire it", volts=volts)
+    if advice.level is FlightLevel.ORDER:
+        return say("Motor order differs: test it, propellers off")
     if advice.level is FlightLevel.UNKNOWN and contact is not None:
         return report_words.contact_headline(contact)
     if advice.level is FlightLevel.UNKNOWN or not math.isfinite(advice.fill.kg):

@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack, FlyingBy
+from thrustmargin.models.provenance import Reason
 
 #: Why no row of a log is in flight.
 GROUNDED_BY: Mapping[FlyingBy, str] = {
@@ -28,7 +29,11 @@ GROUNDED_BY: Mapping[FlyingBy, str] = {
 }
 TOO_SELDOM = "readings come every {seconds} s: too seldom to find a weak rotor or motor"
 #: Of an instrument whose reading is left out.
-STOOD_STILL = "its reading stood still in flight: no measurement, and left out"
+LEFT_OUT: Mapping[Reason, str] = {
+    Reason.FROZEN: "its reading stood still in flight: no measurement, and left out",
+    Reason.BROKEN: "its reading fell at once, and the motors felt nothing of it: no measurement, "
+    "and left out; look at sensor, wiring and battery",
+}
 
 
 def not_flown(track: FlightTrack) -> str:

@@ -55,6 +55,7 @@ from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.predict import Basis, flown_airframe
+from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STILL = (0.0, 0.0, 0.0)
@@ -121,6 +122,7 @@ def forecast(
     pump: PumpOutput | None = None,
     limit: float = 0.5,
     refilled: bool = True,
+    faults: FaultHistory | None = None,
 ) -> PlanForecast:
     """What `plan` takes of an aircraft of `model`, before it is flown.
 
@@ -128,7 +130,8 @@ def forecast(
 
     `parameters` are the autopilot's by name; their defaults are taken for those that are missing.
     `limit` is the share of a rotor's largest thrust that may last. Not `refilled`, it is flown on
-    with an empty tank. Raises PlanError when the plan flies nowhere.
+    with an empty tank. `faults` are those of the flight in which it was flown before, and not known
+    to be repaired; None: what the model holds. Raises PlanError when the plan flies nowhere.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 6.0).level.value
@@ -198,7 +201,7 @@ def forecast(
             f"{taken.time_s[-1] / 60.0:.0f}",
         )
     analysis = _analysis(flight, model)
-    advised = advise(analysis, limit=limit, planned=True)
+    advised = advise(analysis, limit=limit, planned=True, history=faults)
     if limits.assumed:
         assumed["limits"] = limits.assumed
     if px4:

@@ -26,7 +26,7 @@ Assumption = Literal[
     "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
     "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
     "efficiency", "level ground", "PX4 corners", "pump by speed",
-    "no forward flight", "extrapolated", "nose gives way", "first part", "alike",
+    "no forward flight", "extrapolated", "nose gives way", "first part", "alike", "aircraft",
 ]  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thrustmargin.models.checks.broken_voltage import VoltageSoFar, broken_voltage
 from thrustmargin.models.checks.output_evidence import thrust_by_outputs, thrust_by_speeds
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats
@@ -45,13 +46,28 @@ class Stand:
     value: float  # in the unit of its channel
     rows: Bools  # (T,) in which it is left out
     throughout: bool  # it never moved in flight
+    reason: Reason = Reason.FROZEN
 
 
 def without_frozen(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> FlightTrack:
-    """The track of T rows with NaN where an instrument is frozen, which says so."""
+    """The track of T rows with NaN where an instrument is frozen, or its voltage broke, and a note
+    that says so."""
+    track, _ = without_broken_voltage(track)
     return left_out(track, frozen(track, airframe, parameters))
+
+
+def without_broken_voltage(
+    track: FlightTrack, so_far: VoltageSoFar | None = None
+) -> tuple[FlightTrack, VoltageSoFar]:
+    """The same of a broken voltage alone; `so_far` is of the rows before those of the track."""
+    broke, found = broken_voltage(track, so_far)
+    if not broke.any():
+        return track, found
+    least = float(np.nanmin(track.voltage[broke]))
+    stand = Stand(value=least, rows=broke, throughout=False, reason=Reason.BROKEN)
+    return left_out(track, {"voltage": stand}), found
 
 
 def frozen(
@@ -98,16 +114,15 @@ def left_out(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrack:
     for channel, stand in frozen.items():
         source = track.source(channel)
         channels[channel] = np.where(stand.rows, np.nan, getattr(track, channel))
-        gone = Rejected(source, Reason.FROZEN)
+        gone = Rejected(source, stand.reason)
         sources[channel] = replace(source, rejected=(*source.rejected, gone))
         if not np.isfinite(channels[channel]).any():
             sources[channel] = Provenance(kind=SourceKind.ABSENT, rejected=(gone,))
-        long = "throughout the flight" if stand.throughout else "for a minute or more"
-        unit = TRACK_CHANNELS[channel].unit
-        notes.append(
-            f"{INSTRUMENTS[channel]} stood at {stand.value:.4g} {unit} {long}: no measurement, and "
-            "left out"
-        )
+        value = f"{stand.value:.4g} {TRACK_CHANNELS[channel].unit}"
+        did = f"stood at {value} for a minute or more"
+        did = f"stood at {value} throughout the flight" if stand.throughout else did
+        did = f"{stand.reason}, to {value}" if stand.reason is Reason.BROKEN else did
+        notes.append(f"{INSTRUMENTS[channel]} {did}: no measurement, and left out")
     return replace(
         track, **channels, sources={**track.sources, **sources}, notes=(*track.notes, *notes)
     )

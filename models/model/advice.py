@@ -9,6 +9,7 @@ Made once from the analysis, the faults of its rotors and the loss of control; t
     no_thrust    a rotor had nothing left, for a second or more (thrust_use.py)
     critical     for a time one lost rotor would have brought it down
     over         what lasts is above the limit
+    order        its motors are not where the airframe has them: which rotor is which is not known
     near         the limit, or a rotor whose loss is just survived, lies within the 90 % interval
     under        below the limit; a turn or a gust above it passes
     unknown      no thrust utilisation, no flight, or a good one that is predicted alone
@@ -59,6 +60,7 @@ class FlightLevel(StrEnum):
     NO_THRUST = "no_thrust"
     CRITICAL = "critical"
     OVER = "over"
+    ORDER = "order"
     NEAR = "near"
     UNDER = "under"
     UNKNOWN = "unknown"
@@ -110,6 +112,7 @@ class Advice:
     begun_before: bool  # it flew already where its log begins
     paused_s: float  # in flight of which the log has nothing, in pauses of LONG_PAUSE_S or more
     goes_on: bool  # it flies now: all is of the flight so far
+    unsought_s: float  # in flight in which no weak rotor could be sought, for want of a speed
     #: For most of the flight neither speed nor output shows what a rotor did: what it should have
     #: done is no ground for a good answer.
     predicted_alone: bool
@@ -199,6 +202,8 @@ def advise(
     battery = _battery(analysis)
     airborne_s = track.flying_s
     shown_s = float(seconds[track.flying & analysis.any_measured].sum())
+    sought = np.isfinite(track.measured("rotor_speed_rpm") - analysis.prediction.rotor_speed_rpm)
+    unsought_s = 0.0 if planned else float(seconds[track.flying & ~sought.all(axis=1)].sum())
     predicted_alone = not planned and use.known_s > 0.0 and shown_s < 0.5 * airborne_s
     levels: list[FlightLevel] = []
     if faults:
@@ -213,9 +218,11 @@ def advise(
         of_load = _load_level(use, low, high)
         if use.known_s > 0.0 and not (predicted_alone and of_load is FlightLevel.UNDER):
             levels.append(of_load)
+        if use.known_s > 0.0 and analysis.claim.other_order:
+            levels.append(FlightLevel.ORDER)
     return Advised(
         advice=Advice(
-            levels=tuple(levels) or (FlightLevel.UNKNOWN,),
+            levels=tuple(sorted(levels, key=lambda one: one.gravity)) or (FlightLevel.UNKNOWN,),
             limit=limit,
             airborne_s=airborne_s,
             use=use,
@@ -232,6 +239,7 @@ def advise(
             begun_before=bool(whole.track.flying[:1].any() and not (goes_on or planned)),
             paused_s=float(pauses_in_flight(whole.track)[1].sum()),
             goes_on=goes_on,
+            unsought_s=unsought_s,
             withheld=bool(analysis.withheld),
         ),
         whole=whole,

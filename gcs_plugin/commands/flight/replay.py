@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -129,7 +128,6 @@ def replay_view(
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
     from thrustmargin.gcs_plugin.wording.advice_words import headline
-    from thrustmargin.gcs_plugin.wording.alarm_words import MOTOR_ORDER
     from thrustmargin.gcs_plugin.wording.answer import answer_of
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
@@ -149,8 +147,6 @@ def replay_view(
         older = None if before is None else analyse(analysis.track, before, claim=claim)
         found = repeated(said[shown].findings)
         whole = answer_of(answers[shown], said[shown].contact)
-        wrong = [MOTOR_ORDER] if analysis.claim.other_order else []
-        whole = replace(whole, headline="; ".join([whole.headline, *wrong]))
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))

@@ -12,6 +12,11 @@ from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, LogError
 from thrustmargin.models.whole_file import regular
 
+TOO_FAST = (
+    "faster than the flight: ESC messages carry no clock, so who listens dates them up to 0.1 s "
+    "wrong; sizes of faults and the motor order are true at --speed 1 alone"
+)
+
 
 def stream(
     log: Positional[Path],
@@ -55,6 +60,8 @@ def stream(
         )
     if parse_url(to).kind == "tlog":
         raise LinkError(f"--to {to} is a recording; give a link such as udpout:127.0.0.1:14550")
+    if speed > 1.0:
+        Terminal(stderr=True).print(TOO_FAST)
     transport = open_transport(to)
     try:
         columns = (TextColumn("{task.description}", markup=False), TimeElapsedColumn())

@@ -6,6 +6,7 @@ import math
 import re
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -33,6 +34,8 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.mission.ahead.battery import FlightBattery
     from thrustmargin.mission.ahead.plan_forecast import PlanForecast
+    from thrustmargin.models.model.rotor_faults import FaultHistory
+    from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.airframe import Airframe
 
 PLANS = (".plan", ".mission", ".waypoints", ".txt")
@@ -72,7 +75,8 @@ def forecast(
     """Say before take-off whether a plan can be flown with a fill, and where it is weakest.
 
     The plan is flown in time by the autopilot's own limits: legs, turns at line ends, climbs, wind,
-    the tank and the voltage falling. Of a log its mission and parameters are taken alone.
+    the tank and the voltage falling. Of a log its mission and parameters are taken, and the rotors
+    and motors that were bad in its last flight.
 
     Example: thrustmargin forecast demo --fill 16 --flow 2.5
 
@@ -149,7 +153,11 @@ def forecast(
     craft = rotor_model.airframe
     liquid = craft.liquid_density
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
-    known = _parameters(plan, parameters)
+    known, faults, of_model = _of_log(plan, rotor_model, given=bool(model or airframe))
+    if parameters is not None:
+        from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
+
+        known = read_parameters(parameters)
     battery = _battery(known, voltage, capacity, resistance, craft)
     made = plan_forecast.forecast(
         found,
@@ -169,7 +177,10 @@ def forecast(
         parameters=known,
         pump=None if pump is None else pump_of(pump),
         limit=max_utilisation,
+        faults=faults,
     )
+    if not of_model:
+        made = replace(made, assumed={"aircraft": (craft.title,), **made.assumed})
     console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     _show(made, console)
     files: list[tuple[Path, Callable[[], str | bytes]]] = []
@@ -254,20 +265,28 @@ def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
     return kg
 
 
-def _parameters(plan: Path, file: Path | None) -> dict[str, float]:
-    """The autopilot's parameters: of the file, else of the log that the plan is in, else none."""
-    if file is not None:
-        from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
-
-        return read_parameters(file)
+def _of_log(
+    plan: Path, model: RotorModel, *, given: bool
+) -> tuple[dict[str, float], FaultHistory | None, bool]:
+    """Of the log that the plan is in: its parameters, the faults of its last flight, if it had any,
+    and whether the aircraft is known to be that of the model."""
     if plan.suffix.lower() in PLANS:
-        return {}
-    from thrustmargin.gcs_plugin.logs import read_log
+        return {}, None, given
+    from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
+    from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+    from thrustmargin.models.model.analysis import analyse
 
     try:
-        return dict(read_log(plan).parameters)
+        log, claim = read_flights(plan, model, given=given)[-1]
     except LogError:
-        return {}  # a log without a flight still holds its mission; the defaults are listed
+        # One without a flight still holds its mission; the defaults are listed.
+        return {}, None, given
+    advice = answer_log(log, analyse(log.track, model, claim=claim), 0.5).made.advice
+    # Which rotor it was is not known where the motors are in another order.
+    which = () if advice.rotor_names else tuple(range(advice.rotor_count))
+    found = tuple(replace(e.fault, rotors=which or e.fault.rotors) for e in advice.faults)
+    history = [(0.0, found)] if found else None
+    return dict(log.parameters), history, given or not claim.withheld
 
 
 def _battery(

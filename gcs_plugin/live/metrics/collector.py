@@ -37,7 +37,7 @@ FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "voltage_volts": ("Battery voltage", ("vehicle",)),
     "flying": ("1 off the ground", ("vehicle",)),
     "flight_level": (
-        "Answer of flight or last flight: 0 damaged to 7 below limit",
+        "Answer of flight or last flight: 0 damaged to 8 below limit",
         ("vehicle",),
     ),
     "next_fill_kg": ("Largest fill by that flight, at the safe end", ("vehicle",)),

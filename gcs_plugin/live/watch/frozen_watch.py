@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from thrustmargin.models.checks.frozen import Stand, frozen, left_out
+from thrustmargin.models.checks.broken_voltage import VoltageSoFar
+from thrustmargin.models.checks.frozen import Stand, frozen, left_out, without_broken_voltage
 from thrustmargin.models.flight import FlightTrack, joined
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -31,12 +32,14 @@ class FrozenWatch:
         self._flown: list[FlightTrack] = []  # rows in flight, in order
         self._frozen: dict[str, Stand] = {}
         self._last_s = self._looked_s = -np.inf
+        self._voltage = VoltageSoFar()
 
     def without_frozen(self, track: FlightTrack, parameters: Mapping[str, float]) -> FlightTrack:
-        """New rows, in order, without the channels that are frozen by then."""
+        """New rows, in order, without a broken voltage and the channels that are frozen by then."""
         time_s = track.time_s
         if self._flown and time_s[0] <= self._last_s:  # it was started anew
             self._begin()
+        track, self._voltage = without_broken_voltage(track, self._voltage)
         steps = np.floor(time_s / STEP)
         new = np.diff(steps, prepend=np.floor(self._last_s / STEP)) > 0
         rows = np.flatnonzero(new & track.flying)

@@ -22,6 +22,7 @@ from thrustmargin.models.identification.season.season_changes import (
     season_changes,
 )
 from thrustmargin.models.identification.season.season_sums import season_sums
+from thrustmargin.models.model.advice import FlightLevel
 
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
 NONE, CHECK, FINE = "no verdict", "check the instrument", "sound"
@@ -31,12 +32,14 @@ INSTRUMENTS = ("tank gauge", "airspeed sensor", "settings", "logs")  # parts of 
 #: times what sound aircraft differ by, now or, as it goes on, in RECENT flights
 ACTS, FIRSTS = 3.0, 10.0
 GRAVE = 1e3  # weight of a verdict that goes before all else of its level
-#: Verdicts that ground an aircraft, the gravest first; what to do where the store does not say.
+#: Verdicts after which an aircraft is looked at first, the gravest first; what to do where the
+#: store does not say.
 GROUNDING = {
     "damaged": actions.GROUND_IT,
     "lost": actions.GROUND_WRECK,
     "battery": actions.GROUND_BATTERY,
     "no_thrust": actions.GROUND_IT,
+    "order": actions.WHICH_MOTOR,
 }
 RECENT, DAY = 10, 86400.0  # flights; s
 
@@ -84,7 +87,8 @@ class AircraftSeason:
 
     @property
     def above_limit(self) -> list[Mapping[str, Any]]:
-        return [f for f in self.flights if f["verdict"] in (*GROUNDING, "over", "critical")]
+        grave = [one for one in FlightLevel if one.gravity <= FlightLevel.OVER.gravity]
+        return [f for f in self.flights if f["verdict"] in grave]
 
     @property
     def without_verdict(self) -> list[Mapping[str, Any]]:

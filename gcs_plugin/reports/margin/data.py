@@ -97,6 +97,7 @@ class Overview:
     no_thrust: int
     critical: int
     over: int
+    order: int
     near: int
     under: int
     unknown: int

@@ -23,7 +23,7 @@ LEVELS: tuple[Level, ...] = ("red", "amber", "grey", "green")
 #: Of a flight's verdict by its level.
 VERDICT_LEVEL: Mapping[str, Level] = {
     **dict.fromkeys(("damaged", "lost", "battery", "no_thrust", "critical"), "red"),
-    **dict.fromkeys(("over", "near"), "amber"),
+    **dict.fromkeys(("over", "order", "near"), "amber"),
     "under": "green",
 }
 

@@ -218,6 +218,7 @@ _FLOWN: Mapping[str, str] = {
     "no_thrust": "no thrust was left",
     "critical": "a failed rotor would have brought it down",
     "over": "above the limit",
+    "order": "motors were in another order than the airframe's",
     "near": "near the limit, cannot tell",
 }
 

@@ -19,6 +19,7 @@ from thrustmargin.models.model.advice import FlightLevel
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
 #: What was taken for what is not known; {0} is filled in with it.
 ASSUMED: Mapping[str, str] = {
+    "aircraft": "the aircraft is {0}: give --airframe",
     "limits": "defaults of the autopilot for {0}: give its parameters with --parameters",
     "full battery": "battery full, {0} V at rest: give --voltage",
     "no capacity": "battery held at {0} V, its capacity is not known: give --capacity",

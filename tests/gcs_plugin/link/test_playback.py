@@ -9,6 +9,7 @@ import time
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, SECOND, Vehicle, command, log_frames, write_log
+from thrustmargin.gcs_plugin.commands.flight.stream import stream
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
 from thrustmargin.gcs_plugin.link.playback import Played, play
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
@@ -169,3 +170,12 @@ def test_the_command_tells_mistakes_in_one_line(arguments, words, code):
     assert done.returncode == code
     assert words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("speed", [1.0, 10.0])
+def test_only_a_fast_playback_says_what_it_makes_wrong(speed, tmp_path, capsys):
+    path, _ = short_log(tmp_path / "a.tlog", 0.5)
+    with udp() as ear:
+        stream(path, to=f"udpout:127.0.0.1:{ear.getsockname()[1]}", speed=speed)
+    words = " ".join(capsys.readouterr().err.split())
+    assert ("the motor order are true at --speed 1 alone" in words) is (speed > 1.0)

@@ -8,11 +8,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from tests.gcs_plugin.live.live_vehicle import Vehicle
+from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent, AlarmState
@@ -286,3 +287,34 @@ def test_nothing_is_said_in_the_name_of_a_silent_vehicle_until_it_returns():
         (CRITICAL, "Telemetry lost in flight: fly by sight"),
         (6, "Over: telemetry"),
     ]
+
+
+def test_a_figure_that_is_no_longer_known_becomes_none():
+    """A station shows the last value of a name for ever: here without rotor speeds, then rows."""
+    sent = Sent()
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
+    fleet, vehicle = Fleet(MODEL), Vehicle()
+
+    def last() -> dict[str, float]:
+        sent.frames.clear()
+        fleet.updates()
+        announcer.on_round(fleet, vehicle.stamp_us)
+        parser = dialect.MAVLink(None)
+        messages: list[Any] = [m for data in sent.frames for m in parser.parse_buffer(data) or []]
+        return {m.name: m.value for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
+
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    first = last()
+    assert {"MARGIN", "MARGIN_ROT", "MARGIN_PRE", "TANK_THR", "MARGIN_LIM"} <= first.keys()
+    assert np.isfinite(list(first.values())).all()
+    for _ in range(40):  # 4 s without a message of an ESC
+        fleet.take([f for f in vehicle.tick() if f.id != 11030])
+    silent = last()
+    assert {name for name, value in silent.items() if np.isnan(value)} >= {"MARGIN", "MARGIN_ROT"}
+    assert np.isfinite(silent["MARGIN_PRE"])
+    for _ in range(3):
+        vehicle.stamp_us += SECOND
+        fleet.take([vehicle.frame(dialect.MAVLink_heartbeat_message(2, 3, 0x80, 0, 4, 3))])
+    none = last()
+    assert np.isnan(none["MARGIN_PRE"])
+    assert none["MARGIN_LIM"] == 50.0

@@ -1,6 +1,7 @@
 """Vehicles, clocks and texts of a .tlog: unusual senders, restarts and jittering links."""
 
 import struct
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -89,6 +90,23 @@ def test_two_vehicles_with_one_id_are_refused(tmp_path):
     ]
     with pytest.raises(LogError, match="share one system id"):
         read_log(written(tmp_path, b"".join(turns)))
+
+
+@pytest.mark.parametrize(("apart", "two"), [(150, False), (250, True)])
+def test_two_vehicles_with_one_id_and_one_clock_leap_between_two_places(tmp_path, apart, two):
+    craft, sent = link(), []
+    for tick in range(600):
+        north = 520_000_000 + 10 * tick + apart * (tick % 2)  # 1e-7 deg: 1.5 m and 2.5 m
+        place = (north, 50_000_000, 0, 3000, 0, 0, 0, 0)
+        for message in (
+            dialect.MAVLink_global_position_int_message(10_000 + 50 * tick, *place),
+            dialect.MAVLink_attitude_message(10_000 + 50 * tick, 0, 0, 0, 0, 0, 0),
+            dialect.MAVLink_heartbeat_message(2, 3, 0x80, 0, 4, 3),
+        ):
+            sent.append(stamped(message.pack(craft), 10 + tick / 20))
+    path = written(tmp_path, b"".join(sent))
+    with pytest.raises(LogError, match="two places") if two else nullcontext():
+        read_log(path)
 
 
 def test_reordered_and_doubled_frames_change_nothing(tmp_path):

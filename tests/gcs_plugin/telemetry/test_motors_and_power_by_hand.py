@@ -306,7 +306,9 @@ def test_a_second_pack_is_named():
     tank = reports("battery_voltage", [1.5] * 3, 3)
     packs = [reports("battery_voltage", [50.0] * 3, k) for k in (0, 1)]
     _, notes = first_of("voltage", *packs, tank)
-    assert notes == ["battery 1 reads a flight battery's voltage too; only battery 0 is used"]
+    assert notes == [
+        "battery 1 (50.0 to 50.0 V) reads a flight battery's voltage too; only battery 0 is used"
+    ]
     # A little over twice a level sender's voltage in most reports is a pack; up to it is none.
     for volts, said in (([5.0] * 3, 0), ([5.01, 5.01, 5.0], 1), ([5.01, 5.0, 5.0], 0)):
         _, notes = first_of("voltage", packs[0], reports("battery_voltage", volts, 1))

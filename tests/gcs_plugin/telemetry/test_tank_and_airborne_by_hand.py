@@ -80,6 +80,9 @@ def pack(volts: float, number: int) -> Signal:
 def test_a_pack_reads_more_than_two_and_a_half_volts():
     assert flight_battery(collected([pack(2.5, 0), pack(2.51, 1)])) == 1
     assert flight_battery(collected([pack(50.0, 2), pack(48.0, 1)])) == 1  # the lowest number
+    # What the autopilot is fed by is not flown on; half as much is.
+    assert flight_battery(collected([pack(5.1, 0), pack(22.0, 1)])) == 1
+    assert flight_battery(collected([pack(11.1, 0), pack(22.0, 1)])) == 0
     assert flight_battery(collected([pack(2.0, 0)])) is None
     assert flight_battery(collected([reports("battery_voltage", [NAN] * 4, 0)])) is None
 

@@ -66,6 +66,7 @@ ADVICE = Advice(
     begun_before=False,
     paused_s=0.0,
     goes_on=False,
+    unsought_s=0.0,
     predicted_alone=False,
     withheld=False,
 )
@@ -271,3 +272,10 @@ def test_a_flight_without_a_verdict_says_why_in_its_line():
     assert answer_of(unknown).line.startswith(said)
     assert answer_of(replace(unknown, predicted_alone=False)).line == "Last flight: NO VERDICT"
     assert not answer_of(replace(ADVICE, levels=(FlightLevel.UNDER,), predicted_alone=True)).why
+
+
+@pytest.mark.parametrize(("unsought_s", "said"), [(0.19, False), (0.2, True)])
+def test_that_no_weak_rotor_could_be_looked_for_is_a_fact(unsought_s, said):
+    """From a fifth of the flight on."""
+    advice = replace(ADVICE, unsought_s=unsought_s * ADVICE.airborne_s)
+    assert ("weak rotors" in dict(facts(advice))) is said

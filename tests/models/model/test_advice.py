@@ -48,6 +48,17 @@ def test_what_is_mostly_predicted_is_never_good(sound, silent_from_s):
     assert levels(much)[-1] in (FlightLevel.OVER, FlightLevel.NEAR)
 
 
+def test_a_flight_with_motors_in_another_order_is_never_good(sound):
+    other = replace(sound, claim=replace(sound.claim, other_order=True))
+    advice = advise(other).advice
+    assert advice.levels == (FlightLevel.ORDER, FlightLevel.UNDER)
+    assert headline(advice) == "MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG"
+    above = advise(used(other, 1.25)).advice
+    assert above.levels == (FlightLevel.OVER, FlightLevel.ORDER)
+    assert headline(above).startswith("ABOVE THE 50 % LIMIT")
+    assert headline(above).endswith("; MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG")
+
+
 def test_what_lasts_above_the_limit_is_above_it(sound):
     assert levels(used(sound, 1.25)) == (FlightLevel.OVER,)
     error = np.full(sound.utilisation_error.shape, 0.05)

@@ -173,3 +173,26 @@ def test_no_script_without_a_file_or_a_battery(
     found, _, err = said(capsys, field, "--fill", "6", *words)
     assert (found, answer in err) == (code, True)
     assert not (tmp_path / "gate.lua").exists()
+
+
+@pytest.mark.parametrize(
+    ("log", "first", "level"),
+    [
+        ("dev/worn_prop_1", "DO NOT TAKE OFF WITH 8.0 kg (8.0 L): ROTOR 1, FRONT RIGHT", "damaged"),
+        ("campaign/v4_m10_q2.5", "MAY TAKE OFF WITH 8.0 kg", "under"),
+    ],
+)
+def test_the_mission_of_a_flight_with_a_bad_rotor_may_not_take_off(
+    log, first, level, sitl_logs, capsys, tmp_path
+):
+    words = (sitl_logs / f"{log}.tlog", "--fill", "8", "--json", tmp_path / "made.json")
+    _, out, _ = said(capsys, *words)
+    assert out.startswith(first)
+    assert json.loads((tmp_path / "made.json").read_text())["verdict"]["level"] == level
+    assert "the aircraft is" not in out  # its log was recognised
+
+
+@pytest.mark.parametrize(("options", "named"), [((), True), (("--airframe", "topxgun-f16"), False)])
+def test_an_aircraft_that_nobody_named_is_an_assumption(options, named, field, capsys):
+    _, out, _ = said(capsys, field, *FIELD, *options)
+    assert ("the aircraft is TopXGun F16" in out) is named

@@ -26,6 +26,7 @@ def test_a_worn_rotor_is_named_only_where_names_can_be_trusted(order, known, sit
     assert ("which rotor that is, is not known" in facts["alarm"]) is not known
     assert ("rotor 1 were" in facts["what to do"]) is known
     assert ("rotors 1, 2, 3 and 4" in facts["what to do"]) is not known
+    assert ("ROTOR NAMES ARE WRONG" in report.verdict.headline) is not known
     overview = overview_of([report], 0.5)
     made = Report(
         made_utc="",
@@ -48,6 +49,6 @@ def test_a_replay_says_in_its_first_line_what_live_says_and_on_the_terminal_whic
     write_csv(replace(track, rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]]), path)
     view = replay_view(path, shipped_model(), port=0, paused=True)
     assert view.whole is not None
-    assert view.whole.headline.endswith("; Motor order differs: rotor names are wrong, check")
+    assert view.whole.headline.endswith("; MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG")
     said = " ".join(capsys.readouterr().err.split())
     assert "rotor names cannot be trusted: motors 1 and 2 look swapped" in said
