@@ -269,3 +269,15 @@ def test_no_hypothesis_passes_what_the_bound_of_all_hypotheses_leaves_out():
     change = test.change(likeliest, none, best - 1e-6)
     assert change is not None
     assert change.log_ratio == pytest.approx(best)
+
+
+def test_the_start_of_a_change_is_the_same_whether_or_not_the_others_are_weighed():
+    test, draw = watch(), np.random.default_rng(12)
+    step = np.array([[0.3, -0.2]])
+    run(test, draw.normal(0.0, 0.01, (60, 2)) + (np.arange(60) >= 52)[:, None] * step)
+    every = test.change(step, np.zeros((1, 2)), -np.inf)
+    assert every is not None
+    alone = test.change(step, np.zeros((1, 2)), every.log_ratio - 1e-6)
+    assert alone is not None
+    assert alone.filter == every.filter > 1
+    assert (every.log_ratio, every.share) == (alone.log_ratio, alone.share)
