@@ -104,6 +104,7 @@ class SuddenChange:
         self._fresh[2:] = (1.0 - self._keep**2) * variance[2:, :1]
         self._given = np.ones((2, 1, signals))
         self._age = np.array([SETTLE, 0])
+        #: (.., K, M) of each filter A, B and sum e²/v
         self._sums = np.zeros((3, 2, signals))
         #: (.., M + 1) q and q_all by age; the last is that of a flight's start, half before good
         #: flights
@@ -116,34 +117,9 @@ class SuddenChange:
         self._alone, self._held = prior.alone, -1
 
     @property
-    def own(self) -> Floats:
-        """q by age and signal."""
-        return self._q[:, :-1]
-
-    @property
-    def together(self) -> Floats:
-        """q_all by age."""
-        return self._q[:, -1]
-
-    @property
     def means(self) -> Floats:
         """(S, K, M) of c, n and b in each filter."""
         return self._filters[:, -2]
-
-    @property
-    def information(self) -> Floats:
-        """(K, M) A of each filter."""
-        return self._sums[0]
-
-    @property
-    def pull(self) -> Floats:
-        """(K, M) B of each filter."""
-        return self._sums[1]
-
-    @property
-    def square(self) -> Floats:
-        """(K, M) sum e²/v of each filter."""
-        return self._sums[2]
 
     def add(self, values: Floats, inputs: Floats, sound: float = 1.0) -> None:
         """One block: values (M,), inputs (M, P), or (1, P) where all have the same, and the
@@ -237,8 +213,8 @@ class SuddenChange:
         that is so; what is held always has one.
         """
         a, b, square = self._sums[:, 1:]
-        still, moved, none, seen = self._still, self._moved, self._none, self._age[1:] - SETTLE
-        starts = np.arange(1, self._age.size)
+        still, moved, none = self._still, self._moved, self._none
+        able = np.arange(none.size)
         if self._held < 0:
             # The larger of two is short of ln of their sum by ln 2 at most, and quick to be had.
             best = still + 0.5 * b**2 / np.maximum(a, 1e-300)
@@ -249,9 +225,7 @@ class SuddenChange:
             able = np.flatnonzero(most >= least)
             if not able.size:
                 return None
-            a, b, square, still, moved, none, seen, starts = (
-                x[able] for x in (a, b, square, still, moved, none, seen, starts)
-            )
+        a, b, square, still, moved, none = (x[able] for x in (a, b, square, still, moved, none))
         # (M, K, H): numpy is quick along the last, and of hypotheses there are most.
         of_all = (np.ascontiguousarray(x.T)[:, None] for x in (steps, widths))
         no, own, *sums = (x.T[:, :, None] for x in (still, moved, a, b))
@@ -260,13 +234,14 @@ class SuddenChange:
         ratio = total - np.log(len(steps)) - none
         # Starts around the true one pass too: the best has most evidence, less what it leaves.
         likely = steps[np.argmax(log, axis=1)]
+        seen = self._age[1 + able] - SETTLE
         left = square - 2.0 * b * likely + a * likely**2 - seen[:, None]
         score = total - 0.5 * np.sum(left, axis=1)
         start = int(np.argmax(np.where((ratio > least) & (seen > 0), score, -np.inf)))
         return Change(
             log_ratio=float(np.max(ratio, where=seen > SETTLE, initial=-np.inf)),
             share=np.exp(log[start] - total[start]),
-            filter=int(starts[start]),
+            filter=1 + int(able[start]),
         )
 
     def hold(self) -> None:
