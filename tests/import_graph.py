@@ -28,9 +28,20 @@ def modules() -> dict[str, Path]:
     }
 
 
-def imported(text: str) -> Iterator[str]:
-    """Every module that a source text imports; `a.b` also where it imports `b` from `a`."""
-    for node in ast.walk(ast.parse(text)):
+@cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """All of a source file's tree, its root first."""
+    return tuple(ast.walk(ast.parse(path.read_text("utf-8"))))
+
+
+@cache
+def imported(path: Path) -> tuple[str, ...]:
+    """Every module that a source file imports; `a.b` also where it imports `b` from `a`."""
+    return tuple(_imported(path))
+
+
+def _imported(path: Path) -> Iterator[str]:
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -47,7 +58,7 @@ def module_graph() -> Graph:
     known = modules()
     graph: Graph = {}
     for name, path in known.items():
-        found = {m.removeprefix("thrustmargin.") for m in imported(path.read_text("utf-8"))}
+        found = {m.removeprefix("thrustmargin.") for m in imported(path)}
         graph[name] = (found & known.keys()) - {name}
     return graph
 

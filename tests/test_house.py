@@ -5,7 +5,7 @@ import re
 import tomllib
 from collections import defaultdict
 
-from tests.import_graph import PACKAGES, ROOT, modules, picture, room_graph
+from tests.import_graph import PACKAGES, ROOT, modules, nodes, picture, room_graph
 
 LONGEST, SHORTEST = 370, 40  # lines of a file; near 400 it is two files
 #: Files outside these bounds, and why.
@@ -79,7 +79,7 @@ def test_no_two_public_classes_have_names_alike():
     """One named as another in the plural is a collection of that other."""
     places: dict[str, list[str]] = defaultdict(list)
     for name, path in modules().items():
-        for node in ast.parse(path.read_text("utf-8")).body:
+        for node in ast.iter_child_nodes(nodes(path)[0]):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[singular(node.name)].append(f"{name}.{node.name}")
     alike = {tuple(n.split(".")[-1] for n in names) for names in places.values() if len(names) > 1}
@@ -157,7 +157,7 @@ def test_nothing_needs_what_only_posix_has():
     """Field laptops run Windows. What is looked for by `getattr` or `hasattr` is guarded."""
     found = []
     for name, path in modules().items():
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for node in nodes(path):
             if isinstance(node, ast.Import):
                 used = {alias.name.partition(".")[0] for alias in node.names} & POSIX_MODULES
             elif isinstance(node, ast.ImportFrom):

@@ -110,7 +110,7 @@ def test_pages_of_different_kinds_share_only_what_is_shared():
 @pytest.mark.parametrize("package", ["models", "mission"])
 def test_arrays_in_arrays_out_needs_no_library_of_the_edge(package: str):
     libraries = {
-        name: {m.split(".")[0] for m in imported(path.read_text("utf-8"))} & EDGE
+        name: {m.split(".")[0] for m in imported(path)} & EDGE
         for name, path in modules().items()
         if name.split(".")[0] == package
     }
@@ -121,7 +121,7 @@ def test_only_the_network_and_fitting_name_torch():
     naming = {
         room(name)
         for name, path in modules().items()
-        if any(m.split(".")[0] == "torch" for m in imported(path.read_text("utf-8")))
+        if any(m.split(".")[0] == "torch" for m in imported(path))
     }
     assert naming <= {"models.network", "models.effects", "models.identification"}
 

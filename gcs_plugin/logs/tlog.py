@@ -124,6 +124,18 @@ def _boot(
     inside = mine.copy()
     inside[: clock.first_row] = False
     inside[clock.last_row + 1 :] = False
+    # Before the messages are there: it takes room for a while.
+    quality = LogQuality(
+        bytes=frames.data.size - PADDING,
+        frames=int(frames.start.size),
+        bad_checksum=frames.bad_checksum,
+        unknown_ids=frames.unknown_ids,
+        copies=came_twice,
+        frames_missing=_missing(component[inside], frames.sequence[inside]),
+        **damage_of(frames.skipped, frames.start, clock.estimate_s),
+        clock_jumps=clock.jumps,
+        gaps=pauses(clock.estimate_s[inside]),
+    )
     streams: dict[str, Stream] = {}
     for name in dict.fromkeys([rule.message for rule in MAVLINK_RULES] + list(_OTHER)):
         rows, fields = named(frames, name, inside)
@@ -152,17 +164,7 @@ def _boot(
         messages=_texts(streams),
         events=tuple(parameter_events((at, *one) for at, one in zip(sent_s, values, strict=True))),
         unix_minus_clock=clock.stamp_minus_clock if by_gps is None else by_gps,
-        quality=LogQuality(
-            bytes=frames.data.size - PADDING,
-            frames=int(frames.start.size),
-            bad_checksum=frames.bad_checksum,
-            unknown_ids=frames.unknown_ids,
-            copies=came_twice,
-            frames_missing=_missing(component[inside], frames.sequence[inside]),
-            **damage_of(frames.skipped, frames.start, clock.estimate_s),
-            clock_jumps=clock.jumps,
-            gaps=pauses(clock.estimate_s[inside]),
-        ),
+        quality=quality,
         vehicle=chosen,
         autopilot=AUTOPILOTS.get(maker, "unknown"),
         mav_type=kind,

@@ -279,8 +279,7 @@ def without_leaps(time_s: Floats) -> Floats:
 
 def pauses(time_s: Floats) -> tuple[tuple[float, float], ...]:
     """(start, length) s of every pause longer than GAP."""
-    if time_s.size < 2:
-        return ()
-    ordered = time_s if np.all(np.diff(time_s) >= 0) else np.sort(time_s, kind="stable")
-    late = np.flatnonzero(np.diff(ordered) > GAP)
-    return tuple((float(ordered[i]), float(ordered[i + 1] - ordered[i])) for i in late)
+    ordered = time_s if (np.diff(time_s) >= 0.0).all() else np.sort(time_s, kind="stable")
+    step = np.diff(ordered)
+    late = np.flatnonzero(step > GAP)
+    return tuple((float(ordered[i]), float(step[i])) for i in late)

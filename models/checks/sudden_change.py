@@ -26,6 +26,7 @@ Under the noise such a ratio is a martingale of mean 1: it ever exceeds a with p
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,7 +39,7 @@ SETTLE = 2  # blocks after a start in which rotors and controls are still on the
 #: Changes of a signal's own, each as likely: from a hundredth of the signal's unit to all of it
 SIZES = np.array([0.01, 0.03, 0.1, 0.3, 1.0])
 SELDOM = 60.0  # s, before the flight says it, from one such change to the next: a field's line
-LN_2 = float(np.log(2.0))
+LN_2, LN_SIZES = math.log(2.0), math.log(SIZES.size)
 OUTLIER = 3.0  # standard errors beyond which an innovation teaches no more
 
 
@@ -70,9 +71,10 @@ def log_likelihood(a: Floats, b: Floats, step: Floats, width: Floats) -> Floats:
 
 def log_own(a: Floats, b: Floats) -> Floats:
     """ln J, likelihood of a change of any of SIZES by the sums A and B, all of one shape."""
-    wide = 1.0 + np.multiply.outer(SIZES**2, a)
-    each = 0.5 * (np.multiply.outer(SIZES**2, b**2) / wide - np.log(wide))
-    return np.logaddexp.reduce(each, axis=0) - np.log(SIZES.size)
+    square = (SIZES**2).reshape(-1, *[1] * np.ndim(a))
+    wide = 1.0 + square * a
+    each = 0.5 * (square * b**2 / wide - np.log(wide))
+    return np.logaddexp.reduce(each, axis=0) - LN_SIZES
 
 
 class SuddenChange:
@@ -95,13 +97,14 @@ class SuddenChange:
         #: of each filter the covariance of c, n and b, their mean and what a unit step makes of it
         self._filters = np.zeros((states, states + 2, 2, signals))
         self._filters[range(states), range(states)] = variance
-        #: (.., 1, M) what is kept of c, n, b and of both columns; new variance; what c, n, b act by
-        self._kept = np.ones((states + 2, 1, signals))
+        #: (.., K, M) what is kept of c, n, b and of both columns; new variance; what c, n, b act by
+        self._kept = np.ones((states + 2, 2, signals))
         self._kept[2:states] = self._keep
-        self._fresh, self._x = np.ones((2, states, 1, signals))
+        self._fresh, self._x = np.ones((2, states, 2, signals))
         self._fresh[2:] = (1.0 - self._keep**2) * variance[2:, :1]
         self._given = np.ones((2, 1, signals))
         self._age = np.array([SETTLE, 0])
+        #: (.., K, M) of each filter A, B and sum e²/v
         self._sums = np.zeros((3, 2, signals))
         #: (.., M + 1) q and q_all by age; the last is that of a flight's start, half before good
         #: flights
@@ -114,34 +117,9 @@ class SuddenChange:
         self._alone, self._held = prior.alone, -1
 
     @property
-    def own(self) -> Floats:
-        """q by age and signal."""
-        return self._q[:, :-1]
-
-    @property
-    def together(self) -> Floats:
-        """q_all by age."""
-        return self._q[:, -1]
-
-    @property
     def means(self) -> Floats:
         """(S, K, M) of c, n and b in each filter."""
         return self._filters[:, -2]
-
-    @property
-    def information(self) -> Floats:
-        """(K, M) A of each filter."""
-        return self._sums[0]
-
-    @property
-    def pull(self) -> Floats:
-        """(K, M) B of each filter."""
-        return self._sums[1]
-
-    @property
-    def square(self) -> Floats:
-        """(K, M) sum e²/v of each filter."""
-        return self._sums[2]
 
     def add(self, values: Floats, inputs: Floats, sound: float = 1.0) -> None:
         """One block: values (M,), inputs (M, P), or (1, P) where all have the same, and the
@@ -150,7 +128,7 @@ class SuddenChange:
         self._blocks += 1
         rate = max(1.0 / (1.0 + self._blocks), 1.0 - self._keep)
         filters, fresh, x, states = self._filters, self._fresh, self._x, len(self._x)
-        self._kept[1], x[2:, 0], self._given[0, 0] = self.lag, inputs.T, values
+        self._kept[1], x[2:], self._given[0, 0] = self.lag, inputs.T[:, None], values
         fresh[0], fresh[1] = (1.0 - self._keep) ** 2 * self.noise, self.noise
         filters *= self._kept[:states, None] * self._kept
         filters.reshape(-1, *filters.shape[2:])[:: states + 3] += fresh
@@ -192,6 +170,11 @@ class SuddenChange:
 
     def _take(self, order: list[int]) -> None:
         """Keep these filters, in this order."""
+        if len(order) != self._age.size:
+            all_alike = self._kept, self._fresh, self._x
+            self._kept, self._fresh, self._x = (
+                array[:, :1].repeat(len(order), axis=1) for array in all_alike
+            )
         self._filters = self._filters.take(order, axis=2)
         self._sums, self._age = self._sums.take(order, axis=1), self._age[order]
 
@@ -200,7 +183,7 @@ class SuddenChange:
         shares (K, M + 1) that a change of the signal's own and a turn have of it."""
         self._of = np.minimum(self._age[1:], self._ages) - 1
         self._of[0] = -1
-        own, q = log_own(*self._sums[:2, 1:]), self._q[self._of]
+        own, q = log_own(*self._sums[:2, 1:]), self._q.take(self._of, axis=0)
         with np.errstate(divide="ignore"):
             moved = np.log(q)
         still = np.log1p(-q)
@@ -226,19 +209,23 @@ class SuddenChange:
     def change(self, steps: Floats, widths: Floats, least: float) -> Change | None:
         """The likeliest start of a change by `steps` (H, M) +- `widths`, one of H hypotheses.
 
-        None where no hypothesis whatever can have a ratio of `least`; what is held always has one.
+        None where no hypothesis whatever can have a ratio of `least`, and no start counts of which
+        that is so; what is held always has one.
         """
-        a, b = self.information[1:], self.pull[1:]
+        a, b, square = self._sums[:, 1:]
         still, moved, none = self._still, self._moved, self._none
-        best = still + 0.5 * b**2 / np.maximum(a, 1e-300)
+        able = np.arange(none.size)
         if self._held < 0:
             # The larger of two is short of ln of their sum by ln 2 at most, and quick to be had.
+            best = still + 0.5 * b**2 / np.maximum(a, 1e-300)
             most = np.add.reduce(np.maximum(best, moved), axis=1) - none
             if most.max() < least - best.shape[1] * LN_2:
                 return None
             most = np.add.reduce(np.logaddexp(best, moved), axis=1) - none
-            if most.max() < least:
+            able = np.flatnonzero(most >= least)
+            if not able.size:
                 return None
+        a, b, square, still, moved, none = (x[able] for x in (a, b, square, still, moved, none))
         # (M, K, H): numpy is quick along the last, and of hypotheses there are most.
         of_all = (np.ascontiguousarray(x.T)[:, None] for x in (steps, widths))
         no, own, *sums = (x.T[:, :, None] for x in (still, moved, a, b))
@@ -247,14 +234,14 @@ class SuddenChange:
         ratio = total - np.log(len(steps)) - none
         # Starts around the true one pass too: the best has most evidence, less what it leaves.
         likely = steps[np.argmax(log, axis=1)]
-        seen = self._age[1:] - SETTLE
-        left = self.square[1:] - 2.0 * b * likely + a * likely**2 - seen[:, None]
+        seen = self._age[1 + able] - SETTLE
+        left = square - 2.0 * b * likely + a * likely**2 - seen[:, None]
         score = total - 0.5 * np.sum(left, axis=1)
         start = int(np.argmax(np.where((ratio > least) & (seen > 0), score, -np.inf)))
         return Change(
             log_ratio=float(np.max(ratio, where=seen > SETTLE, initial=-np.inf)),
             share=np.exp(log[start] - total[start]),
-            filter=start + 1,
+            filter=1 + int(able[start]),
         )
 
     def hold(self) -> None:

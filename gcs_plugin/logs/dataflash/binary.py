@@ -20,7 +20,8 @@ from thrustmargin.gcs_plugin.logs.dataflash.message_scan import (
     scan,
 )
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat
-from thrustmargin.gcs_plugin.mavlink.scan import Index, gather, read_bytes
+from thrustmargin.gcs_plugin.mavlink.frame import Bytes
+from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
 from thrustmargin.gcs_plugin.telemetry.recording import NotThisFormat, Recording, without_leaps
 from thrustmargin.models.flight import Bools, Floats
 
@@ -50,13 +51,14 @@ def _found(path: Path) -> dict[str, Any]:
         if form is not None and rows.size:
             table = found.table(rows, form)
             messages[name] = Messages(form, table, clock[rows], found.start[rows])
-    timed = np.isfinite(clock)
+    start, skipped, timed = found.start, found.skipped, np.isfinite(clock)
+    del data, found  # before more is made of them
     return {
         "messages": messages,
-        "times": Times(clock[timed], found.start[timed]),
+        "times": Times(clock[timed], start[timed]),
         "size": size,
-        "kept": int(found.start.size),
-        "skipped": found.skipped,
+        "kept": int(start.size),
+        "skipped": skipped,
     }
 
 
@@ -65,21 +67,23 @@ def _clock(found: FoundMessages) -> tuple[Floats, Bools]:
     clock = np.full(found.start.size, np.nan)
     usable = np.ones(found.start.size, dtype=np.bool_)
     # Where in a message of each type its clock is, by what it is written as; 0 in all others.
-    offsets: dict[tuple[str, float], Index] = {}
+    offsets: dict[tuple[str, float], Bytes] = {}
     for number, form in found.formats.items():
         if (own := own_clock(form.columns)) is not None:
             at = form.columns.index(own[0])
             *before, kind = (LETTERS[letter][0] for letter in form.letters[: at + 1])
             if kind in ("<u8", "<i8", "<u4"):
-                offset = offsets.setdefault((kind, own[1]), np.zeros(256, dtype=np.int64))
+                offset = offsets.setdefault((kind, own[1]), np.zeros(256, dtype=np.uint8))
                 offset[number] = 3 + sum(np.dtype(one).itemsize for one in before)
     for (kind, unit), offset in offsets.items():
-        rows = np.flatnonzero(offset[found.type])
-        if rows.size:
-            start = found.start[rows] + offset[found.type[rows]]
-            raw = gather(found.data, start, np.dtype(kind).itemsize).view(kind).ravel()
-            clock[rows] = without_leaps(raw * unit)
-            usable[rows] = np.isfinite(clock[rows])
+        place = offset[found.type]
+        timed = place > 0
+        start = found.start[timed]
+        start += place[timed]
+        own_s = gather(found.data, start, np.dtype(kind).itemsize).view(kind).ravel() * unit
+        del start
+        clock[timed] = without_leaps(own_s)
+        usable &= ~timed | np.isfinite(clock)
     old = not any(form.columns[:1] == ("TimeUS",) for form in found.formats.values())
     return filled_clock(clock) if old else clock, usable
 

@@ -40,7 +40,8 @@ def root_of(system: Floats) -> Floats:
     factor, failed = _factored(system, lower=True)
     if failed:
         return np.full(system.shape, np.nan)
-    return np.tril(_inverted(factor, lower=True)[0]).astype(np.float64)
+    # Above the diagonal the factor has zeros already.
+    return np.ascontiguousarray(_inverted(factor, lower=True)[0])
 
 
 def root_of_shared(gram: Floats, known: int, hats: int, factor: float) -> Floats:

@@ -36,6 +36,7 @@ def test_every_command_has_an_example():
     assert {line.split()[0] for line in ALL} == {*COMMANDS}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", [one for one in ALL if not one.startswith(WAITS + OWN_FLIGHTS)])
 def test_an_example_runs_from_any_folder(line, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

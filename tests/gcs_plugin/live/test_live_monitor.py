@@ -80,13 +80,13 @@ def flight(vehicle: Vehicle, seconds: float, **options) -> list[Frame]:
 
 
 def test_a_recording_gives_the_same_rows_as_its_file(sitl_logs, tmp_path):
-    path = sitl_logs / "onset" / "worn_prop_onset.tlog"
-    _, seen = run(path, tmp_path)
-    live = read_samples(recording_in(tmp_path), 1)
+    path = first_part(sitl_logs / "onset" / "worn_prop_onset.tlog", 245.0, tmp_path)
+    _, seen = run(path, tmp_path / "out")
+    live = read_samples(recording_in(tmp_path / "out"), 1)
     same(live, read_log(path, airframe=AIRFRAME, sampling="hold").track)
     assert seen.rows() == live.time_s.size
     assert (1, "rotor", True) in seen.names()
-    lines = (recording_in(tmp_path) / "events.jsonl").read_text().splitlines()
+    lines = (recording_in(tmp_path / "out") / "events.jsonl").read_text().splitlines()
     events = [json.loads(line) for line in lines]
     raised = [e for e in events if e.get("alarm") == "rotor" and e["event"] == "raised"]
     assert [e["rotor"] for e in raised] == [3]

@@ -1,10 +1,11 @@
 """A bad rotor is told in the same words live, in the report and in the replay of its recording."""
 
 import json
+from pathlib import Path
 
 import pytest
 
-from tests.gcs_plugin.live.live_vehicle import log_frames
+from tests.gcs_plugin.live.live_vehicle import first_part, log_frames
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
@@ -43,10 +44,17 @@ def test_faults_that_come_and_go_are_episodes():
 
 
 @pytest.fixture(scope="module")
-def said_live(sitl_logs) -> str:
+def worn(sitl_logs, tmp_path_factory) -> Path:
+    """The log of a flight in which a propeller becomes weak, up to a minute after that is found."""
+    log = sitl_logs / "onset" / "worn_prop_onset.tlog"
+    return first_part(log, 245.0, tmp_path_factory.mktemp("worn"))
+
+
+@pytest.fixture(scope="module")
+def said_live(worn) -> str:
     """The rotor alarm as it stood at the end of the flight."""
     fleet = Fleet(shipped_model(), WatchSettings(airframe_given=False))
-    frames = log_frames(sitl_logs / "onset" / "worn_prop_onset.tlog")
+    frames = log_frames(worn)
     words = ""
     for first in range(0, len(frames), 400):
         fleet.take(frames[first : first + 400])
@@ -56,14 +64,15 @@ def said_live(sitl_logs) -> str:
     return words
 
 
-def test_the_report_says_what_the_live_alarm_said(sitl_logs, tmp_path, capsys, said_live):
+def test_the_report_says_what_the_live_alarm_said(sitl_logs, worn, tmp_path, capsys, said_live):
     assert said_live.startswith("Rotor 3 front left 12% (")
-    path = str(sitl_logs / "onset" / "worn_prop_onset.tlog")
-    assert run(["report", path, "--json", "-", "--out", str(tmp_path / "r.html")]) == 0
+    assert run(["report", str(worn), "--json", "-", "--out", str(tmp_path / "r.html")]) == 0
     flight = json.loads(capsys.readouterr().out)["flights"][0]
     (alarm,) = flight["alarms"]
     assert (alarm["words"], alarm["rotor"], alarm["until_s"]) == (said_live, 3, None)
-    assert flight["verdict"]["headline"] == "ROTOR 3, FRONT LEFT: 12 % LESS THRUST"
+    assert flight["verdict"]["headline"] == (
+        "ROTOR 3, FRONT LEFT: 12 % LESS THRUST (LOG ENDS IN FLIGHT)"
+    )
     facts = {fact["label"]: fact["text"] for fact in flight["verdict"]["facts"]}
     assert said_live in facts["alarm"]
     assert said_live in (tmp_path / "r.html").read_text("utf-8")
@@ -72,9 +81,9 @@ def test_the_report_says_what_the_live_alarm_said(sitl_logs, tmp_path, capsys, s
     assert json.loads(capsys.readouterr().out)["flights"][0]["alarms"] == []
 
 
-def test_the_replay_shows_it_from_when_it_was_found(sitl_logs, said_live):
+def test_the_replay_shows_it_from_when_it_was_found(worn, said_live):
     model = shipped_model()
-    ((log, claim),) = read_flights(sitl_logs / "onset" / "worn_prop_onset.tlog", model, given=False)
+    ((log, claim),) = read_flights(worn, model, given=False)
     view = ReplayView(analyse(log.track, model, claim=claim), port=0, paused=True)
     row = ShownRow(analyse(log.track, model, claim=claim), 0)
     shown = {at: view._summary_at(at, row).first_line[0] for at in (100.0, 147.0, 200.0)}

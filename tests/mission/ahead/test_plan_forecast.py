@@ -170,6 +170,7 @@ def test_of_a_long_plan_the_first_part_is_flown_and_the_rest_is_counted():
     assert long.needs.sorties[-1].last_item == len(lines(100))
 
 
+@pytest.mark.slow
 def test_two_thousand_lines_no_two_alike_take_seconds():
     """2 to 3 s of a processor that is left alone."""
     rows = lines(2000)

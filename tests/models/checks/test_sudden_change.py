@@ -7,7 +7,6 @@ import pytest
 from scipy.stats import norm
 
 from thrustmargin.models.checks.sudden_change import (
-    SIZES,
     Prior,
     SuddenChange,
     log_likelihood,
@@ -19,6 +18,7 @@ MEMORY = 300.0
 SELDOM = 60.0
 SETTLE = 2
 WINDOW = 10.0
+SIZES = (0.01, 0.03, 0.1, 0.3, 1.0)
 
 BLOCK = 0.7
 NOTHING = np.zeros((2, 0))
@@ -63,11 +63,6 @@ def test_a_change_of_any_size_is_the_mean_over_the_sizes():
     assert found[0] == pytest.approx(math.log(expected / norm.pdf(0.2, 0.0, 0.1)), abs=1e-12)
 
 
-def test_the_sizes_are_half_decades_from_a_hundredth_to_all_of_the_signal():
-    assert (SIZES[0], SIZES[-1]) == (0.01, 1.0)
-    assert np.diff(np.log10(SIZES)) == pytest.approx(0.5, abs=0.03)
-
-
 def test_the_two_sums_are_those_of_generalised_least_squares():
     """Trim of standard deviation 0.05, noise of autocorrelation 0.5: by one dense covariance."""
     test = frozen(trim=0.05, noise=0.02)
@@ -77,9 +72,9 @@ def test_the_two_sums_are_those_of_generalised_least_squares():
     covariance = 0.05**2 + 0.02**2 / 0.75 * 0.5 ** abs(t[:, None] - t)
     seen = slice(SETTLE, None)
     inverse = np.linalg.inv(covariance[seen, seen])
-    assert test.information[1] == pytest.approx(inverse.sum())
-    assert test.pull[1] == pytest.approx(inverse.sum(axis=0) @ y[seen])
-    assert test.square[1] == pytest.approx(np.einsum("im,ij,jm->m", y[seen], inverse, y[seen]))
+    assert test._sums[0][1] == pytest.approx(inverse.sum())
+    assert test._sums[1][1] == pytest.approx(inverse.sum(axis=0) @ y[seen])
+    assert test._sums[2][1] == pytest.approx(np.einsum("im,ij,jm->m", y[seen], inverse, y[seen]))
 
 
 def test_a_start_in_flight_is_sought_against_all_that_came_before_it():
@@ -93,8 +88,8 @@ def test_a_start_in_flight_is_sought_against_all_that_came_before_it():
     inverse = np.linalg.inv(covariance[np.ix_(seen, seen)])
     step = (seen >= 6).astype(float)
     which = int(np.flatnonzero(test._age == 6)[-1])
-    assert test.information[which] == pytest.approx(step @ inverse @ step)
-    assert test.pull[which] == pytest.approx(step @ inverse @ y[seen])
+    assert test._sums[0][which] == pytest.approx(step @ inverse @ step)
+    assert test._sums[1][which] == pytest.approx(step @ inverse @ y[seen])
 
 
 def test_the_noise_is_learnt_white_or_not():
@@ -143,9 +138,9 @@ def test_changes_are_counted_by_the_age_at_which_they_show():
     y[:, 0] += 0.3 * (np.arange(400) // 25 % 2)  # one signal jumps every 25 blocks
     run(test, y)
     last = round(WINDOW / BLOCK) - 1
-    assert test.own[last, 0] > 5.0 * test.own[last, 1]
-    assert test.own[last, 1] < BLOCK / SELDOM
-    assert test.together[last] < 0.1
+    assert test._q[last, 0] > 5.0 * test._q[last, 1]
+    assert test._q[last, 1] < BLOCK / SELDOM
+    assert test._q[last, -1] < 0.1
 
 
 def test_what_may_be_a_part_is_not_counted():
@@ -155,8 +150,8 @@ def test_what_may_be_a_part_is_not_counted():
         y = rng.normal(0.0, 0.01, 2) + 0.3 * (k > 30)
         test.add(y, NOTHING, 1.0)
         other.add(y, NOTHING, 0.0)
-    assert np.all(other.own[:-1] == BLOCK / SELDOM)
-    assert np.any(test.own[:-1] != BLOCK / SELDOM)
+    assert np.all(other._q[:-1, :-1] == BLOCK / SELDOM)
+    assert np.any(test._q[:-1, :-1] != BLOCK / SELDOM)
 
 
 def test_one_signal_alone_gives_no_more_than_the_bound():
@@ -186,9 +181,9 @@ def test_the_ratio_is_the_formula_by_plain_numbers():
     for _ in range(10):
         test.add(np.zeros(2), NOTHING)
     a, b = np.array([400.0, 900.0]), np.array([40.0, -9.0])
-    test.information[:], test.pull[:], test.square[:] = 0.0, 0.0, 0.0
-    test.information[2], test.pull[2], test._age[2] = a, b, 9
-    test.own[8], test.together[8] = [0.2, 0.1], 0.05
+    test._sums[:] = 0.0
+    test._sums[0][2], test._sums[1][2], test._age[2] = a, b, 9
+    test._q[8] = 0.2, 0.1, 0.05
     test._weigh()
     steps = np.array([[0.1, 0.0], [0.1, 0.1]])
     own = np.exp(log_own(a, b))
@@ -263,7 +258,7 @@ def test_what_good_flights_showed_makes_a_start_that_is_off_less_likely():
 def test_no_hypothesis_passes_what_the_bound_of_all_hypotheses_leaves_out():
     test, draw = watch(), np.random.default_rng(11)
     run(test, draw.normal(0.0, 0.1, (80, 2)) + (np.arange(80)[:, None] >= 40) * [0.3, -0.2])
-    a, b = test.information[1:], test.pull[1:]
+    a, b = test._sums[0][1:], test._sums[1][1:]
     # Of each start the likeliest steps, exactly: nothing can be likelier.
     steps, none = b / np.maximum(a, 1e-300), np.zeros((1, 2))
     found = [test.change(row[None], none, -np.inf) for row in steps]
@@ -274,3 +269,15 @@ def test_no_hypothesis_passes_what_the_bound_of_all_hypotheses_leaves_out():
     change = test.change(likeliest, none, best - 1e-6)
     assert change is not None
     assert change.log_ratio == pytest.approx(best)
+
+
+def test_the_start_of_a_change_is_the_same_whether_or_not_the_others_are_weighed():
+    test, draw = watch(), np.random.default_rng(12)
+    step = np.array([[0.3, -0.2]])
+    run(test, draw.normal(0.0, 0.01, (60, 2)) + (np.arange(60) >= 52)[:, None] * step)
+    every = test.change(step, np.zeros((1, 2)), -np.inf)
+    assert every is not None
+    alone = test.change(step, np.zeros((1, 2)), every.log_ratio - 1e-6)
+    assert alone is not None
+    assert alone.filter == every.filter > 1
+    assert (every.log_ratio, every.share) == (alone.log_ratio, alone.share)

@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.effects.test_hand_values import AIRFRAME, EFFECTS, HOVER, SPIN, effect, steady
 from thrustmargin.models.effects.channels import lag_weights
-from thrustmargin.models.effects.spin_up import SPIN_UPS, slowed_yaw_rate
+from thrustmargin.models.effects.spin_up import slowed_yaw_rate
 from thrustmargin.models.effects.stored import placed_from
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
@@ -15,6 +15,7 @@ from thrustmargin.models.model.rotor_model import physics_model
 
 TIME = np.arange(400) / 50.0
 LEVER = 4 * 0.05 * 73.549875  # N m of yaw by 100 % more thrust on the rotors that push right
+SPIN_UPS = 0.025 * np.sqrt(2.0) ** np.arange(12)  # s: from a fortieth to just over a second
 INERTIA, DAMPING, SWAY = 5.0, 2.0, 3.0  # kg m², N m s, rad/s of the yaw rate's own swing
 
 

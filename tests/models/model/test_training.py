@@ -235,7 +235,7 @@ def test_speeds_from_motor_outputs_are_learnt_from_alone_and_the_model_remembers
 
 
 def test_training_keeps_its_settings_and_fills_the_model(tmp_path):
-    tracks, seen = sorties(10), []
+    tracks, seen = sorties(6), []
     result = train(
         tracks, F16, QUICK, date="2025-06-01", version="1.2", progress=lambda *e: seen.append(e)
     )
@@ -249,7 +249,7 @@ def test_training_keeps_its_settings_and_fills_the_model(tmp_path):
     assert model.training is not None
     assert (model.training.date, model.training.version) == ("2025-06-01", "1.2")
     assert [s.split for s in model.training.splits] == ["samples", "flights"]
-    assert model.training.left_out[0].score.flights == 10
+    assert model.training.left_out[0].score.flights == 6
     assert model.reference_density == pytest.approx(1.225, abs=0.001)
     assert np.isnan(model.reference_voltage)
     save_model(model, tmp_path / "m.safetensors")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.gcs_plugin.live.live_vehicle import first_part
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
@@ -20,8 +21,9 @@ LOG = Path("sitl_logs/campaign/v4_m4_q2.5.tlog")
 def session(tmp_path_factory) -> Path:
     """A recording that the monitor itself made."""
     folder = tmp_path_factory.mktemp("recorded")
+    log = first_part(LOG, 60.0, tmp_path_factory.mktemp("log"))
     options = "--airframe topxgun-f16-sitl --load 2.5 --air-temperature 31 --max-utilisation 0.4"
-    line = ["monitor", str(LOG), "--no-view", "--record", str(folder), *options.split()]
+    line = ["monitor", str(log), "--no-view", "--record", str(folder), *options.split()]
     assert run(line) == 0
     (made,) = folder.iterdir()
     return made

@@ -100,7 +100,7 @@ def test_an_answer_that_does_not_get_out_is_one_line_and_exit_1(sitl_logs, words
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_watch_goes_on_when_what_it_prints_does_not_get_out(sitl_logs, tmp_path):
     log = tmp_path / "short.tlog"
-    log.write_bytes((sitl_logs / "campaign/v4_m16_q2.5.tlog").read_bytes()[:200_000])
+    log.write_bytes((sitl_logs / "campaign/v4_m16_q2.5.tlog").read_bytes()[:80_000])
     words = ["monitor", str(log), "--no-view", "--record", str(tmp_path / "recordings")]
     command = [sys.executable, "-m", "thrustmargin.gcs_plugin.cli", *words]
     with Path("/dev/full").open("wb") as full:

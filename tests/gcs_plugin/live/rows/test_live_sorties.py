@@ -61,8 +61,10 @@ def heard(frames: list[Frame], piece: int, **stated) -> tuple[list[LiveRows], Ve
     return parts, telemetry
 
 
-@pytest.mark.parametrize("piece", [7, 100_000])
-@pytest.mark.parametrize("stated", [{"load": 10.0}, {"tank": "pump", "tank_start_kg": 10.0}])
+@pytest.mark.parametrize(
+    ("piece", "stated"),
+    [(7, {"load": 10.0}), (100_000, {"tank": "pump", "tank_start_kg": 10.0})],
+)
 def test_a_stated_load_is_taken_for_each_sortie_anew_and_that_is_said(piece, stated):
     parts, telemetry = heard(day(disarmed=True), piece, **stated)
     clock_s = np.concatenate([part.clock_s for part in parts]) - parts[0].clock_s[0]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from tests.gcs_plugin.live.live_vehicle import Vehicle, as_frame, live_rows, log_frames
+from tests.gcs_plugin.live.live_vehicle import Vehicle, as_frame, first_part, live_rows, log_frames
 from thrustmargin.gcs_plugin.live.rows.tank_balance import (
     BalanceWatch,
     DeliveryMeter,
@@ -98,8 +98,9 @@ def test_a_level_that_is_no_longer_reported_is_unknown_after_its_limit():
     assert math.isnan(found[-1][0])
 
 
-def test_the_pump_alone_gives_the_level_from_a_stated_start(sitl_logs):
-    frames = log_frames(sitl_logs / "campaign" / "v4_m16_q2.5.tlog")
+def test_the_pump_alone_gives_the_level_from_a_stated_start(sitl_logs, tmp_path):
+    log = first_part(sitl_logs / "campaign" / "v4_m16_q2.5.tlog", 120.0, tmp_path)
+    frames = log_frames(log)
     without = [f for f in frames if f.id not in (251, 147)]
     found = levels(without, tank="pump", start=16.0)
     pumped = found[-1][3]
@@ -107,7 +108,7 @@ def test_the_pump_alone_gives_the_level_from_a_stated_start(sitl_logs):
     assert "stated 16 kg" in found[-1][1]
     # The same sum as the file's reader makes of the whole flight.
     read = read_log(
-        sitl_logs / "campaign" / "v4_m16_q2.5.tlog",
+        log,
         airframe=AIRFRAME,
         sampling="hold",
         tank="pump",
@@ -117,9 +118,10 @@ def test_the_pump_alone_gives_the_level_from_a_stated_start(sitl_logs):
     assert math.isnan(levels(without, tank="pump")[-1][0])
 
 
-def test_the_delivery_meter_finds_what_the_nozzles_let_through(sitl_logs):
+def test_the_delivery_meter_finds_what_the_nozzles_let_through(sitl_logs, tmp_path):
     meter = DeliveryMeter()
-    frames = log_frames(sitl_logs / "campaign" / "v6_m10_q3.5.tlog")
+    log = first_part(sitl_logs / "campaign" / "v6_m10_q3.5.tlog", 150.0, tmp_path)
+    frames = log_frames(log)
     for level, _, _, pumped in levels(frames, airframe=LARGER_PUMP):
         meter.add(level, pumped)
     # The simulated nozzles pass 3.5 of the pump's 4.5 L/min.

@@ -10,7 +10,7 @@ from tests.gcs_plugin.live.monitored import MODEL
 from thrustmargin.gcs_plugin.live.console import minutes, percent
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
-from thrustmargin.gcs_plugin.wording.alarm_words import MARGIN_AHEAD, margin_words
+from thrustmargin.gcs_plugin.wording.alarm_words import margin_words
 
 
 class Tank(Vehicle):
@@ -54,7 +54,7 @@ def test_longer_than_a_flight_is_no_time():
 def test_below_nothing_there_are_no_degrees():
     for words in (
         percent(-1.26),
-        margin_words(MARGIN_AHEAD, -1.26, 0.5, ends=(-1.26, -1.26), rotor=None),
+        margin_words("Route ahead: margin", -1.26, 0.5, ends=(-1.26, -1.26), rotor=None),
     ):
         assert "126" not in words
-    assert len(margin_words(MARGIN_AHEAD, -1.26, 0.5, ends=(-1.26, -1.26), rotor=8)) <= 50
+    assert len(margin_words("Route ahead: margin", -1.26, 0.5, ends=(-1.26, -1.26), rotor=8)) <= 50

@@ -19,7 +19,6 @@ from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.figures.before_take_off import FillAdvice
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
-from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND
 
 #: Heading of the table -> the figure by its name in sentences.
 FIGURE = {
@@ -115,7 +114,9 @@ def test_once_a_rotor_is_found_bad_no_screen_says_what_one_more_lost_would_mean(
     assert not {"REDUND", "NEXT_FILL"} & {*figures(last)}
     shown = aircraft_figures(ShownRow(last.analysis, -1), 0.0)
     assert (shown["lost"]["code"], shown["lost"]["ratio"]) == ("bad_part", None)
-    assert FillAdvice(0.5).text(last.analysis) == f"{UNSOUND}."
+    assert FillAdvice(0.5).text(last.analysis) == (
+        "No fill can be recommended: a rotor or motor is bad, and the limits are of sound ones."
+    )
 
 
 def test_without_any_speed_the_predicted_margin_is_shown_as_such_and_raises_its_alarm(flight):

@@ -72,7 +72,7 @@ def test_one_flight_names_a_rotor_only_beside_what_good_flights_have_shown():
     alone = identify(by_outputs(9, loss=0.3), curve_model(), catalogue=few)
     assert names(alone) == []
     assert any("learnt from good flights" in line for line in open_questions(alone))
-    good = identify([by_outputs(k) for k in range(5)], curve_model(), catalogue=few)
+    good = identify([by_outputs(k) for k in range(4)], curve_model(), catalogue=few)
     learnt = with_effects(curve_model(), good)
     assert len(learnt.background_rpm) == 4
     beside = identify(by_outputs(9, loss=0.3), learnt, catalogue=few)

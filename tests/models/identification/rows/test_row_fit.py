@@ -11,7 +11,6 @@ from scipy import stats
 from tests.models.made_flights import curve_model, made_flights
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
-from thrustmargin.models.effects.spin_up import SPIN_UPS
 from thrustmargin.models.identification.rows import row_fit
 from thrustmargin.models.identification.rows.candidates import (
     Held,
@@ -210,7 +209,7 @@ def problem(sitl_logs):
         "weathervane": level,
     }
     own |= dict.fromkeys(("airspeed_bias", "airspeed_gain", "sensor_lag"), x.airspeed)
-    own["manoeuvre_moment"] = 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(SPIN_UPS.size))
+    own["manoeuvre_moment"] = 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(12.0))
     return replace(problem, channels=replace(x, own=own))
 
 

@@ -17,7 +17,6 @@ from thrustmargin.models.identification.rows.usable_flights import (
     too_little,
     wrong_speeds,
 )
-from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 
@@ -74,7 +73,9 @@ def test_a_flight_without_a_channel_says_which():
     empty = replace(bare, tank_kg=unknown)
     assert too_little(empty, curve_model()) == "it reports no rotor speeds and no tank level"
     inferred = replace(track, standard_errors={"tank_kg": np.ones_like(track.tank_kg)})
-    assert too_little(inferred, curve_model()) == LOAD_FROM_SPEEDS
+    assert too_little(inferred, curve_model()) == (
+        "the load was inferred from these rotor speeds; state it with --load to compare them"
+    )
 
 
 def test_speeds_of_other_rotors_are_refused_and_outputs_are_not_asked():

@@ -64,8 +64,8 @@ def test_sound_flights_get_no_name_and_say_what_is_excluded():
 
 def test_more_flights_exclude_smaller_losses():
     above = []
-    for count in (2, 8):
-        found = identify(made_flights(count, duration=45.0), curve_model(), catalogue=table(SOME))
+    for count in (2, 6):
+        found = identify(made_flights(count, duration=36.0), curve_model(), catalogue=table(SOME))
         above.append(np.mean([e.above for e in found.excluded if e.parameter == "loss"]))
     assert above[1] < 0.75 * above[0]
 

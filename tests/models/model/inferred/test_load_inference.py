@@ -17,7 +17,6 @@ from thrustmargin.models.identification.rows.usable_flights import too_little
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.inferred.load_evidence import LoadEvidence, load_fit
 from thrustmargin.models.model.inferred.load_inference import (
-    LOAD_FROM_SPEEDS,
     with_load,
     with_load_for_verdict,
     with_load_so_far,
@@ -327,7 +326,9 @@ def test_an_inferred_load_confirms_nothing():
     assert np.isfinite(analysis.redundancy_yaw_uncontrolled).all()
     assert not np.isfinite(analysis.residual_rpm).any()
     assert not training_rows(track).any()
-    assert too_little(track, model) == LOAD_FROM_SPEEDS
+    assert too_little(track, model) == (
+        "the load was inferred from these rotor speeds; state it with --load to compare them"
+    )
     with pytest.raises(DataError, match="none reports a tank level"):
         gather([track])
     # Electrical rpm of 7 pole pairs would show a load that explains them.
