@@ -205,7 +205,9 @@ class Scene:
     def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
         """(3,) origin, m, and direction of a ray of the page as the world has them, which moves."""
         turn = SO3(self._world.wxyz).inverse()
-        return turn.apply(np.asarray(origin) - self._world.position), turn.apply(np.asarray(ray))
+        both = np.array([np.asarray(origin) - self._world.position, ray], dtype=np.float64)
+        start, way = both @ turn.as_matrix().T
+        return start, way
 
     def add_vehicle(self, key: str, airframe: Airframe) -> None:
         """Add an aircraft; `key` is the name that `show` takes."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 
@@ -207,7 +208,8 @@ class Search:
 
         about = linear.about.key
         if about:
-            self._grow(linear, [about, *(about - {member} for member in about)], look)
+            fewer = (about - {*gone} for n in range(3) for gone in combinations(about, n))
+            self._grow(linear, list(fewer), look)
         # Others may stand in the place of all, and two of which neither alone says much.
         self._grow(linear, [frozenset({c}) for c in range(len(self.candidates))], look)
         ranked = sorted(found, key=lambda k: -found[k])
