@@ -540,3 +540,12 @@ def test_the_faults_of_a_flight_are_searched_once_for_verdict_and_alarms():
     assert fault_history(analysis) is fault_history(analysis)
     other = flight()
     assert fault_history(other) is not fault_history(analysis)
+
+
+def test_a_ray_of_the_page_is_that_of_the_field_when_the_field_was_turned(view):
+    field = handle(view, "/world")
+    field.wxyz = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # a quarter turn to the left
+    field.position = np.array([10.0, 20.0, 0.0])
+    origin, ray = view._scene.in_world((10.0, 21.0, 3.0), (1.0, 0.0, 0.0))
+    np.testing.assert_allclose(origin, [1.0, 0.0, 3.0], atol=1e-9)
+    np.testing.assert_allclose(ray, [0.0, -1.0, 0.0], atol=1e-9)
