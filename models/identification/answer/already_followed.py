@@ -19,7 +19,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.answer.borne_out import LEAST_FALL
 from thrustmargin.models.identification.answer.result import Found
 from thrustmargin.models.identification.certainty import DOUBT
-from thrustmargin.models.identification.rows.candidates import Held, Term, placed
+from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, placed
 from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS, Problem
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import ForwardFlight, straight_rows, wind_by_drag
@@ -29,7 +29,10 @@ LEVEL_ERROR = np.radians(0.5)  # of the attitude, which both ways take for a win
 
 
 def followed_wind(
-    problem: Problem, residual_rpm: Floats, held: Sequence[Held], tracks: Sequence[FlightTrack]
+    problem: Problem,
+    residual_rpm: Floats,
+    held: Sequence[TrialEffect],
+    tracks: Sequence[FlightTrack],
 ) -> Found | None:
     """The wind of the flights where it is stronger than in training and the airspeed follows it.
 
@@ -96,7 +99,7 @@ def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
 
 
 def _worse(
-    problem: Problem, residual_rpm: Floats, held: Sequence[Held], without: Channels
+    problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffect], without: Channels
 ) -> tuple[float, float, float]:
     """RMSE in rpm with the channels `without` and with the problem's, and how likely by chance.
 

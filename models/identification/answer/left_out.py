@@ -17,7 +17,7 @@ import numpy as np
 from thrustmargin.models.effects.compose import filled
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, Posterior
-from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, placed
+from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate, placed
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.rows.row_fit import fit_rows
 from thrustmargin.models.identification.sets.linear_sets import ColumnsAbout, FittedSet, Linear
@@ -164,7 +164,7 @@ class LeftOut:
     def _term(self, c: int) -> Term:
         return self.search.candidates[c].term
 
-    def held(self, values: Values) -> list[Held]:
+    def held(self, values: Values) -> list[TrialEffect]:
         """Effects with values of all flights."""
         return [_for_flights(self._term(c), v) for c, v in sorted(values.items())]
 
@@ -207,12 +207,12 @@ def on_new_flights(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floa
     return residual_of_unseen(unused, held)
 
 
-def _for_flights(term: Term, values: Floats) -> Held:
+def _for_flights(term: Term, values: Floats) -> TrialEffect:
     """A term with the values (F, K) of other flights than the search's."""
-    return Held(candidate=candidate(term, values.shape[0]), values=values)
+    return TrialEffect(candidate=candidate(term, values.shape[0]), values=values)
 
 
-def residual_of_unseen(problem: Problem, held: Sequence[Held]) -> Floats:
+def residual_of_unseen(problem: Problem, held: Sequence[TrialEffect]) -> Floats:
     """(T, R) rpm; values of single flights are found on every other block of each flight."""
     measured = problem.measured_rpm
     if not any(flight is not None for h in held for _, flight in h.candidate.free):
@@ -227,7 +227,7 @@ def residual_of_unseen(problem: Problem, held: Sequence[Held]) -> Floats:
     return out
 
 
-def own_values(problem: Problem, held: Sequence[Held], chosen: Bools) -> list[Held]:
+def own_values(problem: Problem, held: Sequence[TrialEffect], chosen: Bools) -> list[TrialEffect]:
     """With the values of each flight found on the `chosen` blocks (B,), the shared ones kept."""
     own = [
         replace(h.candidate, free=tuple(f for f in h.candidate.free if f[1] is not None))

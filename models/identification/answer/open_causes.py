@@ -34,8 +34,8 @@ from thrustmargin.models.identification.answer.result import Found, OpenCause
 from thrustmargin.models.identification.certainty import SURE
 from thrustmargin.models.identification.rows.candidates import (
     RANGE,
-    Held,
     Term,
+    TrialEffect,
     candidate,
     derivatives,
 )
@@ -128,7 +128,7 @@ class _Curves:
         return out
 
 
-def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[Held]) -> CausesFound:
+def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffect]) -> CausesFound:
     """Causes of what a set leaves: `residual_rpm` (T, R), `held` the set with its values."""
     if problem.flights < 2 or problem.of_outputs:
         return CausesFound()
@@ -196,7 +196,7 @@ def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
 
 
 def _curves(
-    problem: Problem, residual_rpm: Floats, held: Sequence[Held], fold: NDArray[np.intp]
+    problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffect], fold: NDArray[np.intp]
 ) -> _Curves:
     stride = problem.stride
     rows = thinned(problem, stride)
@@ -242,6 +242,6 @@ def _curves(
     )
 
 
-def _at_nothing(mode: str, flights: int) -> Held:
+def _at_nothing(mode: str, flights: int) -> TrialEffect:
     one = candidate(Term(effect=UNNAMED[mode, CONSTANT]), flights)
-    return Held(candidate=one, values=one.start)
+    return one.at_start

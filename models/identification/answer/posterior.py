@@ -19,8 +19,8 @@ from thrustmargin.models.identification.answer.result import Excluded, Mentioned
 from thrustmargin.models.identification.certainty import CHOICE, DOUBT, ERRORS, SURE
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
-    Held,
     Term,
+    TrialEffect,
     derivatives,
     predicted,
 )
@@ -316,7 +316,7 @@ def known_to_its_law(search: Search, estimate: EffectEstimate) -> EffectEstimate
     """The estimate with the error of its law beside its own: a law is good to FORM of what it
     changes, so a value to what alone would have to differ for that."""
     reduced, one = search.reduced, search.candidates[estimate.candidate]
-    held = [Held(candidate=one, values=estimate.value)]
+    held = [TrialEffect(candidate=one, values=estimate.value)]
     change = np.nan_to_num(predicted(reduced, held) - predicted(reduced, ()))
     by_value = np.nan_to_num(derivatives(reduced, held, 0))
     size, whole = np.sqrt(np.mean(by_value**2, axis=(0, 1))), np.sqrt(np.mean(change**2))

@@ -18,7 +18,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.posterior import Posterior
 from thrustmargin.models.identification.answer.result import Found, OpenCause, Unexplained
 from thrustmargin.models.identification.certainty import CHOICE, DOUBT
-from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.rows.candidates import TrialEffect, predicted
 from thrustmargin.models.identification.sets.discrepancy import FORM, MEANS, WANDER, slow_wander
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
 from thrustmargin.models.identification.sets.search_space import USUAL_SHARE, SearchSpace
@@ -123,7 +123,7 @@ def open_cause(found: Found, answer: Posterior) -> OpenCause:
     search = answer.search
     candidates = search.candidates
     own = next(c for c, one in enumerate(candidates) if one.key == found.term.key)
-    held = Held(candidate=candidates[own], values=found.value)
+    held = TrialEffect(candidate=candidates[own], values=found.value)
     change = predicted(search.reduced, [held]) - predicted(search.reduced, ())
     place = _in_place_of(own, search) if candidates[own].unnamed else ()
     alike = (c for c in place if c != own and answer.probability([c]) > DOUBT)
@@ -167,7 +167,7 @@ def _wandering(space: SearchSpace, search: Search, best: FittedSet) -> Unexplain
     )
 
 
-def acts_in(search: Search, held: Held, modes: Sequence[int]) -> bool:
+def acts_in(search: Search, held: TrialEffect, modes: Sequence[int]) -> bool:
     """True for an effect of which most of the change is in some modes."""
     change = predicted(search.reduced, [held]) - predicted(search.reduced, ())
     square = np.mean(np.nan_to_num(change) ** 2, axis=0)

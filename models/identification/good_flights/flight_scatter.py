@@ -20,8 +20,8 @@ from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.good_flights.standard_effects import gain_and_error
 from thrustmargin.models.identification.rows.candidates import (
-    Held,
     Term,
+    TrialEffect,
     candidate,
     predicted,
     slopes,
@@ -117,7 +117,7 @@ def _own_estimates(
         start = np.array([values] * problem.flights)
         for rotor in range(model.airframe.rotor_count) if effect.of_one_rotor else (None,):
             one = candidate(Term(effect=effect, rotor=rotor), problem.flights)
-            held = [Held(candidate=one, values=start)]
+            held = [TrialEffect(candidate=one, values=start)]
             main = [k for k, p in enumerate(effect.parameters) if not p.detail]
             columns = slopes(at, held, 0)[:, :, main]
             residual = problem.in_modes(problem.measured_rpm) - predicted(at, held)

@@ -20,7 +20,12 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
-from thrustmargin.models.identification.rows.candidates import Candidate, Held, Term, candidate
+from thrustmargin.models.identification.rows.candidates import (
+    Candidate,
+    Term,
+    TrialEffect,
+    candidate,
+)
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
 from thrustmargin.models.identification.rows.problem import Problem, assemble, thinned
 from thrustmargin.models.identification.rows.row_fit import (
@@ -106,7 +111,7 @@ def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> R
     turns, and all moved at once from nothing they end where none is what it is.
     """
     whole = [candidate(t, problem.flights) for t in terms]
-    made = [Held(candidate=_without_shapes(one), values=one.start) for one in whole]
+    made = [TrialEffect(candidate=_without_shapes(one), values=one.start) for one in whole]
     first = fit_rows(problem, made, known_rpm=known).held
     from_there = [replace(h, candidate=one) for h, one in zip(first, whole, strict=True)]
     return fit_rows(problem, from_there, known_rpm=known)
@@ -142,7 +147,7 @@ def _without_if_unneeded(
     return fit if gain > max(error, worth) else without
 
 
-def _needed(fit: RowFit) -> tuple[Held, ...]:
+def _needed(fit: RowFit) -> tuple[TrialEffect, ...]:
     """What stays, by the sums of the fit with all of it.
 
     An effect with a value at a bound is not what happens, one of less than its least worth naming
@@ -162,7 +167,7 @@ def _needed(fit: RowFit) -> tuple[Held, ...]:
         kept = min(gains, key=lambda g: g[0])[1]
 
 
-def held_at_absent(fit: RowFit, kept: Sequence[Held]) -> RowSums:
+def held_at_absent(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
     """The sums of a fit with the other effects held at nothing, the rest free."""
     free, move = [], []
     for held in fit.held:
@@ -174,7 +179,7 @@ def held_at_absent(fit: RowFit, kept: Sequence[Held]) -> RowSums:
     return fit.sums.held_at(free, np.array(move))
 
 
-def _of_note(held: Held) -> bool:
+def _of_note(held: TrialEffect) -> bool:
     """True when all values that make the effect are inside their bounds and one is worth naming;
     always of an effect that is no choice."""
     if held.candidate.key == BY_NATURE:

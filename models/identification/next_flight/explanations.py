@@ -14,8 +14,8 @@ from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Parameter
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
-    Held,
     Term,
+    TrialEffect,
     candidate,
     predicted,
     slopes,
@@ -35,7 +35,7 @@ class Explanation:
     """Effects with values that all flights share, and the covariance of all values in their
     order."""
 
-    held: tuple[Held, ...]
+    held: tuple[TrialEffect, ...]
     covariance: Floats  # (P, P)
 
     @property
@@ -96,7 +96,7 @@ def scatter(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
         absent = np.array([[_absent(p) for p in effect.parameters]] * rows.flights)
         for rotor in range(shape[1]) if effect.of_one_rotor else (None,):
             one = candidate(Term(effect=effect, rotor=rotor), rows.flights)
-            by_value = slopes(rows, [Held(candidate=one, values=absent)], 0, moving)
+            by_value = slopes(rows, [TrialEffect(candidate=one, values=absent)], 0, moving)
             made.append(by_value * np.array(own)[moving])
     return np.nan_to_num(np.concatenate(made, axis=2))
 
@@ -117,14 +117,14 @@ def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
     return np.sqrt(np.sum(about**2, axis=0) / free * BLOCK_SECONDS) + 1e-3
 
 
-def _shared(term: Term, rows: RowsToFit) -> Held:
+def _shared(term: Term, rows: RowsToFit) -> TrialEffect:
     """A term, of a step what it is afterwards, all of whose values flights share."""
     lasting = Term(effect=term.effect.afterwards or term.effect, rotor=term.rotor)
     free = tuple((k, None) for k in range(len(lasting.effect.parameters)))
     one = replace(candidate(lasting, rows.flights), free=free)
     if one.unnamed:  # its curve lies where these flights have its channel
         one = next(known for known in unnamed_candidates(rows) if known.key == term.key)
-    return Held(candidate=one, values=one.start)
+    return one.at_start
 
 
 def _absent(parameter: Parameter) -> float:

@@ -96,13 +96,17 @@ class Candidate:
         return np.array(flights, dtype=np.intp), np.array(which, dtype=np.intp)
 
     @property
+    def at_start(self) -> TrialEffect:
+        return TrialEffect(candidate=self, values=self.start)
+
+    @property
     def start_values(self) -> list[float]:
         """(P,) where the free values start."""
         return self.start[self.places].tolist()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Held:
+class TrialEffect:
     """A candidate with values."""
 
     candidate: Candidate
@@ -113,7 +117,7 @@ class Held:
         """(P,) the values that are free."""
         return self.values[self.candidate.places]
 
-    def moved(self, by: Floats) -> Held:
+    def moved(self, by: Floats) -> TrialEffect:
         """With the free values (P,) moved, kept within their bounds."""
         values = self.values.copy()
         for (k, flight), step in zip(self.candidate.free, by, strict=True):
@@ -261,7 +265,7 @@ def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:
     return Candidate(term=term, start=start, free=tuple(free), log_prior=float(np.log(prior)))
 
 
-def placed(rows: RowsToFit, held: Sequence[Held]) -> list[Placed]:
+def placed(rows: RowsToFit, held: Sequence[TrialEffect]) -> list[Placed]:
     """Effects with their values, an array of N where flights have their own."""
     out = []
     for one in held:
@@ -277,17 +281,17 @@ def placed(rows: RowsToFit, held: Sequence[Held]) -> list[Placed]:
     return out
 
 
-def predicted(rows: RowsToFit, held: Sequence[Held]) -> Floats:
+def predicted(rows: RowsToFit, held: Sequence[TrialEffect]) -> Floats:
     """(N, R) rpm in modes."""
     return rows.in_modes(rows.speeds(placed(rows, held)))
 
 
-def derivatives(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
+def derivatives(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> Floats:
     """(T, R, P) rpm in modes by the free values of one of the candidates."""
     return value_columns(rows, held, of).wide(rows.flight)
 
 
-def value_columns(rows: RowsToFit, held: Sequence[Held], of: int) -> ValueColumns:
+def value_columns(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> ValueColumns:
     """The same, those of one flight's own values without the zeros of all others."""
     free = held[of].candidate.free
     wanted = sorted({k for k, _ in free})
@@ -299,7 +303,7 @@ def value_columns(rows: RowsToFit, held: Sequence[Held], of: int) -> ValueColumn
 
 
 def slopes(
-    rows: RowsToFit, held: Sequence[Held], of: int, wanted: Sequence[int] | None = None
+    rows: RowsToFit, held: Sequence[TrialEffect], of: int, wanted: Sequence[int] | None = None
 ) -> Floats:
     """(T, R, K) rpm in modes by the parameters of one of the candidates, or those `wanted`, by
     central differences.
@@ -328,7 +332,7 @@ def slopes(
     return np.concatenate(columns, axis=2)
 
 
-def _of_curve(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
+def _of_curve(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> Floats:
     """(T, R, K) rpm in modes by the knots of a cause without a name: what the same all the time
     would do, in the proportion in which each row has the knot."""
     one, rest = held[of], [*held[:of], *held[of + 1 :]]
@@ -339,7 +343,7 @@ def _of_curve(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
     ends = []
     for sign in (1.0, -1.0):
         values = flat.start + sign * STEP * p.scale
-        ends.append(predicted(rows, [*rest, Held(candidate=flat, values=values)]))
+        ends.append(predicted(rows, [*rest, TrialEffect(candidate=flat, values=values)]))
     slope = (ends[0] - ends[1]) / (2.0 * STEP * p.scale)
     shape = curve_columns(np.asarray(ALONG[channel].read(rows.channels)), *one.values[0, -2:])
     return slope[:, :, None] * shape[:, None, :]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
+from thrustmargin.models.identification.rows.candidates import TrialEffect, derivatives, predicted
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.rows.whitening import Whitening, plain
 
@@ -83,7 +83,7 @@ class RowSums:
 class RowFit:
     """Effects with the values found, and the sums about them."""
 
-    held: tuple[Held, ...]
+    held: tuple[TrialEffect, ...]
     filter: Whitening
     columns: Floats  # (T, R, P) rpm in modes
     sums: RowSums
@@ -91,7 +91,7 @@ class RowFit:
 
 def fit_rows(
     problem: Problem,
-    held: Sequence[Held],
+    held: Sequence[TrialEffect],
     chosen: Bools | None = None,
     known_rpm: Floats | float = 0.0,
 ) -> RowFit:
@@ -105,7 +105,7 @@ def fit_rows(
     chosen = np.ones(problem.block_flight.size, dtype=bool) if chosen is None else chosen
     rows = chosen[problem.block]
 
-    def residual(of: Sequence[Held]) -> Floats:
+    def residual(of: Sequence[TrialEffect]) -> Floats:
         return np.nan_to_num(measured - predicted(problem, of))
 
     left = residual(held)
@@ -141,7 +141,7 @@ def costs_by(problem: Problem, fit: RowFit, filter_: Whitening) -> Floats:
     return _sums(problem, fit.held, filter_, fit.columns, left).left_out_costs()
 
 
-def inside_bounds(sums: RowSums, total: Floats, held: Sequence[Held]) -> Floats:
+def inside_bounds(sums: RowSums, total: Floats, held: Sequence[TrialEffect]) -> Floats:
     """(P,) the move of the values; one at a bound that would leave it stays, and the others move as
     is best without it."""
     value = np.concatenate([np.zeros(0), *(h.free_values for h in held)])
@@ -160,14 +160,14 @@ def inside_bounds(sums: RowSums, total: Floats, held: Sequence[Held]) -> Floats:
         free &= ~out
 
 
-def _columns(problem: Problem, held: Sequence[Held]) -> Floats:
+def _columns(problem: Problem, held: Sequence[TrialEffect]) -> Floats:
     empty = np.zeros((*problem.measured_rpm.shape, 0))
     parts = [derivatives(problem, held, k) for k in range(len(held))]
     return np.nan_to_num(np.concatenate([empty, *parts], axis=2))
 
 
 def _sums(
-    problem: Problem, held: Sequence[Held], filter_: Whitening, columns: Floats, left: Floats
+    problem: Problem, held: Sequence[TrialEffect], filter_: Whitening, columns: Floats, left: Floats
 ) -> RowSums:
     away, weight = _from_absent(held), RIDGE * left.shape[0] / _sizes(held) ** 2
     whole = np.concatenate([columns, left[:, :, None]], axis=2)
@@ -180,15 +180,15 @@ def _sums(
     )
 
 
-def _merit(held: Sequence[Held], prior: Floats, z: Floats) -> float:
+def _merit(held: Sequence[TrialEffect], prior: Floats, z: Floats) -> float:
     return float(np.sum(z**2) + np.sum(prior * _from_absent(held) ** 2))
 
 
-def _sizes(held: Sequence[Held]) -> Floats:
+def _sizes(held: Sequence[TrialEffect]) -> Floats:
     return np.array([p.scale for h in held for p in h.candidate.parameters])
 
 
-def _from_absent(held: Sequence[Held]) -> Floats:
+def _from_absent(held: Sequence[TrialEffect]) -> Floats:
     """(P,) how far each value is from nothing; none where there is no such value."""
     pairs = [
         (p, v) for h in held for p, v in zip(h.candidate.parameters, h.free_values, strict=True)
@@ -196,7 +196,7 @@ def _from_absent(held: Sequence[Held]) -> Floats:
     return np.array([0.0 if p.absent is None else v - p.absent for p, v in pairs])
 
 
-def moved_by(held: Sequence[Held], by: Floats) -> tuple[Held, ...]:
+def moved_by(held: Sequence[TrialEffect], by: Floats) -> tuple[TrialEffect, ...]:
     """With all free values (P,) moved, each kept within its bounds."""
     ends = np.cumsum([0, *(len(h.candidate.free) for h in held)])
     return tuple(h.moved(by[a:b]) for h, (a, b) in zip(held, pairwise(ends), strict=True))

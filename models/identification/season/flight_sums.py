@@ -26,7 +26,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
-    Held,
+    TrialEffect,
     derivatives,
     predicted,
     slopes,
@@ -123,12 +123,12 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
 def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floats:
     """(N, R, P) rpm in modes by the values of a candidate at its start, perhaps `found` before."""
     if found is None:
-        found = derivatives(reduced, [Held(candidate=one, values=one.start)], 0)
+        found = derivatives(reduced, [one.at_start], 0)
     shares = [k for k, p in enumerate(one.parameters) if p.name == TORQUE_SHARE.name]
     if one.term.effect.of_one_rotor and shares:
         moved = one.start.copy()
         moved[:, shares[0]] += TORQUE_SHARE.scale
-        other = slopes(reduced, [Held(candidate=one, values=moved)], 0, [0])
+        other = slopes(reduced, [TrialEffect(candidate=one, values=moved)], 0, [0])
         found = found.copy()
         found[:, :, shares[0]] = (other[:, :, 0] - found[:, :, 0]) / TORQUE_SHARE.scale
     return found
@@ -138,7 +138,7 @@ def _bend(reduced: Reduced, one: Candidate, slope: Floats) -> Floats:
     """(N, R) rpm in modes that a loss d does beyond its derivative, over d²."""
     moved = one.start.copy()
     moved[:, [p.name for p in one.parameters].index(LOSS.name)] += BENT_AT
-    done = predicted(reduced, (Held(candidate=one, values=moved),)) - predicted(reduced, ())
+    done = predicted(reduced, (TrialEffect(candidate=one, values=moved),)) - predicted(reduced, ())
     return (done - BENT_AT * slope) / BENT_AT**2
 
 

@@ -29,7 +29,7 @@ from thrustmargin.models.identification.rows.candidates import (
     EFFECT_PRIOR,
     ROTOR_PRIOR,
     Candidate,
-    Held,
+    TrialEffect,
 )
 
 (INVERTED,) = get_lapack_funcs(("trtri",), dtype=np.float64)  # of a triangular matrix
@@ -176,7 +176,7 @@ def _of_candidates(candidates: tuple[Candidate, ...]) -> SetPrior:
     )
 
 
-def prior_of(held: Sequence[Held]) -> ValuePrior:
+def prior_of(held: Sequence[TrialEffect]) -> ValuePrior:
     """The prior of the values of a set."""
     of_set = _of_candidates(tuple(one.candidate for one in held))
     at = np.concatenate([np.zeros(0), *(one.free_values for one in held)])

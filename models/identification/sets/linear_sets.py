@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import Held
+from thrustmargin.models.identification.rows.candidates import TrialEffect
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.evidence import (
@@ -36,7 +36,7 @@ class FittedSet:
     """A set fitted in full."""
 
     key: Key
-    held: tuple[Held, ...]
+    held: tuple[TrialEffect, ...]
     scored: Scored
     total: float  # log evidence
     residual: Floats  # (N, R) rpm in modes
@@ -62,7 +62,9 @@ class Linear:
     """
 
     about: FittedSet
-    held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
+    held: tuple[
+        TrialEffect, ...
+    ]  # every candidate: at its values in the set, at its start out of it
     columns: tuple[slice, ...]
     gram: Floats
     temperature: float  # times the noise, that sets are weighed with
@@ -163,7 +165,7 @@ class ColumnsAbout:
     """What makes a `Linear`: q columns of rpm in modes."""
 
     about: FittedSet
-    held: tuple[Held, ...]
+    held: tuple[TrialEffect, ...]
     columns: tuple[slice, ...]
     whole: ValueColumns
     temperature: float

@@ -26,7 +26,6 @@ from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.candidates import (
     ROTOR_PRIOR,
     Candidate,
-    Held,
     Term,
     candidate,
     derivatives,
@@ -69,7 +68,7 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
     found = []
     for rotor in range(rotors):
         loss = candidate(Term(effect=ROTOR_DEGRADATION, rotor=rotor), reduced.flights)
-        held = [*fitted.held, Held(candidate=loss, values=loss.start)]
+        held = [*fitted.held, loss.at_start]
         column = np.nan_to_num(derivatives(reduced, held, len(held) - 1)[:, :, 0])
         best: dict[str, tuple[float, int, tuple[float, ...]]] = {}
         tries, sums = 0, _LossSums.of(search, fitted, column)

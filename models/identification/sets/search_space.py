@@ -15,7 +15,6 @@ from thrustmargin.models.effects.unnamed import SLOW, place_of
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
-    Held,
     candidates_of,
     derivatives,
     predicted,
@@ -185,7 +184,7 @@ def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Floats, d
     for c, k, _ in main_values(candidates):
         one = candidates[c]
         if c not in at:
-            at[c] = np.nan_to_num(derivatives(reduced, [Held(candidate=one, values=one.start)], 0))
+            at[c] = np.nan_to_num(derivatives(reduced, [one.at_start], 0))
         columns.append(at[c][:, :, k] * one.parameters[k].smallest)
     if not columns:
         return np.zeros((*reduced.measured_rpm.shape, 0)), at
@@ -198,7 +197,7 @@ def _curves(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
     for one in (c for c in unnamed if place_of(c.term.effect)[1] in SLOW):
         most = np.array([p.upper for p in one.parameters])
-        columns.append(most * derivatives(reduced, [Held(candidate=one, values=one.start)], 0))
+        columns.append(most * derivatives(reduced, [one.at_start], 0))
     return np.nan_to_num(np.concatenate(columns, axis=2))
 
 

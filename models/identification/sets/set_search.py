@@ -20,7 +20,7 @@ from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGR
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
-    Held,
+    TrialEffect,
     predicted,
     value_columns,
 )
@@ -73,7 +73,7 @@ class Search:
         self.candidates = list(candidates)
         self.solved = self.nuisance.solved()
         self.fitted: dict[Key, FittedSet] = {}
-        self.start = [Held(candidate=c, values=self._begin(c)) for c in self.candidates]
+        self.start = [TrialEffect(candidate=c, values=self._begin(c)) for c in self.candidates]
 
     def _begin(self, one: Candidate) -> Floats:
         """(F, K) where its values start: a delay has more than one likely value, and steps from
@@ -122,13 +122,13 @@ class Search:
         found = []
         for one in more:
             self.candidates.append(one)
-            self.start.append(Held(candidate=one, values=one.start))
+            self.start.append(one.at_start)
             new = len(self.candidates) - 1
             values = [near.get(c, self.start[c]) for c in range(new + 1)]
             found += [self.fit(key, values) for key in (frozenset({new}), beside | {new})]
         return any(one.total > self.best.total - FAR for one in found)
 
-    def fit_near(self, key: Key, near: Mapping[int, Held]) -> FittedSet:
+    def fit_near(self, key: Key, near: Mapping[int, TrialEffect]) -> FittedSet:
         """A set fitted from the values of a neighbour, without a place among the sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 8)
 
@@ -249,7 +249,7 @@ class Search:
             for k in key
         )
 
-    def fit(self, key: Key, near: Sequence[Held], steps: int = 8) -> FittedSet:
+    def fit(self, key: Key, near: Sequence[TrialEffect], steps: int = 8) -> FittedSet:
         """Fit a set in full from the values in `near` (of all candidates) or from the starts. One
         far from the best is left where it stands."""
         if key in self.fitted:
@@ -263,7 +263,9 @@ class Search:
             self.fit(found.possible, near)  # what cannot be may hide what is beside it
         return found
 
-    def _fit(self, key: Key, held: Sequence[Held], steps: int, best: float = -np.inf) -> FittedSet:
+    def _fit(
+        self, key: Key, held: Sequence[TrialEffect], steps: int, best: float = -np.inf
+    ) -> FittedSet:
         """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more,
         and where even these promise far less than the `best` log evidence, that is the end."""
         measured = self.reduced.in_modes(self.reduced.measured_rpm)
@@ -300,7 +302,7 @@ class Search:
         return self._scored(key, columns, held, residual)
 
     def _normal(
-        self, columns: Prepared, held: Sequence[Held], residual: Floats
+        self, columns: Prepared, held: Sequence[TrialEffect], residual: Floats
     ) -> tuple[Floats, float]:
         """The normal equations of a set at its values, and what these cost."""
         gram, prior = columns.gram(residual), prior_of(held)
@@ -308,7 +310,7 @@ class Search:
         return gram, float(gram[-1, -1]) + float(np.sum(prior.weight * away**2))
 
     def _scored(
-        self, key: Key, columns: Prepared, held: Sequence[Held], residual: Floats
+        self, key: Key, columns: Prepared, held: Sequence[TrialEffect], residual: Floats
     ) -> FittedSet:
         """A set as it stands, with all that the derivatives promise."""
         scored = score(prior_of(held), columns.gram(residual), self.temperature)
@@ -326,7 +328,7 @@ class Search:
             first = last
         return moved
 
-    def _prepared(self, held: Sequence[Held]) -> Prepared:
+    def _prepared(self, held: Sequence[TrialEffect]) -> Prepared:
         """Derivatives by the free values of a set."""
         nothing = ValueColumns.of_all(np.zeros((*self.reduced.measured_rpm.shape, 0)))
         parts = [value_columns(self.reduced, held, k) for k in range(len(held))]

@@ -10,7 +10,11 @@ from scipy.integrate import solve_ivp
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.demand.slung_load import SLUNG_LOADS, cable_pull, swing
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, predicted
+from thrustmargin.models.identification.rows.candidates import (
+    Term,
+    candidate,
+    predicted,
+)
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows, half_widths
 from thrustmargin.models.model.predict import model_channels
@@ -227,9 +231,7 @@ def test_mass_and_cable_of_a_known_load_are_found_from_rotor_speeds():
         key=lambda e: abs(np.log(e.parameters[1].start / cable)),
     )
     terms = (Term(effect=table["load_factor"]), Term(effect=near))
-    held = [
-        Held(candidate=one, values=one.start) for one in (candidate(t, len(tracks)) for t in terms)
-    ]
+    held = [one.at_start for one in (candidate(t, len(tracks)) for t in terms)]
     fit = fit_rows(problem, held)
     found = fit.held[1].values[0]
     assert found[0] == pytest.approx(load, rel=0.05)

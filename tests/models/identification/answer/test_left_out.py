@@ -14,7 +14,7 @@ from thrustmargin.models.identification.answer.left_out import (
     residual_of_unseen,
 )
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, placed
+from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate, placed
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.reduced import rows_and_means
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -131,9 +131,9 @@ def test_many_flights_are_left_out_some_at_a_time():
 def test_a_value_of_one_flight_is_found_on_its_other_blocks():
     problem = assemble(curve_model(), made_flights(2, duration=80.0))
     one = candidate(Term(effect=BY_KEY["tank_zero"]), 2)
-    held = [Held(candidate=one, values=one.start)]
+    held = [one.at_start]
     heavy = problem.block % 2 == 0  # in every other block the gauge reads 1.5 kg too little
-    truth = [Held(candidate=one, values=np.full((2, 1), 1.5))]
+    truth = [TrialEffect(candidate=one, values=np.full((2, 1), 1.5))]
     speeds = np.where(heavy[:, None], problem.speeds(placed(problem, truth)), problem.speeds())
     problem = replace(problem, measured_rpm=speeds)
     even = np.arange(problem.block_flight.size) % 2 == 0
@@ -150,8 +150,8 @@ def test_a_value_of_one_flight_is_found_on_its_other_blocks():
 def test_a_shared_value_stays_where_it_was_put_while_own_values_are_found():
     problem = assemble(curve_model(), made_flights(2, hidden_mass=2.0))
     mass, zero = (candidate(Term(effect=BY_KEY[key]), 2) for key in ("extra_mass", "tank_zero"))
-    held = [Held(candidate=mass, values=np.full((2, 1), 0.7))]
-    held.append(Held(candidate=zero, values=zero.start))
+    held = [TrialEffect(candidate=mass, values=np.full((2, 1), 0.7))]
+    held.append(zero.at_start)
     found = own_values(problem, held, np.ones(problem.block_flight.size, dtype=bool))
     np.testing.assert_array_equal(found[0].values, 0.7)
     assert found[1].values == pytest.approx(np.full((2, 1), 1.3), abs=0.1)

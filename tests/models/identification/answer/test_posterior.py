@@ -11,7 +11,7 @@ from scipy.stats import norm
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, posterior_of
-from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
+from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate
 from thrustmargin.models.identification.sets.evidence import Scored
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
 
@@ -33,7 +33,7 @@ def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
         one = ALL[names[n]]
         start = one.start.copy()
         start[0, 0] = values[n][0]
-        held.append(Held(candidate=one, values=start))
+        held.append(TrialEffect(candidate=one, values=start))
         errors += [values[n][1]] + [0.1] * (len(one.free) - 1)
     scored = Scored(log_evidence=0.0, step=np.zeros(len(errors)), variance=np.square(errors))
     return FittedSet(
@@ -243,7 +243,7 @@ def excluded(value: float, error: float, *sets: FittedSet, named=()):
         absent = one.start.copy()
         for k, p in enumerate(one.parameters):
             absent[:, k] = p.start if p.absent is None else p.absent
-        held.append(Held(candidate=one, values=absent))
+        held.append(TrialEffect(candidate=one, values=absent))
     linear: Any = SimpleNamespace(score=score, held=held, law_error=law_error)
     return {e.term.effect.name: e for e in answer_of(*sets).excluded(linear, named)}
 
@@ -275,14 +275,14 @@ def test_a_detail_is_no_size_and_a_value_that_is_never_absent_neither():
     linear: Any = SimpleNamespace(
         law_error=law_error,
         score=lambda *_: scored,
-        held=[Held(candidate=made, values=np.zeros((1, 3)))],
+        held=[TrialEffect(candidate=made, values=np.zeros((1, 3)))],
     )
     (one,) = posterior_of(search).excluded(linear, [])
     assert (one.parameter, one.above) == (
         "mass",
         pytest.approx(0.3 + norm.ppf(0.95) * np.hypot(0.2, 0.03)),
     )
-    held = Held(candidate=made, values=np.array([[0.1, 9.0, 9.0]]))
+    held = TrialEffect(candidate=made, values=np.array([[0.1, 9.0, 9.0]]))
     still = replace(scored, step=np.zeros(3))
     sure = replace(a_set(1.0), key=frozenset({0}), held=(held,), scored=still)
     search.fitted = {sure.key: sure}
@@ -321,9 +321,9 @@ def test_values_of_single_flights_are_averaged_flight_by_flight():
             step=np.array(steps),
             variance=np.array([0.01, 0.04, 9.0][: len(steps)]),
         )
-        held = [Held(candidate=zero, values=np.array(values)[:, None])]
+        held = [TrialEffect(candidate=zero, values=np.array(values)[:, None])]
         if len(key) > 1:
-            held.append(Held(candidate=MASS, values=np.zeros((2, 1))))
+            held.append(TrialEffect(candidate=MASS, values=np.zeros((2, 1))))
         return FittedSet(
             key=frozenset(key),
             held=tuple(held),
@@ -348,7 +348,7 @@ def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
     scored = Scored(log_evidence=0.0, step=0.0 * errors, variance=errors**2)
     rare = FittedSet(
         key=frozenset({0}),
-        held=(Held(candidate=onset, values=values),),
+        held=(TrialEffect(candidate=onset, values=values),),
         scored=scored,
         total=float(np.log(0.2)),
         residual=np.zeros((1, 4)),
@@ -371,7 +371,7 @@ def test_what_is_excluded_beside_a_set_is_read_at_its_own_place():
         places = np.arange(1.0, count + 1.0, dtype=np.float64)
         return Scored(log_evidence=0.0, step=0.01 * places, variance=(0.001 * places) ** 2)
 
-    held = [Held(candidate=one, values=one.start) for one in ALL]
+    held = [one.at_start for one in ALL]
     linear: Any = SimpleNamespace(score=score, held=held, law_error=law_error)
     best = a_set(1.0, mass=(1.0, 0.1), cg=(0.02, 0.001))
     found = answer_of(best).excluded(linear, [0, 2])
@@ -452,7 +452,7 @@ def test_a_rotor_is_named_by_a_steady_loss_and_one_along_a_channel_together(alon
     errors = np.full(len(uneven.free), 0.01)
     other = FittedSet(
         key=frozenset({len(ALL)}),
-        held=(Held(candidate=uneven, values=uneven.start + 0.05),),
+        held=(TrialEffect(candidate=uneven, values=uneven.start + 0.05),),
         scored=Scored(log_evidence=0.0, step=0.0 * errors, variance=errors**2),
         total=float(np.log(along)),
         residual=np.zeros((1, 4)),
@@ -475,7 +475,7 @@ def test_a_knot_that_no_flight_reaches_is_as_the_last_that_one_does():
     def estimate(*errors: float) -> list[float]:
         one = FittedSet(
             key=frozenset({0}),
-            held=(Held(candidate=curve, values=values),),
+            held=(TrialEffect(candidate=curve, values=values),),
             scored=Scored(log_evidence=0.0, step=np.zeros(3), variance=np.square(errors)),
             total=0.0,
             residual=np.zeros((1, 4)),

@@ -19,7 +19,7 @@ from thrustmargin.models.identification.answer.unexplained import (
 )
 from thrustmargin.models.identification.loop import identify_checked
 from thrustmargin.models.identification.rows.candidates import (
-    Held,
+    TrialEffect,
     predicted,
     slopes,
     unnamed_candidates,
@@ -138,14 +138,14 @@ def test_the_slopes_of_a_curve_are_those_of_what_it_does():
     space = search_space(MODEL, with_wave(None)[:2], effects_for(F16, table(KEYS)))
     x = space.reduced
     for one in space.unnamed[:: max(1, len(space.unnamed) // 7)]:
-        start = Held(candidate=one, values=one.start)
+        start = one.at_start
         found = slopes(x, [start], 0)
         for k in range(found.shape[2]):
             ends = []
             for sign in (1e-4, -1e-4):
                 values = one.start.copy()
                 values[:, k] += sign
-                ends.append(predicted(x, [Held(candidate=one, values=values)]))
+                ends.append(predicted(x, [TrialEffect(candidate=one, values=values)]))
             by_hand = np.nan_to_num((ends[0] - ends[1]) / 2e-4)
             scale = max(float(np.abs(by_hand).max()), 1.0)
             np.testing.assert_allclose(np.nan_to_num(found[:, :, k]), by_hand, atol=0.02 * scale)
@@ -185,12 +185,12 @@ def test_a_cause_without_a_name_is_as_likely_in_a_mode_as_an_effect_along_all_ch
 def test_an_effect_acts_in_the_mode_of_most_of_its_change(sound):
     _, search, _ = sound
     by_key = {c.key: c for c in search.candidates if not c.unnamed}
-    mass = Held(candidate=by_key["extra_mass"], values=np.full((3, 1), 2.0))
+    mass = TrialEffect(candidate=by_key["extra_mass"], values=np.full((3, 1), 2.0))
     assert [acts_in(search, mass, [m]) for m in range(4)] == [True, False, False, False]
     one = by_key["rotor_degradation@1"]
     values = one.start.copy()
     values[:, 0] = 0.1
-    rotor = Held(candidate=one, values=values)
+    rotor = TrialEffect(candidate=one, values=values)
     assert not any(acts_in(search, rotor, [m, n]) for m in range(4) for n in range(m))
     assert acts_in(search, rotor, [0, 1, 2])
 
@@ -298,13 +298,13 @@ def test_two_curves_that_take_back_each_other_are_as_large_as_what_they_do_toget
     space, search, _ = sound
     by_key = {c.key: k for k, c in enumerate(search.candidates)}
 
-    def held(channel: str, size: float) -> tuple[int, Held]:
+    def held(channel: str, size: float) -> tuple[int, TrialEffect]:
         c = by_key[f"unnamed_cause:pitch along {channel}"]
         values = search.candidates[c].start.copy()
         values[:, 1:4] = size
-        return c, Held(candidate=search.candidates[c], values=values)
+        return c, TrialEffect(candidate=search.candidates[c], values=values)
 
-    def alone(*members: tuple[int, Held]) -> FittedSet:
+    def alone(*members: tuple[int, TrialEffect]) -> FittedSet:
         kept = sorted(members, key=lambda pair: pair[0])
         count = sum(len(h.candidate.free) for _, h in kept)
         return FittedSet(

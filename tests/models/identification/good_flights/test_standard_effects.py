@@ -18,7 +18,7 @@ from thrustmargin.models.identification.good_flights.standard_effects import (
     held_at_absent,
     with_standard_effects,
 )
-from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
+from thrustmargin.models.identification.rows.candidates import Term, candidate
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
@@ -81,7 +81,7 @@ def fitted(tracks, keys, known_rpm: Floats | float = 0.0):
     """The rows, and some effects fitted to them together."""
     problem = assemble(curve_model(), tracks)
     each = [candidate(Term(effect=BY_KEY[key]), problem.flights) for key in keys]
-    held = [Held(candidate=one, values=one.start) for one in each]
+    held = [one.at_start for one in each]
     return problem, fit_rows(problem, held, known_rpm=known_rpm)
 
 

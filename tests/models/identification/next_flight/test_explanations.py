@@ -14,7 +14,12 @@ from thrustmargin.models.identification.next_flight.explanations import (
     scatter,
     second_noise_rpm,
 )
-from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, derivatives
+from thrustmargin.models.identification.rows.candidates import (
+    Term,
+    TrialEffect,
+    candidate,
+    derivatives,
+)
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.network.records import GoodFlights
 
@@ -49,7 +54,7 @@ def test_the_scatter_of_good_flights_takes_the_place_of_the_usual_one():
     shown = scatter(replace(PROBLEM, model=replace(MODEL, good_flights=good)), 0.0)
     assert shown.shape[2] == usual.shape[2] - 1
     one = candidate(LOSS, PROBLEM.flights)
-    moment = derivatives(PROBLEM, [Held(candidate=one, values=one.start)], 0)
+    moment = derivatives(PROBLEM, [one.at_start], 0)
     assert np.isclose(shown - moment, 0.0).all(axis=(0, 1)).any()
 
 
@@ -100,7 +105,7 @@ def test_a_value_is_half_of_what_rows_say_where_they_weigh_as_much_as_what_is_us
     """1 kg is hidden; noise such that the rows know it to one usual size of a hidden mass."""
     size = MASS.effect.parameters[0].scale
     one = candidate(MASS, PROBLEM.flights)
-    held = Held(candidate=one, values=np.full_like(one.start, 0.5))
+    held = TrialEffect(candidate=one, values=np.full_like(one.start, 0.5))
     column = derivatives(PROBLEM, [held], 0)[:, :, 0]
     row_s = float(PROBLEM.durations.sum()) / PROBLEM.measured_rpm.shape[0]
     rows_know = float(np.linalg.norm(column / (NOISE / np.sqrt(row_s))))

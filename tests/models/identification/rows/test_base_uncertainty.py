@@ -13,7 +13,7 @@ from thrustmargin.models.effects.demand.weight import EXTRA_MASS
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.good_flights.standard_effects import _half_widths
 from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
-from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
+from thrustmargin.models.identification.rows.candidates import Term, candidate
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
 from thrustmargin.models.model.model_file import shipped_model
@@ -32,7 +32,7 @@ def mass_found(model):
     """Value and half width of the mass that flights ask for on top, and their rows."""
     problem = assemble(model, [made_flight(k, hidden_mass=3.0) for k in (1, 2, 3)])
     one = candidate(Term(effect=EXTRA_MASS), 3)
-    fit = fit_rows(problem, [Held(candidate=one, values=one.start)])
+    fit = fit_rows(problem, [one.at_start])
     half = _half_widths(fit, problem.in_modes(doubt_of(problem)))
     return fit.held[0].values[0, 0], half[0], problem
 

@@ -10,8 +10,8 @@ from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.rows.candidates import (
-    Held,
     Term,
+    TrialEffect,
     candidate,
     candidates_of,
     derivatives,
@@ -165,21 +165,21 @@ def test_values_of_single_flights_are_free_one_by_one():
 
 def test_values_move_within_their_bounds_each_where_it_belongs():
     wind = candidate(Term(effect=BY_KEY["wind"]), 2)
-    held = Held(candidate=wind, values=np.array([[1.0, 2.0], [3.0, 4.0]]))
+    held = TrialEffect(candidate=wind, values=np.array([[1.0, 2.0], [3.0, 4.0]]))
     np.testing.assert_array_equal(held.free_values, [1.0, 3.0, 2.0, 4.0])
     moved = held.moved(np.array([0.1, 0.2, 0.3, 0.4]))
     np.testing.assert_allclose(moved.values, [[1.1, 2.3], [3.2, 4.4]])
     most = wind.term.effect.parameters[0].upper
     assert held.moved(np.array([1e9, 0.0, 0.0, 0.0])).values[0, 0] == most
-    mass = Held(candidate=candidate(Term(effect=MASS), 2), values=np.zeros((2, 1)))
+    mass = TrialEffect(candidate=candidate(Term(effect=MASS), 2), values=np.zeros((2, 1)))
     np.testing.assert_allclose(mass.moved(np.array([1.5])).values, [[1.5], [1.5]])
 
 
 def test_values_that_differ_between_flights_go_to_their_rows(reduced):
     wind = candidate(Term(effect=BY_KEY["wind"]), 3)
-    same = Held(candidate=wind, values=np.full((3, 2), 2.0))
+    same = TrialEffect(candidate=wind, values=np.full((3, 2), 2.0))
     assert placed(reduced, [same])[0].values == {p.name: 2.0 for p in wind.term.effect.parameters}
-    own = Held(candidate=wind, values=np.array([[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]))
+    own = TrialEffect(candidate=wind, values=np.array([[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]))
     (item,) = placed(reduced, [own])
     first, second = (item.values[p.name] for p in wind.term.effect.parameters)
     np.testing.assert_array_equal(first, reduced.flight + 1.0)
@@ -188,7 +188,7 @@ def test_values_that_differ_between_flights_go_to_their_rows(reduced):
 
 def test_a_derivative_by_the_value_of_one_flight_is_nothing_in_the_others(reduced):
     wind = candidate(Term(effect=BY_KEY["wind"]), 3)
-    held = [Held(candidate=wind, values=np.full((3, 2), 1.0))]
+    held = [TrialEffect(candidate=wind, values=np.full((3, 2), 1.0))]
     by_parameter, by_value = slopes(reduced, held, 0), derivatives(reduced, held, 0)
     assert by_value.shape[2] == 6
     for column, (k, flight) in enumerate(wind.free):
@@ -202,8 +202,8 @@ def test_a_derivative_by_the_value_of_one_flight_is_nothing_in_the_others(reduce
 def test_a_slope_at_a_bound_is_that_to_the_inner_side(reduced):
     one = candidate(Term(effect=MASS), 3)
     p = MASS.parameters[0]
-    held = Held(candidate=one, values=np.full((3, 1), p.upper))
-    inner = Held(candidate=one, values=np.full((3, 1), p.upper - 1e-3 * p.scale))
+    held = TrialEffect(candidate=one, values=np.full((3, 1), p.upper))
+    inner = TrialEffect(candidate=one, values=np.full((3, 1), p.upper - 1e-3 * p.scale))
     expected = (predicted(reduced, [held]) - predicted(reduced, [inner])) / (1e-3 * p.scale)
     np.testing.assert_allclose(slopes(reduced, [held], 0)[:, :, 0], expected, rtol=1e-6)
 

@@ -13,8 +13,8 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.identification.rows import row_fit
 from thrustmargin.models.identification.rows.candidates import (
-    Held,
     Term,
+    TrialEffect,
     candidate,
     predicted,
     slopes,
@@ -164,7 +164,7 @@ def test_a_loss_is_found_from_its_rows_and_only_from_the_blocks_chosen():
     worse[out] *= 1.3
     problem = replace(problem, measured_rpm=worse)
     one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
-    held = [Held(candidate=one, values=one.start)]
+    held = [one.at_start]
     chosen = np.arange(problem.block_flight.size) >= 3
     loss = fit_rows(problem, held, chosen).held[0].values[0, 0]
     assert loss == pytest.approx(0.08, abs=0.004)
@@ -174,7 +174,7 @@ def test_a_loss_is_found_from_its_rows_and_only_from_the_blocks_chosen():
 def test_steps_go_on_while_they_gain_and_a_large_loss_takes_several():
     problem = assemble(curve_model(), made_flights(2, loss=0.5))
     one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
-    found = fit_rows(problem, [Held(candidate=one, values=one.start)])
+    found = fit_rows(problem, [one.at_start])
     assert found.held[0].values[0, 0] == pytest.approx(0.5, abs=0.001)
 
 
@@ -189,7 +189,7 @@ def test_steps_end_where_they_gain_nothing_more(monkeypatch):
     monkeypatch.setattr(row_fit, "_columns", counted)
     problem = assemble(curve_model(), made_flights(2, duration=60.0, loss=0.08))
     one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
-    fit_rows(problem, [Held(candidate=one, values=one.start)])
+    fit_rows(problem, [one.at_start])
     assert 4 < len(asked) < 14  # of 21: ten steps in each of two rounds, and the last
 
 
@@ -218,7 +218,7 @@ def test_slopes_are_those_of_differences_in_the_prediction(problem, effect):
     assert not problem.lacks(effect)
     one = candidate(Term(effect=effect, rotor=1 if effect.of_one_rotor else None), 2)
     scale = np.array([p.scale for p in effect.parameters])
-    at = Held(candidate=one, values=one.start + 0.03 * scale)
+    at = TrialEffect(candidate=one, values=one.start + 0.03 * scale)
     prediction, found = predicted(problem, [at]), slopes(problem, [at], 0)
     for k, parameter in enumerate(effect.parameters):
         move = np.zeros_like(at.values)
@@ -236,7 +236,9 @@ def test_a_value_beyond_its_bounds_moves_nothing(problem):
     effect = BY_KEY["cg_offset"]
     one = candidate(Term(effect=effect), 2)
     beyond = np.array([[p.upper + 1.0 for p in effect.parameters]] * 2)
-    np.testing.assert_array_equal(slopes(problem, [Held(candidate=one, values=beyond)], 0), 0.0)
+    np.testing.assert_array_equal(
+        slopes(problem, [TrialEffect(candidate=one, values=beyond)], 0), 0.0
+    )
 
 
 def test_a_value_at_its_bound_stays_and_the_others_move_as_is_best_without_it():
@@ -264,7 +266,7 @@ def test_a_value_at_its_bound_stays_and_the_others_move_as_is_best_without_it():
 def test_a_value_rests_where_nothing_shows_it_by_a_ten_thousandth_of_the_rows():
     problem = assemble(curve_model(), made_flights(2, hidden_mass=2.0))
     mass = candidate(Term(effect=BY_KEY["extra_mass"]), 2)
-    fit = fit_rows(problem, [Held(candidate=mass, values=mass.start)])
+    fit = fit_rows(problem, [mass.at_start])
     value, size = fit.held[0].values[0, 0], mass.parameters[0].scale
     assert value == pytest.approx(2.0, abs=0.1)
     weight = 1e-4 * problem.measured_rpm.shape[0] / size**2
@@ -274,7 +276,7 @@ def test_a_value_rests_where_nothing_shows_it_by_a_ten_thousandth_of_the_rows():
 
 def test_the_merit_of_values_is_what_they_leave_and_how_far_they_are_from_nothing():
     mass = candidate(Term(effect=BY_KEY["extra_mass"]), 1)
-    held = [Held(candidate=mass, values=np.array([[-3.0]]))]
+    held = [TrialEffect(candidate=mass, values=np.array([[-3.0]]))]
     assert _merit(held, np.array([0.5]), np.array([1.0, 2.0])) == pytest.approx(5.0 + 0.5 * 9.0)
 
 
@@ -282,7 +284,7 @@ def test_fits_compare_by_the_filter_of_one_of_them():
     """By their own, a fit that leaves more is seen through a wider one, and costs the same."""
     flown = assemble(curve_model(), made_flights(3, hidden_mass=3.0))
     one = candidate(Term(effect=BY_KEY["extra_mass"]), flown.flights)
-    having = fit_rows(flown, [Held(candidate=one, values=one.start)])
+    having = fit_rows(flown, [one.at_start])
     without = fit_rows(flown, [])
     own = having.sums.left_out_costs()
     np.testing.assert_allclose(costs_by(flown, having, having.filter), own)

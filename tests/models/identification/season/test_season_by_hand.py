@@ -9,7 +9,7 @@ from tests.models.made_flights import F16, curve_model, made_flight
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.rows.candidates import TrialEffect, predicted
 from thrustmargin.models.identification.season.change_points import penalty_of, spread_beyond
 from thrustmargin.models.identification.season.flight_sums import (
     FlightEvidence,
@@ -192,7 +192,9 @@ def test_columns_of_a_rotor_are_its_loss_how_that_bends_and_how_torque_goes_with
     (worn,) = (c for c in space.candidates if c.key == "rotor_degradation@3")
 
     def done(loss: float, share: float) -> Floats:
-        return predicted(space.reduced, [Held(candidate=worn, values=np.array([[loss, share]]))])
+        return predicted(
+            space.reduced, [TrialEffect(candidate=worn, values=np.array([[loss, share]]))]
+        )
 
     def slope(share: float) -> Floats:
         return (done(1e-5, share) - done(-1e-5, share)) / 2e-5

@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from scipy.stats import norm
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
-from thrustmargin.models.identification.rows.candidates import Candidate, Held, Term
+from thrustmargin.models.identification.rows.candidates import Candidate, Term, TrialEffect
 from thrustmargin.models.identification.rows.fast_rows import Reading
 from thrustmargin.models.identification.sets import evidence as weighed
 from thrustmargin.models.identification.sets.evidence import Scored, ValuePrior, is_shape, prior_of
@@ -21,7 +21,7 @@ MAIN = Parameter(name="a", unit="1", lower=-2.0, upper=2.0, scale=0.5, smallest=
 SHAPE = shaping("b", "1", start=0.3, lower=-5.0, upper=5.0, scale=0.4)
 
 
-def held(*parameters: Parameter, prior: float = 0.0, at=None) -> Held:
+def held(*parameters: Parameter, prior: float = 0.0, at=None) -> TrialEffect:
     effect = Effect(
         name="made",
         kind=Kind.DEMAND,
@@ -32,7 +32,7 @@ def held(*parameters: Parameter, prior: float = 0.0, at=None) -> Held:
     start = np.array([[p.start for p in parameters]])
     free = tuple((k, None) for k in range(len(parameters)))
     one = Candidate(term=Term(effect=effect), start=start, free=free, log_prior=prior)
-    return Held(candidate=one, values=start if at is None else np.array([at]))
+    return TrialEffect(candidate=one, values=start if at is None else np.array([at]))
 
 
 def score(prior: ValuePrior, hessian: np.ndarray, gradient: np.ndarray, cost: float) -> Scored:

@@ -12,7 +12,7 @@ from tests.models.identification.sets.test_nuisance import FLIGHTS, MODES, ROWS,
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
 from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.effects import BY_KEY, effects_for
-from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
+from thrustmargin.models.identification.rows.candidates import derivatives, predicted
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.discrepancy import form_columns, slowly
 from thrustmargin.models.identification.sets.law_errors import _answers, what_laws_leave
@@ -88,7 +88,7 @@ def test_all_that_is_not_asked_is_in_units_of_the_noise_that_was_found():
     assert space_of(stated, taught).nuisance.uncertainty.shape == nuisance.uncertainty.shape
     # A mass scatters from flight to flight as good flights showed; a rotor does not.
     (mass,) = (c for c in space.candidates if c.key == "extra_mass")
-    moved = 0.3 * derivatives(x, [Held(candidate=mass, values=mass.start)], 0)[:, :, 0]
+    moved = 0.3 * derivatives(x, [mass.at_start], 0)[:, :, 0]
     moved = moved - np.stack([moved[x.flight == f].mean(axis=0) for f in range(3)])[x.flight]
     first = [name for _, _, name in main_values(space.candidates)].index("extra_mass.mass")
     np.testing.assert_allclose(nuisance.scatter[:, :, first], n.apply(moved), atol=1e-9)
@@ -125,7 +125,7 @@ def test_derivatives_at_the_start_are_kept_of_a_single_flight_alone():
     assert set(one.at_start) == set(range(len(one.candidates)))
     for c, kept in one.at_start.items():
         candidate = one.candidates[c]
-        held = [Held(candidate=candidate, values=candidate.start)]
+        held = [candidate.at_start]
         np.testing.assert_allclose(kept, derivatives(one.reduced, held, 0))
     assert two.at_start == {}
 

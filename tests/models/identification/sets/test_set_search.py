@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.rows.candidates import TrialEffect, predicted
 from thrustmargin.models.identification.sets import set_search
 from thrustmargin.models.identification.sets.evidence import prior_of
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -40,13 +40,13 @@ def place(search: Search, *keys: str) -> frozenset[int]:
     return frozenset(every.index(key) for key in keys)
 
 
-def at(search: Search, key: str, *values: float) -> Held:
+def at(search: Search, key: str, *values: float) -> TrialEffect:
     (c,) = place(search, key)
     one = search.candidates[c]
-    return Held(candidate=one, values=np.full(one.start.shape, values))
+    return TrialEffect(candidate=one, values=np.full(one.start.shape, values))
 
 
-def scale(held: Held, k: int) -> float:
+def scale(held: TrialEffect, k: int) -> float:
     return held.candidate.term.effect.parameters[k].scale
 
 

@@ -9,7 +9,7 @@ from tests.models.made_flights import F16, curve_model, made_flight, made_flight
 from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, known_to_its_law
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
+from thrustmargin.models.identification.rows.candidates import derivatives, predicted
 from thrustmargin.models.identification.rows.reduced import reduce_flights
 from thrustmargin.models.identification.sets.discrepancy import free_columns, hats, wander_columns
 from thrustmargin.models.identification.sets.law_errors import _answers_to_load
@@ -116,7 +116,7 @@ def test_derivatives_are_the_slope_of_the_prediction(effect):
     if not space.candidates:
         pytest.skip("made flights lack a channel of it")
     one = space.candidates[0]
-    at = Held(candidate=one, values=one.start)
+    at = one.at_start
     slope = derivatives(space.reduced, [at], 0)
     for k, p in enumerate(one.parameters):
         step = np.zeros(len(one.free))
