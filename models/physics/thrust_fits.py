@@ -97,13 +97,7 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     flight, when, weight, density, squares = *table[:, :4].T, table[:, 4:]
     needed = squares.sum(axis=1) * density / weight
     for number in np.unique(flight):
-        low, high = np.percentile(needed[flight == number], (5, 95))
-        if high > ONE_HOVER * low:
-            raise DataError(
-                f"{tracks[int(number)].name}: in what looks like hover its rotors make up to "
-                f"{high / low:.1f} times the thrust for one weight, and nothing climbs: was it "
-                "held, were its propellers off, or did its load change? Give another flight"
-            )
+        check_one_hover(needed[flight == number])
     hovered = np.unique(flight)
     # A part of a block at the end of a single flight would count as a whole one.
     block = flight if hovered.size > 1 else np.minimum(when, max(when[-1] - 1.0, 0.0))
@@ -142,6 +136,17 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
         flights=tuple(tracks[int(number)].name for number in hovered),
         rows=len(table),
     )
+
+
+def check_one_hover(needed: Floats) -> None:
+    """Raise DataError where thrust over weight (n,) varies too much in the hover of a flight."""
+    low, high = np.percentile(needed, (5, 95))
+    if high > ONE_HOVER * low:
+        raise DataError(
+            f"in what looks like hover its rotors make up to {high / low:.1f} times the thrust for "
+            "one weight, and nothing climbs: was it held, were its propellers off, or did its load "
+            "change? Give another flight"
+        )
 
 
 BLOCKS = 20
