@@ -146,7 +146,7 @@ def plan_from_items(
         known = (latitude, longitude) != (0.0, 0.0)
         if known and mission[0].frame != FRAME_AMSL:
             altitude = math.nan
-            notes = (f"home is given in frame {mission[0].frame}: {NO_HOME_HEIGHT}",)
+            notes = (f"home is given without its height above sea level: {NO_HOME_HEIGHT}",)
         home, mission = (latitude, longitude, altitude) if known else home, mission[1:]
     elif not home_first:
         mission = [_renumbered(i) for i in mission]

@@ -22,12 +22,14 @@ NAN = float("nan")
 IN_AIR, TAKING_OFF, LANDING = 2, 3, 4
 #: m above the place of take-off or landing below which the legs may still touch
 CLEAR = 0.2
-#: m above home at which it surely flies
+#: m above home at which it surely flies; a barometer on the ground wanders less in minutes
 RISEN = 1.0
+#: rad by which roll or pitch of what flies moves at least, between their 5th and 95th percentile
+TILTED = np.radians(0.5)
 #: share of the thrust in cruise below which a rotor only idles
 IDLE_SHARE = 0.5
-#: Output at or below which a motor idles: autopilots spin armed motors at up to a tenth, and the
-#: least output in hover that they accept is an eighth.
+#: Output, or share of the thrust in cruise, at or below which motors idle: autopilots spin armed
+#: motors at up to a tenth, and the least output in hover that they accept is an eighth.
 IDLE_OUTPUT = 0.1
 #: s at idle after which an aircraft stands
 IDLE_S = 3.0
@@ -61,13 +63,15 @@ def airborne(
     if not on.any():
         return _grounded(clock_s, FlyingBy.DISARMED)
     height, speeds = channels.get("height_agl"), channels["rotor_speed_rpm"]
-    output = _known_mean(channels["throttle"])
+    output, squares = _known_mean(channels["throttle"]), _known_mean(np.square(speeds))
     driven = np.isfinite(output) & on
-    if driven.any():
-        above_idle = driven & (output > IDLE_OUTPUT)
-        if not above_idle.any():
-            return _grounded(clock_s, FlyingBy.IDLE_OUTPUTS)
-        on = np.where(driven, on & (above_idle | ~_idle_throughout(above_idle, clock_s)), on)
+    idle = driven & (output <= IDLE_OUTPUT)
+    if driven.any() and idle.sum() == driven.sum():
+        return _grounded(clock_s, FlyingBy.IDLE_OUTPUTS)
+    turning = on & (squares > 0.0)
+    if turning.any():  # whatever the landed state says: with a tenth of its thrust it falls
+        idle |= turning & (squares <= IDLE_OUTPUT * np.percentile(squares[turning], 75))
+    on = on & ~_idle_throughout(on & ~idle, clock_s)
     landed = best(signals, "landed")
     if landed is not None:
         state = last_before(landed, clock_s)
@@ -77,11 +81,14 @@ def airborne(
         if first.size == 2 and first[0] == first[1]:
             close = ~np.isfinite(state) & (first_s - clock_s <= HEARD_S)
             state = np.where(close, first[0], state)
-        flying = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
+        said = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
         if height is None:
-            return Airborne(flying, FlyingBy.LANDED_STATE, landed.source.words)
+            return Airborne(said, FlyingBy.LANDED_STATE, landed.source.words)
+        flying = _clear_of_ground(said, height, channels.get("attitude"))
+        if said.any() and not flying.any():
+            return _grounded(clock_s, FlyingBy.NEVER_ROSE)
         words = f"{landed.source.words}, and {CLEAR:g} m clear of it"
-        return Airborne(_clear_of_ground(flying, height), FlyingBy.LANDED_STATE, words)
+        return Airborne(flying, FlyingBy.LANDED_STATE, words)
     measured = bool(np.isfinite(speeds).any())
     if not measured and np.count_nonzero(driven) >= FEWEST_ROWS:
         # Nothing hovers at one output: even in still air every motor is always corrected.
@@ -90,7 +97,7 @@ def airborne(
             return _grounded(clock_s, FlyingBy.CONSTANT_OUTPUTS)
     thrust, by = output, FlyingBy.MOTOR_OUTPUTS
     if measured:
-        thrust, by = _known_mean(np.square(speeds)), FlyingBy.ROTOR_SPEEDS
+        thrust, by = squares, FlyingBy.ROTOR_SPEEDS
         if not driven.any() and _too_slow(thrust[on], speeds.shape[1], height, airframe):
             return _grounded(clock_s, FlyingBy.SLOW_ROTORS)
     lifting = thrust[on]
@@ -215,10 +222,11 @@ def _known_mean(values: Floats) -> Floats:
     )
 
 
-def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
+def _clear_of_ground(flying: Bools, height: Floats, attitude: Floats | None) -> Bools:
     """Each stretch without its ends in which the height is still that of the ground.
 
-    Where the log begins or ends in the air the ground is not known, and nothing is left out.
+    Where the log begins or ends in the air the ground is not known, and nothing is left out. A
+    stretch in which neither height nor tilt moved is left out whole: motors run on a bench.
     """
     result = flying.copy()
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(np.int8), [0]])))
@@ -229,6 +237,10 @@ def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
             continue
         up = np.flatnonzero(part > part[known[0]] + CLEAR)
         if first > 0 or part[known[0]] <= RISEN:
+            stood = np.nanmax(np.abs(part - part[known[0]])) < RISEN
+            if stood and attitude is not None and _held(attitude[first:end, :2]):
+                result[first:end] = False
+                continue
             if up.size == 0:
                 continue
             result[first : first + up[0]] = False
@@ -237,6 +249,14 @@ def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
             if above.size:
                 result[first + above[-1] + 1 : end] = False
     return result
+
+
+def _held(tilt: Floats) -> bool:
+    """Whether roll and pitch (n, 2) are alive and still moved less than what flies."""
+    known = tilt[np.isfinite(tilt).all(axis=1)]
+    if len(known) < FEWEST_ROWS or np.all(np.ptp(known, axis=0) == 0.0):
+        return False
+    return bool(np.all(np.diff(np.percentile(known, (5, 95), axis=0), axis=0) < TILTED))
 
 
 #: Where zero may be, preferred first.

@@ -40,18 +40,19 @@ def translations(language: str) -> dict[str, str]:
     return tomllib.loads(file.read_text("utf-8"))["sentences"]
 
 
-def say(english: str, **values: object) -> str:
+def say(english: str, /, *listed: object, **values: object) -> str:
     """A sentence in the language that is spoken, with its {placeholders} filled in.
 
     Without values it is taken as it is, braces and all.
     """
     language = spoken()
     text = translations(language).get(english, english)
-    if not values:
+    if not (listed or values):
         return text
     if language == LANGUAGES[0]:
-        return text.format(**values)
-    return text.format(**{name: _comma(value) for name, value in values.items()})
+        return text.format(*listed, **values)
+    named = {name: _comma(value) for name, value in values.items()}
+    return text.format(*map(_comma, listed), **named)
 
 
 def sentence(capitals: str) -> str:

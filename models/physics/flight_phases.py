@@ -16,6 +16,9 @@ LOW_SHARE = 0.5
 TURN_RATE, TURN_SECONDS = np.radians(5.0), 1.0
 #: cosine of the tilt, m/s level: a hover within these needs its weight in thrust to about 1 %
 HOVER_UPRIGHT, HOVER_SPEED = 0.99, 2.0
+#: mean motor output from which none is in hand to steer with: motors run up without a climb are
+#: those of an aircraft that is held, or without propellers
+NOTHING_IN_HAND = 0.95
 
 
 def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank_kg")) -> Bools:
@@ -58,7 +61,8 @@ def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank
 
 
 def hover_rows(track: FlightTrack) -> Bools:
-    """(T,) rows of steady hover: off the ground, upright, slow, neither climbing nor turning.
+    """(T,) rows of steady hover: off the ground, upright, slow, neither climbing nor turning, and
+    with motor outputs, where known, that leave some in hand.
 
     Each lies in a second or more of it. Tilt and climb rate must be known; level speed is that
     through the air where it is reported, else over ground, and may be unknown. Wind may blow.
@@ -71,6 +75,7 @@ def hover_rows(track: FlightTrack) -> Bools:
     speed = np.where(np.isfinite(track.airspeed), track.airspeed, speed)
     with np.errstate(invalid="ignore"):
         calm = (upright >= HOVER_UPRIGHT) & (np.abs(climb) < LEVEL_CLIMB) & ~(speed >= HOVER_SPEED)
+    calm &= ~(np.mean(track.throttle, axis=1) >= NOTHING_IN_HAND)
     hover = track.flying & calm & ~turning_rows(track)
     for first, end in _stretches(hover):
         if track.time_s[end - 1] - track.time_s[first] < LEVEL_SECONDS:

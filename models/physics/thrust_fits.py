@@ -40,6 +40,8 @@ from thrustmargin.models.scores import Estimate, jackknife
 
 BLOCK_S = 10.0
 FEWEST_ROWS = 50  # five seconds of hover, in all
+#: Largest over least thrust for the weight, 95th over 5th percentile, that a hover in gusts has.
+ONE_HOVER = 1.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +95,9 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
             "needed: give a flight that hovers for ten seconds or more, with ESC telemetry"
         )
     flight, when, weight, density, squares = *table[:, :4].T, table[:, 4:]
+    needed = squares.sum(axis=1) * density / weight
+    for number in np.unique(flight):
+        check_one_hover(needed[flight == number])
     hovered = np.unique(flight)
     # A part of a block at the end of a single flight would count as a whole one.
     block = flight if hovered.size > 1 else np.minimum(when, max(when[-1] - 1.0, 0.0))
@@ -131,6 +136,17 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
         flights=tuple(tracks[int(number)].name for number in hovered),
         rows=len(table),
     )
+
+
+def check_one_hover(needed: Floats) -> None:
+    """Raise DataError where thrust over weight (n,) varies too much in the hover of a flight."""
+    low, high = np.percentile(needed, (5, 95))
+    if high > ONE_HOVER * low:
+        raise DataError(
+            f"in what looks like hover its rotors make up to {high / low:.1f} times the thrust for "
+            "one weight, and nothing climbs: was it held, were its propellers off, or did its load "
+            "change? Give another flight"
+        )
 
 
 BLOCKS = 20

@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat
 from thrustmargin.gcs_plugin.mavlink.frame import Bytes
 from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
 from thrustmargin.gcs_plugin.telemetry.recording import NotThisFormat, Recording, without_leaps
-from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.flight import Floats
 
 
 def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recording]:
@@ -43,11 +43,10 @@ def _found(path: Path) -> dict[str, Any]:
         raise NotThisFormat(
             f"{path.name}: no DataFlash message in {size} bytes; is its start missing?"
         )
-    clock, usable = _clock(found)
+    clock = _clock(found)
     messages: dict[str, Messages] = {}
     for name in (*MESSAGES, *UNITS_OF):
         rows, form = found.rows_of(name)
-        rows = rows[usable[rows]]
         if form is not None and rows.size:
             table = found.table(rows, form)
             messages[name] = Messages(form, table, clock[rows], found.start[rows])
@@ -62,10 +61,12 @@ def _found(path: Path) -> dict[str, Any]:
     }
 
 
-def _clock(found: FoundMessages) -> tuple[Floats, Bools]:
-    """(n,) s since boot of each message, NaN where it has none; (n,) False where it is damaged."""
+def _clock(found: FoundMessages) -> Floats:
+    """(n,) s since boot of each message, NaN where it has none or a damaged one.
+
+    In logs from before 2015, in which most have none, both are filled from their neighbours.
+    """
     clock = np.full(found.start.size, np.nan)
-    usable = np.ones(found.start.size, dtype=np.bool_)
     # Where in a message of each type its clock is, by what it is written as; 0 in all others.
     offsets: dict[tuple[str, float], Bytes] = {}
     for number, form in found.formats.items():
@@ -83,9 +84,8 @@ def _clock(found: FoundMessages) -> tuple[Floats, Bools]:
         own_s = gather(found.data, start, np.dtype(kind).itemsize).view(kind).ravel() * unit
         del start
         clock[timed] = without_leaps(own_s)
-        usable &= ~timed | np.isfinite(clock)
     old = not any(form.columns[:1] == ("TimeUS",) for form in found.formats.values())
-    return filled_clock(clock) if old else clock, usable
+    return filled_clock(clock) if old else clock
 
 
 def _likeness(begins: Beginning) -> float:

@@ -48,24 +48,28 @@ def dataflash_text_boots(path: Path, *, vehicle: int | None = None) -> Iterator[
         table, good = _table(form, cells)
         lines.skipped += [(int(at[i]), len(",".join(cells[i]))) for i in np.flatnonzero(~good)]
         clock, scale = own_clock(form.columns) or ("", 0.0)
-        clock_s = without_leaps(table[clock] * scale) if clock else np.full(len(table), np.nan)
+        clock_s = table[clock] * scale if clock else np.full(len(table), np.nan)
         messages[name] = Messages(form, table, clock_s, at[good])
         lines.kept -= int(np.sum(~good))
     found = messages.values()
-    place = np.concatenate([one.place for one in found]) if messages else np.empty(0, np.int64)
+    place = np.concatenate([np.empty(0, np.int64), *(one.place for one in found)])
     order = np.argsort(place, kind="stable")
-    clocks = np.concatenate([one.clock_s for one in found]) if messages else np.empty(0)
-    if messages and not any("TimeUS" in one.form.columns for one in found):
-        clocks[order] = filled_clock(clocks[order])
-        filled = np.split(clocks, np.cumsum([one.place.size for one in found])[:-1])
-        parts = zip(messages.items(), filled, strict=True)
-        messages = {name: one._replace(clock_s=clock_s) for (name, one), clock_s in parts}
-    order = order[np.isfinite(clocks[order])]
+    clocks = np.concatenate([np.empty(0), *(one.clock_s for one in found)])[order]
+    timed = np.isfinite(clocks)
+    clocks[timed] = without_leaps(clocks[timed])
+    if not any("TimeUS" in one.form.columns for one in found):
+        clocks = filled_clock(clocks)
+    of_message = np.empty_like(clocks)
+    of_message[order] = clocks
+    parts = np.split(of_message, np.cumsum([one.place.size for one in found]))  # one more: empty
+    named = zip(messages.items(), parts, strict=False)
+    messages = {name: one._replace(clock_s=clock_s) for (name, one), clock_s in named}
+    known = np.isfinite(clocks)
     yield from boots_of(
         path,
         "DataFlash text",
         messages,
-        Times(clocks[order], place[order]),
+        Times(clocks[known], place[order][known]),
         size=len(text),
         kept=lines.kept,
         skipped=lines.skipped,

@@ -239,7 +239,7 @@ def plan_faults(made: PlanForecast) -> tuple[str, ...]:
 def assumed_words(made: PlanForecast) -> tuple[str, ...]:
     """What was taken for what is not known."""
     return (
-        *made.plan.notes,
+        *map(say, made.plan.notes),
         *(_assumed(key, values) for key, values in made.assumed.items()),
         say(LEFT_OUT),
     )
@@ -255,7 +255,7 @@ def _as_far(made: PlanForecast) -> str:
 
 def _assumed(key: str, values: Sequence[str]) -> str:
     listed = values if key in ("first part", "alike") else [", ".join(values)]
-    return say(ASSUMED[key]).format(*listed)
+    return say(ASSUMED[key], *listed)
 
 
 def _cut(lines: Sequence[str], most: int = 6) -> list[str]:

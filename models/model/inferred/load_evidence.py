@@ -32,7 +32,7 @@ LEAST_SPAN = 3.0  # s of level rows that make a mean
 BLOCK, LEAST_BLOCK, JUMP = SPAN / 4.0, 1.0, 5.0
 LEVEL_CLIMB = 0.5  # m/s, beyond which climb changes the thrust of a rotor speed
 LONGEST_STEP = 1.0  # s of one row
-ON_GROUND = 15.0  # s on the ground in which a tank may be filled
+ON_GROUND = 5.0  # s on the ground in which a tank may be filled or changed
 #: Translational lift: blade theory for pitch over diameter of 0.3 to 0.4 gives 0.5 to 0.7, flights
 #: have shown 0.1 to 0.6.
 LIFT_GAIN, LIFT_GAIN_ERROR = 0.4, 0.3

@@ -31,8 +31,10 @@ from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.inferred.utilisation_error import guessed_variance
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
+from thrustmargin.models.physics.flight_phases import hover_rows
 from thrustmargin.models.physics.margin import ceiling, weight
 from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
+from thrustmargin.models.physics.thrust_fits import check_one_hover
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 from thrustmargin.models.scores import Estimate
 
@@ -293,7 +295,8 @@ def full_output_speed(
 
     Each flight comes with its vehicle's parameters. By the measured speeds where there are any,
     else by the weight; the curve extrapolates from the outputs flown, as its interval says. The
-    airframe's own ceiling is where it starts from. Raises DataError when no flight shows anything.
+    airframe's own ceiling is where it starts from. Raises DataError when no flight shows anything,
+    or what looks like hover is none.
     """
     curve, bins, volts = None, {}, []
     for number, (track, parameters) in enumerate(flights):
@@ -306,6 +309,11 @@ def full_output_speed(
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.log(curve.thrust_share(track.throttle) / HOVER_SHARE)
             there = np.log(voltage / airframe.ceiling_voltage)
+            needed = np.mean(np.exp(share + there[:, None]), axis=1)
+            needed /= airframe.empty_mass + np.nan_to_num(track.tank_kg)
+            hover = hover_rows(track) & np.isfinite(needed)
+            if hover.any() and not track.reports("rotor_speed_rpm"):
+                check_one_hover(needed[hover])
             found = _with_evidence({}, track, airframe, share, there, seconds)
         bins |= {int(1e6 * number) + index: sums for index, sums in found.items()}
     learnt = OutputCalibration(bins=bins)

@@ -66,6 +66,8 @@ def test_rows_are_the_reports_of_rotor_one_and_of_the_next_where_that_is_silent(
     assert rows_of(*TURNING, heard_s=3.0) == live[6:]
     assert rows_of(*TURNING, heard_s=2.9, row_s=2.92) == live[6:]
     assert rows_of(*TURNING, heard_s=2.9, row_s=2.9) == live[5:]
+    # Nor where the first rotor alone reports often enough, and no row was made of what was heard.
+    assert rows_of(rotor(0, [0.0, 0.5, 1.0]), heard_s=0.7) == [1.0]
     unknown = TURNING[0]._replace(values=np.array([900.0, NAN, 900.0, 900.0]))
     assert rows_of(unknown, *TURNING[1:]) == [-1.0, 0.0, 0.5, *live[4:]]
 
@@ -179,6 +181,23 @@ def test_rows_in_pieces_are_those_in_one_piece(cut):
     assert second.carried.pumped.share == 0.5
     assert second.carried.pumped.kg == pytest.approx(0.468)
     assert second.carried.contact == whole.carried.contact
+
+
+def test_a_reading_that_was_turned_down_before_is_not_turned_down_again():
+    # 90,000 rpm are no speed of a rotor of that size: said with the rows that it fell between.
+    signals = flight()
+    values = signals[1].values.copy()
+    values[60] = 90_000.0
+    signals[1] = signals[1]._replace(values=values)
+    first = made(
+        [
+            s._replace(time_s=s.time_s[s.time_s <= 106.55], values=s.values[s.time_s <= 106.55])
+            for s in signals
+        ]
+    )
+    second = made(signals, carried=replace(first.carried, heard_s=106.55))
+    assert [note[:7] for note in first.unmeasured] == ["rotor 2"]
+    assert second.unmeasured == ()
 
 
 def test_recorded_rows_lie_between_their_reports():

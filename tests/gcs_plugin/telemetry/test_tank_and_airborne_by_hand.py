@@ -213,8 +213,8 @@ def table(clock, channels) -> dict[str, np.ndarray]:
     return {"rotor_speed_rpm": unknown, "throttle": unknown} | given
 
 
-def flying(*signals: Signal, **channels) -> tuple[list[int], str]:
-    found = airborne(collected(signals), CLOCK, table(CLOCK, channels))
+def flying(*signals: Signal, clock=CLOCK, **channels) -> tuple[list[int], str]:
+    found = airborne(collected(signals), clock, table(clock, channels))
     return np.flatnonzero(found.flying).tolist(), found.words
 
 
@@ -316,6 +316,47 @@ def test_idle_for_longer_than_a_fast_descent_is_on_the_ground():
     said = reports("landed", [2.0], times=[0])
     # More than 3 s from the last output above idle, at 4.
     assert flying(said, throttle=output)[0] == [0, 1, 2, 3, 4, 5, 6, 7]
+
+
+def test_idle_rotors_stand_on_the_ground_whatever_the_landed_state_says():
+    # Cruise is 1000 rpm; a tenth of its thrust is at 316.2 rpm.
+    speeds = np.full((12, 2), 1000.0)
+    speeds[4:8] = 316.0
+    said = reports("landed", [2.0], times=[0])
+    times = np.array([0.0, 1, 2, 3, 6.1, 7, 8, 9.9, 13, 14, 15, 16])
+    rows, _ = flying(said, rotor_speed_rpm=speeds, clock=times)
+    assert rows == [0, 1, 2, 3, 8, 9, 10, 11]  # each idle row is over 3 s from a driven one
+    times[4:8] = 4.0, 5.0, 5.5, 5.9  # the first is now 1 s away, the others come to 2.9 s
+    assert flying(said, rotor_speed_rpm=speeds, clock=times)[0] == list(range(12))
+    speeds[4:8] = 316.5
+    times[4:8] = 6.1, 7.0, 8.0, 9.9
+    assert flying(said, rotor_speed_rpm=speeds, clock=times)[0] == list(range(12))
+    speeds[4:8] = 0.0  # most ESCs report it while they have not measured
+    assert flying(said, rotor_speed_rpm=speeds, clock=times)[0] == list(range(12))
+
+
+def test_called_in_the_air_on_a_bench():
+    # Half a degree is 8.73e-3 rad. From the 5th to the 95th percentile of 0 to 1 are 0.9.
+    clock = np.arange(30.0)
+    said = reports("landed", [1.0, 2.0], times=[0, 3])
+    drifts = 0.99 * np.linspace(0.0, 1.0, 30)
+    roll = np.zeros((30, 3))
+    roll[3:, 0] = np.linspace(0.0, 9.6e-3, 27)  # 0.9 of it: 8.64e-3
+    still = {"clock": clock, "height_agl": drifts, "attitude": roll}
+    assert grounded_by(said, **still) is FlyingBy.NEVER_ROSE
+    # It flew once it tilts more, or where it rises 1 m above where it was; by the height alone
+    # from 0.2 m on.
+    tilts = {**still, "attitude": roll * 9.8 / 9.6}
+    assert flying(said, **tilts)[0][0] == 9
+    assert flying(said, **{**still, "height_agl": drifts * 1.2})[0][0] == 8
+    # A tilt that never changes is that of an instrument that stands still: no evidence.
+    assert flying(said, **{**still, "attitude": 0.0 * roll})[0][0] == 9
+    # Bench first, then a flight: the flight stays.
+    twice = reports("landed", [1.0, 2.0, 1.0, 2.0], times=[0, 3, 26, 28])
+    height = np.concatenate([np.zeros(29), [5.0] * 11])
+    longer = np.concatenate([roll, np.zeros((10, 3))])
+    rows, _ = flying(twice, clock=np.arange(40.0), height_agl=height, attitude=longer)
+    assert rows == list(range(29, 40))
 
 
 def test_rotors_that_never_carry_half_of_the_empty_weight():

@@ -117,6 +117,21 @@ def test_what_is_no_hover_is_not_taken():
     assert hover_rows(replace(track, airspeed=np.full(600, np.nan))).all()
 
 
+def test_motors_run_up_without_a_climb_are_no_hover():
+    track = hover(25.0, 2e-5)
+    for output, hovers in ((0.949, True), (0.951, False), (np.nan, True)):
+        assert hover_rows(replace(track, throttle=np.full((600, 4), output))).all() == hovers
+    # A ramp on a bench: of squares from 1 to k, 95th over 5th percentile, 1.6 is at k = 1.690.
+    for most, fits in ((1.68, True), (1.70, False)):
+        ramp = np.sqrt(np.linspace(1.0, most, 600))[:, None]
+        run_up = replace(track, rotor_speed_rpm=ramp * track.rotor_speed_rpm)
+        if fits:
+            assert fit_hover([run_up], F16_AT_25_KG).rows == 600
+        else:
+            with pytest.raises(DataError, match=r"up to 1\.6 times the thrust .* held"):
+                fit_hover([run_up], F16_AT_25_KG)
+
+
 def test_a_flight_of_another_aircraft_is_refused():
     with pytest.raises(DataError, match="give flights of this aircraft"):
         fit_hover([hover(25.0, 2e-5)], load_airframe("agras-t40"))

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from tests.gcs_plugin.logs.log_files import DataFlashWriter
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.dataflash.binary import dataflash_boots
+from thrustmargin.gcs_plugin.logs.dataflash.text_log import dataflash_text_boots
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 from thrustmargin.models.errors import ThrustMarginError
 
@@ -102,6 +104,26 @@ def test_a_log_of_arducopter_3_2_is_a_flight_in_si(tmp_path, form):
     unix = 315_964_800 + 1800 * 604_800 + 130_060 - 18
     assert track.start_unix_s == pytest.approx(unix, abs=0.01)
     assert reported_airframe(log.parameters, texts=("Frame: QUAD",)).layout == "quad-x"
+
+
+@pytest.mark.parametrize("form", ["binary", "text"])
+@pytest.mark.parametrize("rate", ["TimeMS", "TimeUS"])
+def test_a_message_with_a_damaged_clock_is_placed_by_its_neighbours_or_left_out(
+    tmp_path, form, rate
+):
+    log = old_log(rate=rate)
+    log.message("BARO", "If", "TimeMS,Press")
+    for at, time in ((61_000, 61_000), (62_000, 99_000_000), (63_000, 63_000)):
+        log.row("BARO", time, 96_000.0 + at / 1000, at=at)
+    path = tmp_path / "old.log"
+    path.write_bytes(getattr(log, form)())
+    boots = dataflash_boots if form == "binary" else dataflash_text_boots
+    (boot,) = boots(path)
+    baro = boot.streams["BARO"]
+    # Between 62.0 s, at which the messages before it were, and 62.1 s of those behind it.
+    wanted = [61.0, 62.0, 63.0] if rate == "TimeMS" else [61.0, 63.0]
+    np.testing.assert_allclose(baro.time_s, wanted, atol=0.1)
+    np.testing.assert_allclose(baro.columns["Press"], 96_000.0 + np.array(wanted), atol=0.11)
 
 
 @pytest.mark.parametrize("imu", [True, False])

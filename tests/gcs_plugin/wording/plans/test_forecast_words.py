@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.wording.language import VARIABLE
 from thrustmargin.gcs_plugin.wording.plans.forecast_words import (
     ASSUMED,
     assumed_words,
@@ -18,6 +19,7 @@ from thrustmargin.gcs_plugin.wording.plans.forecast_words import (
 )
 from thrustmargin.mission.ahead.battery import FlightBattery
 from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
+from thrustmargin.mission.plan_items import PlanItem, plan_from_items
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.fill_limits import largest_fills
 from thrustmargin.models.model.model_file import shipped_model
@@ -110,6 +112,16 @@ def test_whatever_is_assumed_has_words():
     ):
         assert set(outlook.assumed) <= set(ASSUMED)
         assert all("{" not in words for words in assumed_words(outlook))
+
+
+def test_numbers_of_what_is_assumed_have_the_decimal_sign_of_the_language(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "de")
+    item = PlanItem(number=0, command=16, frame=3, parameters=(0, 0, 0, 0, 47.0, 8.0, 5.0))
+    plan = plan_from_items([item, replace(item, number=1)], home_first=True)
+    found = forecast(replace(plan_of(*TWO_LINES), notes=plan.notes), MODEL, TakeOff(fill_kg=6.0))
+    said = assumed_words(found)
+    assert said[0].startswith("der Start ist ohne seine Höhe über dem Meer angegeben")
+    assert any("ATC_ANG_YAW_P 4,5," in words for words in said)
 
 
 def test_an_answer_that_does_not_reach_the_whole_plan_says_so():

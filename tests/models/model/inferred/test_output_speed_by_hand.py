@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.made_sources import pulses
+from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.inferred.output_speed import (
     OutputCalibration,
@@ -321,6 +322,22 @@ def climbing(share, start=3.0, stop=6.0, speed=2800.0):
         rotor_speed_rpm=rpm[:, None] * np.ones(4),
         voltage=np.where(up, 44.0, 48.0),
     )
+
+
+def test_outputs_that_run_up_without_a_climb_show_no_full_output():
+    # Of thrusts from 0.2 to 0.2 k, 95th over 5th percentile, 1.6 is at k = 1.690.
+    still = {"angular_rate_frd": np.zeros((200, 3))}
+    ramp = np.linspace(0.2, 0.2 * 1.68, 200)[:, None]
+    full_output_speed([(outputs(200, ramp, **still), SQUARE)], F16)
+    ramp = np.linspace(0.2, 0.2 * 1.70, 200)[:, None]
+    track = outputs(200, ramp, **still)
+    with pytest.raises(DataError, match=r"up to 1\.6 times the thrust for one weight"):
+        full_output_speed([(track, SQUARE)], F16)
+    # A battery that falls by as much asks for more output, and a tank that falls for less.
+    falls = 50.0 * 0.2 / ramp[:, 0]
+    full_output_speed([(replace(track, voltage=falls), SQUARE)], F16)
+    grows = 30.0 * ramp[:, 0] / 0.2 - 20.0
+    full_output_speed([(replace(track, tank_kg=grows), SQUARE)], F16)
 
 
 def test_a_climb_at_full_output_shows_the_ceiling_by_hand():
