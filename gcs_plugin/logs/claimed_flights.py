@@ -16,7 +16,7 @@ from thrustmargin.models.checks.frozen import without_frozen
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.inferred.prepared import prepared
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 
 
@@ -28,7 +28,7 @@ def claimed_flights(
 
     Where there is none, it is read without an airframe. Raises as `read_sorties`.
     """
-    craft = flown_airframe(model)
+    craft = identified_airframe(model)
 
     def claims_of(logs: Iterable[FlightLog]) -> list[AirframeClaim]:
         claims = (

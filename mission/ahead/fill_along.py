@@ -12,7 +12,7 @@ from thrustmargin.mission.ahead.plan_flight import PlanConditions
 from thrustmargin.models.model.advice import Advised, FlightLevel
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 
 TURNS = 6  # of the search for the largest fill
 STEP_KG = 0.1  # by which a fill is rounded down
@@ -24,7 +24,7 @@ def survivable_below(analysis: FlightAnalysis) -> float:
 
     Where it never has, below what it is survived anywhere; NaN unknown, as with a bad rotor.
     """
-    craft, tank = flown_airframe(analysis.model), analysis.track.tank_kg
+    craft, tank = identified_airframe(analysis.model), analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
     most = (craft.empty_mass + tank) * sure - craft.empty_mass
     if analysis.bad_part or not np.isfinite(most).all():
@@ -44,7 +44,7 @@ def largest_fill(
 
     Load and limit go together nearly as a line does, so few flights are needed.
     """
-    craft = flown_airframe(advised.analysis.model)
+    craft = identified_airframe(advised.analysis.model)
     most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - craft.empty_mass)
     kg, answer = given.fill_kg, advised
     known = math.isfinite(answer.advice.use.lasting_most) and math.isfinite(most)
@@ -75,7 +75,7 @@ def largest_fill(
 def _room(advised: Advised, limit: float) -> float:
     """kg more, or less than nothing, with which some moment meets its limit."""
     analysis, use = advised.analysis, advised.advice.use
-    mass = flown_airframe(analysis.model).empty_mass + analysis.track.tank_kg
+    mass = identified_airframe(analysis.model).empty_mass + analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
     by_use = mass * limit / (use.lasting + use.reach) - mass
     found = np.concatenate([by_use, mass * sure - mass])

@@ -13,7 +13,7 @@ from thrustmargin.mission.ahead.battery import UNKNOWN, FlightBattery, discharge
 from thrustmargin.mission.ahead.course import Course
 from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_axes
-from thrustmargin.models.model.predict import flown_airframe, predict
+from thrustmargin.models.model.predict import identified_airframe, predict
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
@@ -88,7 +88,7 @@ def fly_plan(
     wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
     through = velocity - wind
     airspeed = np.linalg.norm(through, axis=1)
-    mass = flown_airframe(model).empty_mass + tank
+    mass = identified_airframe(model).empty_mass + tank
     drag = np.zeros_like(velocity)
     if model.forward_flight is not None:
         slowing = steady_slowing(model.forward_flight, airspeed, mass, given.density)
@@ -117,9 +117,9 @@ def fly_plan(
     density = np.full(time_s.size, given.density)
     prediction = predict(model, track, density)
     speed = prediction.rotor_speed_rpm
-    power = rotor_power(flown_airframe(model), prediction.thrust, speed)
+    power = rotor_power(identified_airframe(model), prediction.thrust, speed)
     volts, energy = discharge(
-        given.battery, flown_airframe(model), power, seconds, changed, before[:, 1]
+        given.battery, identified_airframe(model), power, seconds, changed, before[:, 1]
     )
     track = replace(track, voltage=volts)
     return PlanFlight(
@@ -159,7 +159,7 @@ def giving_way(
 
 def largest_use(flight: PlanFlight, model: RotorModel) -> float:
     """The largest utilisation on the way; NaN where nothing is predicted."""
-    limits = ceiling(flown_airframe(model), flight.density, flight.track.voltage)
+    limits = ceiling(identified_airframe(model), flight.density, flight.track.voltage)
     use = utilisation(flight.rotor_speed_rpm, limits.max_rotor_speed_rpm)
     return float(np.nanmax(use)) if np.isfinite(use).any() else math.nan
 

@@ -54,7 +54,7 @@ from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
-from thrustmargin.models.model.predict import Basis, flown_airframe
+from thrustmargin.models.model.predict import Basis, identified_airframe
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -100,7 +100,7 @@ class PlanForecast:
     @property
     def too_heavy(self) -> bool:
         """Whether it is over the maker's largest take-off mass."""
-        craft = flown_airframe(self.advised.analysis.model)
+        craft = identified_airframe(self.advised.analysis.model)
         return bool(craft.empty_mass + self.flight.track.tank_kg[0] > craft.max_takeoff_mass + 1e-6)
 
     def __repr__(self) -> str:
@@ -146,7 +146,7 @@ def forecast(
     altitude = next((h for h in (day.altitude, home[2]) if math.isfinite(h)), 0.0)
     plan = replace(plan, home=(*home[:2], altitude))
     legs = plan_legs(plan, steps, limits)
-    craft = flown_airframe(model)
+    craft = identified_airframe(model)
     given, assumed = conditions(day, altitude, craft.nominal_voltage)
     by_rate = known_pump(known, craft)
     if not craft.tank_volume_l:

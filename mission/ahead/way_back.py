@@ -17,7 +17,7 @@ from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.mission.ahead.plan_flight import PlanFlight
 from thrustmargin.mission.ahead.plan_legs import CONE, RETURN_WAIT_S
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.predict import flown_airframe, predict
+from thrustmargin.models.model.predict import identified_airframe, predict
 from thrustmargin.models.model.rotor_model import RotorModel
 
 ON_GROUND = 0.1  # m
@@ -90,7 +90,7 @@ def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats
         airspeed=asked[:, 2],
     )
     made = predict(model, steady, asked[:, 0])
-    power = rotor_power(flown_airframe(model), made.thrust, made.rotor_speed_rpm)
+    power = rotor_power(identified_airframe(model), made.thrust, made.rotor_speed_rpm)
     return power[of.ravel()]
 
 

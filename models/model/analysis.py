@@ -29,7 +29,7 @@ from thrustmargin.models.model.inferred.utilisation_error import (
 )
 from thrustmargin.models.model.predict import Basis as Basis
 from thrustmargin.models.model.predict import Prediction as Prediction
-from thrustmargin.models.model.predict import flown_airframe, predict, temperature_offset
+from thrustmargin.models.model.predict import identified_airframe, predict, temperature_offset
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thermometer import by_thermometer
 from thrustmargin.models.physics.airframe import Airframe
@@ -236,10 +236,10 @@ def analyse(
     if claim is None:
         require_rotors(track, model.airframe)
         facts = VehicleFacts()
-        claim = airframe_claim(track, flown_airframe(model), facts, {}, given=True)
+        claim = airframe_claim(track, identified_airframe(model), facts, {}, given=True)
     if claim.withheld:
         model = unknown_aircraft(track.rotor_count)
-    airframe = flown_airframe(model)
+    airframe = identified_airframe(model)
     require_rotors(track, airframe)
     track = by_thermometer(track, model.thermometer)
     if density is None:
@@ -321,7 +321,7 @@ def for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
     """The analysis of a whole flight that its verdict rests on: with the larger load where gauge or
     statement and hover thrust surely differ; else the same one."""
     track = with_load_for_verdict(
-        analysis.track, flown_airframe(analysis.model), analysis.claim.outputs
+        analysis.track, identified_airframe(analysis.model), analysis.claim.outputs
     )
     if analysis.withheld or track is analysis.track:
         return analysis

@@ -20,7 +20,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import RESTS_ON, AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL, guessed_variance
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, largest_fill
@@ -90,7 +90,7 @@ def largest_fills(
     density, voltage = np.broadcast_arrays(
         np.asarray(density, np.float64).ravel(), np.asarray(voltage, np.float64).ravel()
     )
-    airframe = flown_airframe(model)
+    airframe = identified_airframe(model)
     rows = np.full((len(REASONS), 3, density.size), np.inf)
     for k, (air, volts) in enumerate(zip(density, voltage, strict=True)):
         rows[0, :, k] = _by_use(model, float(air), float(volts), airspeed, max_utilisation)

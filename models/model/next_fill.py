@@ -21,7 +21,7 @@ from thrustmargin.models.model.fill_limits import (
     largest_fills,
 )
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_faults import faults_in_model
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thrust_use import ThrustUse
@@ -55,7 +55,7 @@ def unsound_fill(fill: NextFill) -> NextFill:
 
 def before_take_off(fills: Fills, model: RotorModel, condition: int = 0) -> NextFill:
     """What may be filled in one of the conditions of `fills`, of an aircraft that stands."""
-    craft = flown_airframe(model)
+    craft = identified_airframe(model)
     low, high = (float(end[condition]) for end in fills.interval)
     middle = float(fills.largest[condition])
     made = NextFill(
@@ -78,7 +78,7 @@ def next_fill(
 
     All is unknown where no airframe is claimed, or nothing flew.
     """
-    track, craft = analysis.track, flown_airframe(analysis.model)
+    track, craft = analysis.track, identified_airframe(analysis.model)
     nothing = np.full(track.time_s.size, np.nan)
     if analysis.withheld or not np.isfinite(craft.empty_mass):
         return NextFill(), nothing, nothing

@@ -88,7 +88,7 @@ def _tolerant_effects(model: RotorModel) -> tuple[Placed, ...]:
 
 
 @lru_cache(maxsize=8)
-def flown_airframe(model: RotorModel) -> Airframe:
+def identified_airframe(model: RotorModel) -> Airframe:
     """The airframe as identified, with what its effects do to it: hidden mass, worn rotors.
 
     One object a model: the linear programs of `physics.allocation` are solved once an object.
@@ -215,7 +215,7 @@ def predict(
         lower_rpm=np.maximum(speed - half, 0.0),
         upper_rpm=speed + half,
         coverage=coverage if np.any(np.isfinite(half)) else float("nan"),
-        thrust=rotor_thrust(flown_airframe(model), speed, air),
+        thrust=rotor_thrust(identified_airframe(model), speed, air),
         basis=basis,
         partial=lacking,
     )

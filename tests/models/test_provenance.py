@@ -14,7 +14,7 @@ from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, for_verdict
 from thrustmargin.models.model.inferred.prepared import prepared
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.provenance import (
     NOT_REPORTED,
     Meaning,
@@ -43,7 +43,7 @@ def tempted(source: Provenance, number: int) -> Provenance:
 
 def judged(track: FlightTrack, parameters) -> FlightAnalysis:
     model = shipped_model()
-    return for_verdict(analyse(prepared(track, flown_airframe(model), parameters), model))
+    return for_verdict(analyse(prepared(track, identified_airframe(model), parameters), model))
 
 
 def numbers_of(analysis: FlightAnalysis) -> dict[str, np.ndarray]:

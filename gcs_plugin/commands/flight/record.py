@@ -224,13 +224,13 @@ def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
         by_thrust,
         in_all,
     )
-    from thrustmargin.models.model.predict import flown_airframe
+    from thrustmargin.models.model.predict import identified_airframe
 
     known = [not analysis.withheld for analysis, _ in flights]
     gauge = [by_gauge(log.track) for _, log in flights]
     pump = [by_pump(log.track) for _, log in _by_pump(flights)] if all(known) else []
     thrust = [
-        by_thrust(log.track, flown_airframe(analysis.model)) if claimed else None
+        by_thrust(log.track, identified_airframe(analysis.model)) if claimed else None
         for claimed, (analysis, log) in zip(known, flights, strict=True)
     ]
     estimates = (in_all(gauge), in_all(pump), in_all(thrust))

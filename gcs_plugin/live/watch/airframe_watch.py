@@ -20,7 +20,7 @@ from thrustmargin.models.checks.full_battery import ceiling_too_high, highest
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS
 from thrustmargin.models.flight import FlightTrack, joined
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -36,7 +36,7 @@ class AirframeWatch:
     """Keeps `claim` of one vehicle up. `source` is the link, for the command that helps."""
 
     def __init__(self, model: RotorModel, *, given: bool, source: str) -> None:
-        self._airframe = flown_airframe(model)
+        self._airframe = identified_airframe(model)
         self._given = given
         self._source = source
         #: The evidence in order: tracks, and of each the rows.

@@ -33,7 +33,7 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
 from thrustmargin.models.model.inferred.prepared import prepared
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -78,7 +78,7 @@ class FlightSoFar:
     @cached_property
     def measured(self) -> FlightTrack:
         """Its rows without what instruments say that stood still in it, as of a file."""
-        return without_frozen(self.track, flown_airframe(self.model), self.parameters)
+        return without_frozen(self.track, identified_airframe(self.model), self.parameters)
 
     @cached_property
     def outputs(self) -> OutputEvidence | None:
@@ -86,11 +86,11 @@ class FlightSoFar:
         first climb, where they show more than the weight."""
         if self.claim.withheld:
             return None
-        return output_evidence(self.measured, flown_airframe(self.model), self.parameters)
+        return output_evidence(self.measured, identified_airframe(self.model), self.parameters)
 
     @cached_property
     def _prepared(self) -> FlightTrack:
-        craft = None if self.claim.withheld else flown_airframe(self.model)
+        craft = None if self.claim.withheld else identified_airframe(self.model)
         return prepared(self.measured, craft, self.parameters)
 
     @cached_property
@@ -98,7 +98,7 @@ class FlightSoFar:
         """kg that hover thrust surely shows beyond gauge or statement; else 0."""
         if self.claim.withheld:
             return 0.0
-        track = with_load_for_verdict(self._prepared, flown_airframe(self.model), self.outputs)
+        track = with_load_for_verdict(self._prepared, identified_airframe(self.model), self.outputs)
         beyond = (track.tank_kg - self._prepared.tank_kg)[track.flying]
         return 0.0 if track is self._prepared else float(np.nanmedian(beyond))
 
@@ -108,7 +108,7 @@ class FlightSoFar:
         if self.claim.withheld:
             return False
         flown = before_loss(self._prepared, loss_of_control(self._prepared))
-        order = check_motor_order(flown, flown_airframe(self.model))
+        order = check_motor_order(flown, identified_airframe(self.model))
         return order.verdict not in ("agrees", "unclear")
 
     def shown_by(self, claim: AirframeClaim) -> AirframeClaim:

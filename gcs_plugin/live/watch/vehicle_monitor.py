@@ -42,7 +42,7 @@ from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse, heavier
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Rows of which screens show a mean, and in which a loss of control lasts: so many stay at least.
@@ -88,7 +88,7 @@ class VehicleMonitor:
         self._ahead = LookAhead(model)
         self._landed = LandedFlights(system, model, settings, later)
         self._sortie = SortieRows(model, self.alarms, self._landed.answer)
-        self._frozen = FrozenWatch(flown_airframe(model))
+        self._frozen = FrozenWatch(identified_airframe(model))
         self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
@@ -207,7 +207,7 @@ class VehicleMonitor:
             notes = (*new.notes, *measured.notes[len(reported.notes) :])
             new = replace(new, track=measured, notes=notes)
             start = self._claimed(new, start)
-            airframe = None if self.claim.withheld else flown_airframe(self._model)
+            airframe = None if self.claim.withheld else identified_airframe(self._model)
             track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
             new = replace(new, track=track)
         track = with_rows(last, window, new)

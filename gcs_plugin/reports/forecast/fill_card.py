@@ -22,7 +22,7 @@ from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.fill_limits import largest_fills, steady_flight
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
 
 ZERO_CELSIUS = 273.15  # K
@@ -48,7 +48,7 @@ def fill_card(made: PlanForecast, battery: FlightBattery) -> FillCard:
     Raises DataError where the fill is not known, or how far the battery sags.
     """
     model, limit = made.advised.analysis.model, made.advised.advice.limit
-    craft = flown_airframe(model)
+    craft = identified_airframe(model)
     cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
     resistance = battery.resistance
     if not resistance >= 0.0 and cells:

@@ -37,7 +37,7 @@ from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.margin_check import margin_check
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.physics.margin import ceiling
 from thrustmargin.models.physics.smoothing import known_least, known_median, known_most
 
@@ -60,7 +60,7 @@ def report_flight(
     found, made, contact = said.findings, said.made, said.contact
     advice, whole, analysis = made.advice, made.whole, made.analysis
     track = analysis.track
-    limits = ceiling(flown_airframe(analysis.model), analysis.density, track.voltage)
+    limits = ceiling(identified_airframe(analysis.model), analysis.density, track.voltage)
     rows = rows_of(
         analysis, fill_limit_kg=made.fill_limit_kg, fill_one_rotor_out_kg=made.fill_one_rotor_out_kg
     )

@@ -18,7 +18,7 @@ from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.rows.problem import Problem
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.physics.margin import ceiling, utilisation
 
 WORST_SHARE = 0.01  # of the rows
@@ -63,7 +63,7 @@ def margin_changes(found: Identification) -> tuple[tuple[MarginChange, ...], Mar
 
 def _ceiling(problem: Problem) -> Floats:
     x = problem.channels
-    limits = ceiling(flown_airframe(problem.model), x.density, x.voltage)
+    limits = ceiling(identified_airframe(problem.model), x.density, x.voltage)
     return limits.max_rotor_speed_rpm
 
 

@@ -31,7 +31,7 @@ from thrustmargin.models.identification.rows.fast_rows import Reading, delay_rea
 from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ALL_FLIGHTS, ValueColumns
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
@@ -213,7 +213,7 @@ def _would_show(reduced: Reduced, effect: Effect) -> bool:
 
 def _flyable_loss(reduced: Reduced) -> float:
     """The largest loss of one rotor with which the flights' weight could be held level."""
-    x, airframe = reduced.channels, flown_airframe(reduced.model)
+    x, airframe = reduced.channels, identified_airframe(reduced.model)
     voltage = np.nanmedian(x.voltage) if np.isfinite(x.voltage).any() else np.nan
     limits = ceiling(airframe, np.nanmedian(x.density), voltage)
     load = float(np.nanmedian(x.total_mass)) * G0

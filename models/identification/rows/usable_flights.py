@@ -19,7 +19,7 @@ from thrustmargin.models.identification.rows.problem import LEAST_ROWS, assemble
 from thrustmargin.models.model.airframe_claim import airframe_claim
 from thrustmargin.models.model.analysis import require_rotors
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
-from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
@@ -56,7 +56,7 @@ def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool
         else:
             track, facts, parameters = flown.track, flown.facts, flown.parameters
         require_rotors(track, model.airframe)
-        claim = airframe_claim(track, flown_airframe(model), facts, parameters, given=given)
+        claim = airframe_claim(track, identified_airframe(model), facts, parameters, given=given)
         wrong = claim.withheld or [w for w in [wrong_speeds(track, model.airframe)] if w]
         reasons += [f"{track.name}: {words}" for words in wrong]
     if reasons:
