@@ -168,7 +168,7 @@ def wxyz_from_attitude(attitude: Floats) -> Floats:
     if not np.all(np.isfinite(attitude)):
         return np.full(4, np.nan)
     ned_frd = SO3.from_rpy_radians(*np.asarray(attitude, dtype=float)).as_matrix()
-    return SO3.from_matrix(ENU_NED @ ned_frd @ FRD_FLU).wxyz
+    return SO3.from_matrix(ENU_NED @ ned_frd @ FRD_FLU).wxyz.astype(np.float64)
 
 
 #: MAV_FRAME in which altitude is above mean sea level; in the others it is above home or ground.

@@ -88,7 +88,7 @@ def answer(data: DataSet) -> tuple[tuple[Any, ...], float]:
 
 
 def main() -> None:
-    given = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    given = argparse.ArgumentParser(description=__doc__)
     given.add_argument("seeds", type=int, nargs="+")
     given.add_argument("--json", type=Path)
     options = given.parse_args()
