@@ -114,7 +114,7 @@ def main() -> None:
                     )
                     print(f"{module}.{name} {found[f'{module}.{name}'][-1]}", flush=True)
     print(
-        f"{len(found)} of {len(constants)} constants change an answer on {len(options.seeds)} sets"
+        f"{len(found)} of {len(constants)} constants change an answer of these sets"
     )
     if options.json:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
