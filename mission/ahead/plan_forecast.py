@@ -53,7 +53,7 @@ from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_o
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.predict import Basis, identified_airframe
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -123,6 +123,7 @@ def forecast(
     limit: float = 0.5,
     refilled: bool = True,
     faults: FaultHistory | None = None,
+    other_order: bool = False,
 ) -> PlanForecast:
     """What `plan` takes of an aircraft of `model`, before it is flown.
 
@@ -131,7 +132,8 @@ def forecast(
     `parameters` are the autopilot's by name; their defaults are taken for those that are missing.
     `limit` is the share of a rotor's largest thrust that may last. Not `refilled`, it is flown on
     with an empty tank. `faults` are those of the flight in which it was flown before, and not known
-    to be repaired; None: what the model holds. Raises PlanError when the plan flies nowhere.
+    to be repaired; None: what the model holds. `other_order`: in that flight the motors were not in
+    the order of the airframe. Raises PlanError when the plan flies nowhere.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 6.0).level.value
@@ -200,7 +202,9 @@ def forecast(
             f"{flight.track.duration / 60.0:.0f}",
             f"{taken.time_s[-1] / 60.0:.0f}",
         )
-    analysis = _analysis(flight, model)
+    analysis = analyse(
+        flight.track, model, flight.density, claim=replace(PLANNED, other_order=other_order)
+    )
     advised = advise(analysis, limit=limit, planned=True, history=faults)
     if limits.assumed:
         assumed["limits"] = limits.assumed
@@ -283,12 +287,9 @@ def _within(timed: Sequence[TimedLeg], seconds: float, whole_s: float) -> int:
     return len(timed) if ends[-1] <= whole_s else bisect.bisect(ends, seconds) + 1
 
 
-def _analysis(flight: PlanFlight, model: RotorModel) -> FlightAnalysis:
-    return analyse(flight.track, model, flight.density, claim=PLANNED)
-
-
 def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
-    return advise(_analysis(flight, model), limit=limit, planned=True)
+    made = analyse(flight.track, model, flight.density, claim=PLANNED)
+    return advise(made, limit=limit, planned=True)
 
 
 def _worst_wind(

@@ -6,7 +6,7 @@ import math
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -153,7 +153,9 @@ def forecast(
     craft = rotor_model.airframe
     liquid = craft.liquid_density
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
-    known, faults, of_model = _of_log(plan, rotor_model, given=bool(model or airframe))
+    given = bool(model or airframe)
+    before = _before(plan, rotor_model, given=given)
+    known = before.parameters
     if parameters is not None:
         from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
 
@@ -177,9 +179,12 @@ def forecast(
         parameters=known,
         pump=None if pump is None else pump_of(pump),
         limit=max_utilisation,
-        faults=faults,
+        faults=before.faults,
+        other_order=before.other_order,
     )
-    if not of_model:
+    if before.unlike and given:
+        made = replace(made, assumed={"unlike": (craft.title, before.unlike[0]), **made.assumed})
+    elif before.unlike or (before.unlike is None and not given):
         made = replace(made, assumed={"aircraft": (craft.title,), **made.assumed})
     console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     _show(made, console)
@@ -265,13 +270,20 @@ def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
     return kg
 
 
-def _of_log(
-    plan: Path, model: RotorModel, *, given: bool
-) -> tuple[dict[str, float], FaultHistory | None, bool]:
-    """Of the log that the plan is in: its parameters, the faults of its last flight, if it had any,
-    and whether the aircraft is known to be that of the model."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _FlightBefore:
+    """Of the last flight in the log that a plan is in."""
+
+    parameters: dict[str, float] = field(default_factory=dict)
+    faults: FaultHistory | None = None
+    other_order: bool = False  # its motors were not in the order of the airframe
+    #: Why it was no flight of this aircraft; empty where it was one, None without a flight.
+    unlike: tuple[str, ...] | None = None
+
+
+def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     if plan.suffix.lower() in PLANS:
-        return {}, None, given
+        return _FlightBefore()
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.logs.log_answer import answer_log
     from thrustmargin.models.model.analysis import analyse
@@ -279,14 +291,17 @@ def _of_log(
     try:
         log, claim = read_flights(plan, model, given=given)[-1]
     except LogError:
-        # One without a flight still holds its mission; the defaults are listed.
-        return {}, None, given
+        return _FlightBefore()  # it still holds its mission; the defaults are listed
     advice = answer_log(log, analyse(log.track, model, claim=claim), 0.5).made.advice
-    # Which rotor it was is not known where the motors are in another order.
-    which = () if advice.rotor_names else tuple(range(advice.rotor_count))
+    other_order = not advice.rotor_names  # which rotor it was is not known
+    which = tuple(range(advice.rotor_count)) if other_order else ()
     found = tuple(replace(e.fault, rotors=which or e.fault.rotors) for e in advice.faults)
-    history = [(0.0, found)] if found else None
-    return dict(log.parameters), history, given or not claim.withheld
+    return _FlightBefore(
+        parameters=dict(log.parameters),
+        faults=[(0.0, found)] if found else None,
+        other_order=other_order,
+        unlike=claim.withheld,
+    )
 
 
 def _battery(

@@ -20,6 +20,7 @@ NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these 
 #: What was taken for what is not known; {0} is filled in with it.
 ASSUMED: Mapping[str, str] = {
     "aircraft": "the aircraft is {0}: give --airframe",
+    "unlike": "the aircraft is {0}, which its last flight speaks against: {1}",
     "limits": "defaults of the autopilot for {0}: give its parameters with --parameters",
     "full battery": "battery full, {0} V at rest: give --voltage",
     "no capacity": "battery held at {0} V, its capacity is not known: give --capacity",
@@ -84,6 +85,8 @@ def verdict(made: PlanForecast) -> str:
     if level is FlightLevel.CRITICAL:
         long = duration(advice.lost.not_survivable_s)
         return no + say("for {long} a lost rotor brings it down", long=long)
+    if level is FlightLevel.ORDER:
+        return no + say("its motors are not in the airframe's order; test it, propellers off")
     known = {"lasting": lasting, "limit": limit}
     if level is FlightLevel.OVER:
         return no + say("lasting use of thrust {lasting}, above the {limit} limit", **known)
@@ -247,14 +250,17 @@ def assumed_words(made: PlanForecast) -> tuple[str, ...]:
 
 def _as_far(made: PlanForecast) -> str:
     """What the answer does not reach: stated in it, for it is read alone."""
-    parts = [say(", AS FAR AS THE PLAN IS UNDERSTOOD")] if made.not_understood else []
+    craft = made.assumed.get("aircraft") or made.assumed.get("unlike")
+    parts = [say(", IF THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
+    if made.not_understood:
+        parts.append(say(", AS FAR AS THE PLAN IS UNDERSTOOD"))
     if "first part" in made.assumed:
         parts.append(say(", AS {minutes} MIN OF IT SHOW", minutes=made.assumed["first part"][0]))
     return "".join(parts)
 
 
 def _assumed(key: str, values: Sequence[str]) -> str:
-    listed = values if key in ("first part", "alike") else [", ".join(values)]
+    listed = values if ASSUMED[key].count("{") > 1 else [", ".join(values)]
     return say(ASSUMED[key], *listed)
 
 

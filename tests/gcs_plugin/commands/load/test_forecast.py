@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +10,7 @@ from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.mission.plan import write_plan
 
+ROOT = Path(__file__).resolve().parents[4]
 FIELD = ("--fill", "6", "--flow", "2.4", "--capacity", "16", "--wind", "2", "--wind-from", "90")
 
 
@@ -202,3 +204,16 @@ def test_the_mission_of_a_flight_with_a_bad_rotor_may_not_take_off(
 def test_an_aircraft_that_nobody_named_is_an_assumption(options, named, field, capsys):
     _, out, _ = said(capsys, field, *FIELD, *options)
     assert ("the aircraft is TopXGun F16" in out) is named
+
+
+def test_an_airframe_that_the_last_flight_speaks_against_is_a_condition(
+    sitl_logs, tmp_path, capsys
+):
+    text = (ROOT / "models/airframes/topxgun-f16.toml").read_text()
+    head, right, left, *rest = text.split("[[rotors]]")
+    other = tmp_path / "other.toml"
+    other.write_text("[[rotors]]".join([head, left, right, *rest]).replace("f16", "other"))
+    log = sitl_logs / "dev/worn_prop_1.tlog"
+    _, out, _ = said(capsys, log, "--fill", "8", "--airframe", other)
+    assert out.startswith("MAY TAKE OFF WITH 8.0 kg (8.0 L), IF THE AIRCRAFT IS TopXGun F16")
+    assert "which its last flight speaks against: FRAME_CLASS 1" in out

@@ -52,6 +52,13 @@ def test_the_verdict_comes_with_its_reason(day, starts, has):
     assert has in words
 
 
+def test_motors_in_another_order_are_no_good_answer():
+    plan = forecast(plan_of(*TWO_LINES), MODEL, TakeOff(fill_kg=6.0, flow=0.04), other_order=True)
+    words = "DO NOT TAKE OFF WITH 6.0 kg (6.0 L): its motors are not in the airframe's order; "
+    assert verdict(plan) == words + "test it, propellers off"
+    assert plan.level.value == "order"
+
+
 def test_a_model_that_holds_a_weak_rotor_is_told_of_it_and_gets_no_fill():
     loss = {"loss": Identified(value=0.12, unit="1", ci95=(0.11, 0.13))}
     loss["torque_share"] = Identified(value=1.0, unit="1", ci95=(0.9, 1.1))
