@@ -43,7 +43,7 @@ _OTHER_UNIT = 2.0
 _STRONG_SHAKING = 5.0
 
 #: Hz of rotor speeds below which the means of rotor_faults.py hold no three of them.
-SLOWEST_HZ = 2.9
+SLOWEST_HZ = 0.75
 _MUCH_LOST = 1.0  # % of a file's bytes
 
 #: Verdicts of the checks that are no warning.

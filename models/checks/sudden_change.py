@@ -85,10 +85,10 @@ class SuddenChange:
     so that numpy goes through a state of all filters at once: that is most of the time.
     """
 
-    def __init__(self, prior: Prior, block: float) -> None:
+    def __init__(self, prior: Prior, block: float, window: float = WINDOW) -> None:
         signals, inputs = prior.inputs.shape
         self.noise, self.lag = prior.noise**2, np.full(signals, 0.5)  # s², f
-        self._keep, self._ages = float(np.exp(-block / MEMORY)), round(WINDOW / block)
+        self._keep, self._ages = float(np.exp(-block / MEMORY)), round(window / block)
         before = self.noise / (1.0 - self.lag**2)
         variance = np.zeros((2 + inputs, 2, signals))
         variance[0], variance[1] = np.stack([np.ones(signals), prior.trim**2]), before

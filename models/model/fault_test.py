@@ -12,7 +12,7 @@ import numpy as np
 from thrustmargin.models.checks.sudden_change import SELDOM, SETTLE, WINDOW, Prior, SuddenChange
 from thrustmargin.models.flight import Floats
 
-BLOCK = 0.7  # s: rotors answer within it, and noise forgets most of itself
+BLOCK = 0.7  # s, the shortest: rotors answer within it, and noise forgets most of itself
 FALSE_ALARMS = 0.1  # an hour of flight, of each test, at most
 SURE = 0.95  # of the posterior on one rotor
 EXCLUDED = 0.01  # of the posterior up to which a rotor is excluded
@@ -66,12 +66,18 @@ class FaultTest:
 
     def restart(self) -> None:
         """A new flight."""
-        self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
+        self._block = BLOCK
+        self._test, self._sound = SuddenChange(self._prior, BLOCK, WINDOW), 1.0
         self._held_s, self._before = math.nan, self.faults
         self._group: tuple[int, ...] = ()  # of whom one is bad: they move all alike
         self._suspected_s = math.nan
         self._first: list[tuple[float, Floats, Floats]] | None = []
         self._passed, self._again, self._suspect = -1, -1, None
+
+    @property
+    def _window(self) -> float:
+        """s in which a change is sought: as many blocks, however long one is."""
+        return WINDOW * self._block / BLOCK
 
     def forget(self, known: Sequence[RotorFault] = ()) -> None:
         """All parts may be new, but for faults that are `known`: they stand until the signals are
@@ -92,7 +98,8 @@ class FaultTest:
     def add(self, time_s: float, values: Floats, inputs: Floats) -> None:
         """A block: its values (M,) and inputs (M, P).
 
-        The first ones of a flight wait until they tell its scatter: nothing is named before.
+        The first ones of a flight wait until they show its scatter, and how long one is: nothing
+        is named before.
         """
         if self._first is None:
             self._weigh(time_s, values, inputs)
@@ -100,8 +107,10 @@ class FaultTest:
         self._first.append((time_s, values, inputs))
         if len(self._first) == LEARN:
             scatter = block_scatter(np.array([values for _, values, _ in self._first]))
-            noise = np.maximum(scatter, self._prior.noise)
-            self._test = SuddenChange(replace(self._prior, noise=noise), BLOCK)
+            prior = replace(self._prior, noise=np.maximum(scatter, self._prior.noise))
+            spacing = np.median(np.diff([time_s for time_s, _, _ in self._first]))
+            self._block = max(float(spacing), BLOCK)
+            self._test = SuddenChange(prior, self._block, self._window)
             waiting, self._first = self._first, None
             for block in waiting:
                 self._weigh(*block)
@@ -131,7 +140,7 @@ class FaultTest:
             since = time_s if math.isnan(self._suspected_s) else self._suspected_s
             self._suspected_s = math.nan if self._suspect is None else since
             # Two on one arm move all signals alike: waiting longer names neither.
-            alike = time_s - self._suspected_s >= 0.5 * WINDOW
+            alike = time_s - self._suspected_s >= 0.5 * self._window
             if change.log_ratio > THRESHOLD and (named or alike):
                 self._group = self._suspect.rotors if self._suspect else ()
                 self._held_s, self._before, self._suspect = time_s, self.faults, None
@@ -147,9 +156,9 @@ class FaultTest:
             self._name(
                 rotor,
                 self._sizes(share, rotor),
-                begins=time_s - self._held_s < 2.0 * SETTLE * BLOCK,
+                begins=time_s - self._held_s < 2.0 * SETTLE * self._block,
             )
-            if time_s - self._held_s >= WINDOW:
+            if time_s - self._held_s >= self._window:
                 bad = rotor in self.faults
                 posterior = share[rotor] / share[rotor].sum()
                 step = posterior @ steps[rotor] if bad else -self._now[rotor]

@@ -1,6 +1,7 @@
 """A rotor that loses thrust, or a motor that falls short of its output, as a flight goes on.
 
-Two tests of `checks.sudden_change` on means of BLOCK seconds:
+Two tests of `checks.sudden_change` on means of BLOCK seconds, or of FEWEST_ROWS rows where those
+take longer:
     propeller   y = Q' (N² - N_hat²)/mean(N_hat²), Q the layout's modes: collective, roll, pitch,
                 yaw, and what is left with more rotors than four. A lost share x of rotor i moves
                 all modes by what the composition of effects says, mixer and torque included; turns
@@ -54,6 +55,8 @@ UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the gro
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 
 FEWEST_ROTORS = 4
+#: Rows of a block, and s that it waits for them: telemetry of 1 Hz takes 3 s.
+FEWEST_ROWS, LONGEST_BLOCK = 3, 4.0
 #: Times, s, and the faults that stand from there on.
 FaultHistory = list[tuple[float, tuple[RotorFault, ...]]]
 
@@ -108,7 +111,8 @@ class RotorFaults:
                     test.forget(self._known if test is self._tests[0] else ())
                 test.restart()
             self._landed_s = math.nan
-        whole = bool(self._rows) and not 0.0 <= time_s - self._begun_s < BLOCK - 0.01
+        least = BLOCK if len(self._rows) >= FEWEST_ROWS else LONGEST_BLOCK
+        whole = bool(self._rows) and not 0.0 <= time_s - self._begun_s < least - 0.01
         if whole:
             self._end(np.array(self._rows))
             self._rows = []
@@ -127,7 +131,7 @@ class RotorFaults:
     def _end(self, rows: Floats) -> None:
         """A block of rows is whole."""
         rotors, self.tested = len(self._modes), {}
-        if len(rows) < 3 or not self._tests:
+        if len(rows) < FEWEST_ROWS or not self._tests:
             return
         mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
         slope = (rows[-1] - rows[0])[1:] / (rows[-1, 0] - rows[0, 0])

@@ -126,6 +126,20 @@ def test_the_intervals_of_many_flights_hold():
     assert sum(f.lower <= 0.1 <= f.upper for (f,) in found) >= 18
 
 
+@pytest.mark.parametrize("hertz", [1, 2, 5])
+def test_slow_telemetry_names_the_rotor_too_and_no_sound_one(hertz):
+    for seed in range(4):
+        track = hover(seed).rows(slice(None, None, 10 // hertz))
+        (fault,) = seen(track, lost(seed, 0.1))
+        assert (fault.kind, fault.rotor) == ("propeller", seed)
+        assert fault.lower <= 0.1 <= fault.upper < 0.2
+        assert seen(track) == []
+
+
+def test_readings_two_seconds_apart_are_too_few_for_a_mean():
+    assert seen(hover(0).rows(slice(None, None, 20)), lost(0, 0.3)) == []
+
+
 def test_a_loss_beyond_the_bound_is_said_to_be_at_the_bound():
     for fault in seen(hover(3), lost(2, 0.8)):
         assert fault.rotor == 2
