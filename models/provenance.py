@@ -44,7 +44,7 @@ class Meaning(StrEnum):
 #: What people should know of a channel that is not what it is called.
 _MEANINGS: Mapping[Meaning, str] = MappingProxyType(
     {
-        Meaning.GROUND_SPEED: "ground speed: no airspeed sensor, no wind by the EKF",
+        Meaning.GROUND_SPEED: "ground speed: no airspeed and no wind reported",
         Meaning.BOARD_TEMPERATURE: "of the autopilot's board: warmer than the air",
         Meaning.ABOVE_HOME: "height above home, not above the crop",
     }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.mavlink.decode import asked_by_quaternion, attitude_from_quaternion
 from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, in_si, quantity
 from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected, speed_through_air
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
@@ -141,7 +141,6 @@ def with_vectors(topic: Topic) -> Topic:
 def ulog_signals(topics: Mapping[str, list[Topic]]) -> Signals:
     """Signals of every topic by name (each a list of its instances) but for the motors'."""
     signals = [signal for rule in RULES for signal in _by_rule(rule, topics)]
-    signals += _airspeed_by_wind({name: group[0] for name, group in topics.items()})
     return collected(signals)
 
 
@@ -169,15 +168,3 @@ def topic_signal(
     """The Signal of `values` (n,) or (n, k) at the topic's own times."""
     time_s = in_si(topic, "timestamp", "1") * 1e-6
     return Signal(channel, source, *in_time_order(time_s, values), index)
-
-
-def _airspeed_by_wind(first: Mapping[str, Topic]) -> list[Signal]:
-    ground, air = first.get(_POSITION), first.get("wind", first.get("wind_estimate"))
-    if ground is None or air is None:
-        return []
-    if not {"vx", "vy", "vz"} <= ground.keys() or not set(_WIND) <= air.keys():
-        return []
-    velocity = np.stack([in_si(ground, v, "m/s") for v in ("vx", "vy", "vz")], axis=-1)
-    speed = speed_through_air(ground["timestamp"], velocity, air["timestamp"], _level_wind(air))
-    source = topic_source(_POSITION, "velocity", "m/s").remarked("less the estimator's wind")
-    return [topic_signal("airspeed", source, ground, speed)]

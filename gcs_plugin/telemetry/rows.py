@@ -36,7 +36,12 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     rejected_words,
     standing_in_flight,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, turned_down
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    Signals,
+    airspeed_sources,
+    best,
+    turned_down,
+)
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_channels
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     PumpedSoFar,
@@ -128,7 +133,10 @@ def flight_rows(
 
     for channel, column in TRACK_CHANNELS.items():
         if column.direct:
-            put(channel, signals.get(channel, ()))
+            if channel == "airspeed":
+                put(channel, airspeed_sources(signals, options.sampling))
+            else:
+                put(channel, signals.get(channel, ()))
     for channel, candidates in power(signals, options.sampling, notes).items():
         put(channel, candidates)
     context = TankContext(

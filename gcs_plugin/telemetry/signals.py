@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -13,10 +14,16 @@ from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_
 from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, decode
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
-from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order, known_rows
+from thrustmargin.gcs_plugin.telemetry.resample import (
+    Sampling,
+    coverage,
+    in_time_order,
+    known_rows,
+    last_before,
+)
 from thrustmargin.mission.parameter_names import parameter
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
+from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
 
 #: A flight battery reads more than this, the level sender of a tank less, V.
 SENDER_VOLTAGE = 2.5
@@ -240,11 +247,35 @@ def ordered_signal(
     return Signal(channel, source, *in_time_order(time_s, values), index)
 
 
-def speed_through_air(time_s: Floats, velocity: Floats, wind_s: Floats, wind: Floats) -> Floats:
-    """(n,) m/s: the length of velocity (n, 3) at `time_s` less wind (m, 3) at `wind_s`."""
-    when, order = np.unique(wind_s, return_index=True)
-    blown = np.stack([np.interp(time_s, when, part[order]) for part in wind.T], axis=-1)
-    return np.linalg.norm(velocity - blown, axis=1)
+def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
+    """The airspeeds that are reported; then, where they are not, the speed over ground, less the
+    wind where one is estimated.
+
+    0 is no airspeed, as PX4 sends it without a sensor: of a recorded flight when it is so
+    throughout, for a listener in each report. Nor is such a wind.
+    """
+    own, live = signals.get("airspeed", ()), sampling == "hold"
+    for signal in own if live else ():
+        none = signal.values == 0.0
+        yield (
+            signal._replace(values=np.where(none, np.nan, signal.values)) if none.any() else signal
+        )
+    own = tuple(s for s in own if np.any(s.values > 0.0))
+    yield from () if live else own
+    velocity, known = best(signals, "velocity_ned"), best({"airspeed": own}, "airspeed")
+    if velocity is None:
+        return
+    if not live and known and coverage(known) >= 0.9 * coverage(velocity):
+        return
+    source, wind = velocity.source, best(signals, "wind_ned")
+    through_air = velocity.values
+    if wind is None or not np.nansum(np.abs(wind.values)):
+        source = replace(source, meaning=Meaning.GROUND_SPEED)
+    else:
+        source = source.remarked(f"less {wind.source.name}'s wind")
+        blown = last_before(wind, velocity.time_s)
+        through_air = through_air - np.where(np.isfinite(blown), blown, 0.0)
+    yield Signal("airspeed", source, velocity.time_s, np.linalg.norm(through_air, axis=1))
 
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:

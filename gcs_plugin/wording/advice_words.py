@@ -39,7 +39,9 @@ _PAUSED = " (NOTHING IN THE LOG FOR {long} OF IT)"
 PREDICTED_ALONE = (
     "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
 )
-NOT_SOUGHT = "not looked for in {long}: that takes the measured speed of every rotor, and the load"
+NOT_SOUGHT = (
+    "not looked for in {long}: that takes the speed of every rotor, the airspeed and the load"
+)
 
 
 def headline(advice: Advice) -> str:

@@ -131,10 +131,11 @@ class RotorFaults:
     def _end(self, rows: Floats) -> None:
         """A block of rows is whole."""
         rotors, self.tested = len(self._modes), {}
-        if len(rows) < FEWEST_ROWS or not self._tests:
+        long = rows[-1, 0] - rows[0, 0]
+        if len(rows) < FEWEST_ROWS or long <= 0.0 or not self._tests:
             return
         mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
-        slope = (rows[-1] - rows[0])[1:] / (rows[-1, 0] - rows[0, 0])
+        slope = (rows[-1] - rows[0])[1:] / long
         excess, motors = mean[:rotors], mean[rotors : 2 * rotors]
         # A sum is finite where all that it is of is, and quicker to be had.
         if UNLOADED < np.add.reduce(excess) / rotors < math.inf:

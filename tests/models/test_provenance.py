@@ -89,7 +89,7 @@ def test_words_are_made_of_the_facts():
     assert battery.of_instance(None) is battery
     assert battery.remarked("mean", "of all").words == "BATTERY_STATUS voltages (mean; of all)"
     over_ground = sent("GPS Spd", meaning=Meaning.GROUND_SPEED)
-    assert over_ground.words == "GPS Spd (ground speed: no airspeed sensor, no wind by the EKF)"
+    assert over_ground.words == "GPS Spd (ground speed: no airspeed and no wind reported)"
     assert stated("8 kg").words == "stated: 8 kg"
     column = Provenance(kind=SourceKind.COLUMN, name="tank_kg")
     assert column.words == "column tank_kg"

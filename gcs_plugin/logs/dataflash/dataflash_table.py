@@ -17,7 +17,6 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     collected,
     ordered_signal,
-    speed_through_air,
 )
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
@@ -69,11 +68,10 @@ def _over_ground(columns: Any) -> Floats:
     )
 
 
-_COURSE, _GROUND = ("Spd", "GCrs", "VZ"), Meaning.GROUND_SPEED
+_COURSE = ("Spd", "GCrs", "VZ")
 #: Those that are taken when nothing else gives the channel.
 LAST_RULES: tuple[Rule, ...] = (
     Rule("GPS", _COURSE, "velocity_ned", index="I", only=0, convert=_over_ground),
-    Rule("GPS", ("Spd",), "airspeed", "m/s", index="I", only=0, meaning=_GROUND),
 )
 
 #: Message types that are read besides, and the columns without which they say nothing.
@@ -110,7 +108,7 @@ def _of(message: str, *fields: str) -> Provenance:
 def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
     """Signals of every DataFlash message in `streams`, whose columns are DataFlashColumns."""
     signals = [signal for rule in RULES for signal in _by_rule(rule, streams)]
-    signals += _wind_and_airspeed(streams)
+    signals += _wind(streams)
     for name, method in _METHODS:
         if name in streams:
             signals += method(streams[name])
@@ -222,35 +220,16 @@ def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, S
     return None
 
 
-def _wind_and_airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
-    """Wind, and speed through the air for a copter without pitot, both by the EKF.
-
-    A wind of 0 throughout is no estimate: the EKF then has neither airspeed nor a drag model.
-    """
-    speed_core = _core(streams, ("XKF1", "NKF1"))
-    wind_core = _core(streams, ("XKF2", "NKF2"))
-    if wind_core is None:
+def _wind(streams: Mapping[str, Stream]) -> list[Signal]:
+    """Wind by the EKF; 0 throughout it is no estimate: there is neither airspeed nor drag model."""
+    core = _core(streams, ("XKF2", "NKF2"))
+    if core is None:
         return []
-    blown_by, air = wind_core
-    north, east = (columns_of(air).si(name, "m/s") for name in ("VWN", "VWE"))
+    name, air = core
+    north, east = (columns_of(air).si(column, "m/s") for column in ("VWN", "VWE"))
     wind = np.stack([north, east, np.zeros(north.size)], axis=-1)
-    estimated = bool(np.any(wind))
-    of_wind = _of(blown_by, "VWN", "VWE").remarked("EKF", "level")
-    made = [ordered_signal("wind_ned", of_wind, air.time_s, wind)] if estimated else []
-    if speed_core is None or air.time_s.size == 0:
-        return made
-    name, ground = speed_core
-    columns = columns_of(ground)
-    if any(axis not in columns for axis in ("VN", "VE", "VD")):
-        return made
-    velocity = np.stack([columns.si(axis, "m/s") for axis in ("VN", "VE", "VD")], axis=-1)
-    speed = speed_through_air(ground.time_s, velocity, air.time_s, wind)
-    over_ground = _of(name, "VN", "VE", "VD")
-    if estimated:
-        source = over_ground.remarked(f"less {blown_by}'s wind, by the EKF")
-    else:
-        source = replace(over_ground, meaning=Meaning.GROUND_SPEED)
-    return [*made, ordered_signal("airspeed", source, ground.time_s, speed)]
+    source = _of(name, "VWN", "VWE").remarked("EKF", "level")
+    return [ordered_signal("wind_ned", source, air.time_s, wind)] if np.any(wind) else []
 
 
 def _servos(stream: Stream) -> list[Signal]:

@@ -24,9 +24,15 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     sample,
     thinned,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import best, by_index, collected, speed_through_air
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    airspeed_sources,
+    best,
+    by_index,
+    collected,
+)
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS
+from thrustmargin.models.provenance import Meaning
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 BACKWARD = 1.0
@@ -296,12 +302,32 @@ def test_a_damaged_time_at_an_end_is_a_leap_too(row):
     assert np.flatnonzero(np.isnan(without_leaps(clock))).tolist() == [row]
 
 
-def test_speed_through_air_is_velocity_less_the_wind_of_that_moment():
-    velocity = np.array([[3.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
-    wind = np.array([[-2.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [-1.0, 7.0, 0.0]])
-    # Half way between 1 s and 3 s the wind is (-1.5, 3.5); of two at one instant the first counts.
-    found = speed_through_air(np.array([0.0, 2.0]), velocity, np.array([1.0, 1.0, 3.0]), wind)
-    np.testing.assert_allclose(found, [5.0, np.hypot(4.5, 0.5)])
+@pytest.mark.parametrize("sampling", ["hold", "linear"])
+def test_without_an_airspeed_it_is_the_velocity_less_the_wind_heard_before(sampling):
+    velocity = [[3.0, 0.0, 0.0], [3.0, 4.0, 0.0], [3.0, 4.0, 0.0]]
+    wind = [[-2.0, 0.0, 0.0], [-1.0, 7.0, 0.0]]
+    signals = collected(
+        [
+            signal([0.0, 2.0, 3.0], velocity, "velocity_ned"),
+            signal([1.0, 2.5], wind, "wind_ned"),
+            signal([0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 0.0], "airspeed"),
+        ]
+    )
+    *reported, found = airspeed_sources(signals, sampling)
+    # Before the first wind that over ground; then north 3 + 2, east 4; then 3 + 1 and 4 - 7.
+    np.testing.assert_allclose(found.values, [3.0, np.hypot(5.0, 4.0), 5.0])
+    assert not any(np.isfinite(one.values).any() for one in reported)
+
+
+def test_an_airspeed_that_is_reported_throughout_stands_alone():
+    times = np.arange(20.0)
+    velocity = signal(times, np.tile([3.0, 4.0, 0.0], (20, 1)), "velocity_ned")
+    own = signal(times, np.full(20, 6.0), "airspeed")
+    assert list(airspeed_sources(collected([velocity, own]), "linear")) == [own]
+    half = signal(times[:10], np.full(10, 6.0), "airspeed")
+    _, found = airspeed_sources(collected([velocity, half]), "linear")
+    assert found.source.meaning is Meaning.GROUND_SPEED
+    assert found.values.tolist() == [5.0] * 20
 
 
 def test_a_long_flight_is_put_together_from_its_blocks_of_rows():

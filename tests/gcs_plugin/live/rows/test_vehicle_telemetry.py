@@ -25,11 +25,20 @@ def run(frames, **options) -> tuple[LiveRows, VehicleTelemetry]:
 def test_a_channel_older_than_its_limit_is_unknown_and_never_held_on():
     vehicle = Vehicle()
     frames = [f for _ in range(20) for f in vehicle.tick()]
-    frames += [f for _ in range(20) for f in vehicle.tick() if f.id != 74]
+    frames += [f for _ in range(20) for f in vehicle.tick() if f.id not in (32, 33, 74)]
     rows, _ = run(frames)
     # The first row is made by the attitude, before the rotor speeds and the airspeed.
     known = np.isfinite(rows.track.airspeed).tolist()
     assert known == [False] + [True] * 29 + [False] * 10
+
+
+def test_without_an_airspeed_the_speed_over_ground_less_the_wind_is_it():
+    vehicle = Vehicle()
+    frames = [f for _ in range(20) for f in vehicle.tick()]
+    frames += [f for _ in range(20) for f in vehicle.tick() if f.id != 74]
+    track = run(frames)[0].track
+    relative = np.linalg.norm(track.velocity_ned - np.nan_to_num(track.wind_ned), axis=1)
+    assert track.airspeed[-10:] == pytest.approx(relative[-10:])
 
 
 def test_one_row_a_report_and_at_most_ten_a_second():

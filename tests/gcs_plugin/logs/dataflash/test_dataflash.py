@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
     dataflash_signals,
 )
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
-from thrustmargin.gcs_plugin.telemetry.signals import by_index
+from thrustmargin.gcs_plugin.telemetry.signals import airspeed_sources, by_index
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.physics.airframe import load_airframe
@@ -344,7 +344,7 @@ def test_torn_lines_of_a_text_log_are_counted_and_left_out(tmp_path):
 def test_a_log_says_which_messages_its_channels_came_from():
     sources = read_log(FLIGHT).track.sources
     assert sources["tank_kg"].words == "NVF TANK"
-    assert sources["airspeed"].words == "XKF1 VN, VE, VD (less XKF2's wind, by the EKF)"
+    assert sources["airspeed"].words == "XKF1 VN, VE, VD (less XKF2's wind)"
     assert sources["rotor_speed_rpm"].words.startswith(
         "ESC RawRPM (motors on outputs 1, 2, 3, 4 by"
     )
@@ -357,8 +357,8 @@ def test_messages_of_the_older_ekf_are_called_by_their_own_names():
         streams[older] = streams.pop(newer)
     signals = dataflash_signals(streams)
     assert signals["wind_ned"][0].source.words == "NKF2 VWN, VWE (EKF; level)"
-    by_wind = [s.source.words for s in signals["airspeed"]]
-    assert by_wind[0] == "NKF1 VN, VE, VD (less NKF2's wind, by the EKF)"
+    (by_wind,) = airspeed_sources(signals, "linear")
+    assert by_wind.source.words == "NKF1 VN, VE, VD (less NKF2's wind)"
 
 
 def test_the_attitude_that_was_asked_for_is_read_and_followed():
@@ -377,4 +377,5 @@ def test_a_wind_of_zero_throughout_is_no_wind_and_the_airspeed_then_is_ground_sp
     streams["XKF2"] = streams["XKF2"]._replace(columns=replace(still, table=table))
     signals = dataflash_signals(streams)
     assert "wind_ned" not in signals
-    assert signals["airspeed"][0].source.meaning is Meaning.GROUND_SPEED
+    (over_ground,) = airspeed_sources(signals, "linear")
+    assert over_ground.source.meaning is Meaning.GROUND_SPEED
