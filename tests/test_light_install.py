@@ -140,6 +140,7 @@ def test_a_replay_runs_without_any_extra_until_ctrl_c(tmp_path: Path):
     assert "pip install" not in errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("line", "missing", "extra"), WITH_EXTRAS)
 def test_what_needs_an_extra_says_in_one_line_what_to_install(
     line, missing, extra, refused: dict[str, Done]

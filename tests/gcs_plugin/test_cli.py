@@ -134,6 +134,7 @@ def test_json_never_takes_a_log_as_its_file(sitl_logs, tmp_path, capsys):
     assert flight.read_bytes() == b"a log that is kept"
 
 
+@pytest.mark.slow
 def test_quiet_says_nothing_but_errors(sitl_logs, tmp_path, monkeypatch, capfd):
     flight = str(sitl_logs / "campaign" / "v4_m16_q2.5.tlog")
     done = started("report", "--quiet", flight, "--out", "r.html", cwd=tmp_path)

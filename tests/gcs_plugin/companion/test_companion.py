@@ -27,6 +27,7 @@ def started() -> dict[str, list[str]]:
     return {"container": [*entry[1:], *more], "service": unit[1:]}
 
 
+@pytest.mark.slow
 def test_both_watch_without_a_page_and_serve_the_bar(tmp_path: Path):
     from thrustmargin.gcs_plugin.cli import run
 

@@ -67,6 +67,7 @@ def test_an_old_row_is_marked_old_in_every_number_and_has_no_colour_left():
     assert "OLD 10.0 s" in cells[-1].plain
 
 
+@pytest.mark.slow
 def test_a_link_that_loses_half_does_not_flicker():
     """Motor outputs that come four times a second, every other one lost at random."""
     fleet, vehicle = flown()

@@ -246,6 +246,7 @@ def needs_unix_time(model: RotorModel) -> bool:
     return any("onset_clock" in record.parameters for record in model.effects)
 
 
+@pytest.mark.slow
 @settings(
     max_examples=2,
     deadline=None,
@@ -287,6 +288,7 @@ def with_faults(speeds: np.ndarray) -> np.ndarray:
     return bad
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [31, 150])
 def test_readings_that_are_no_measurement_are_none_live_too(tmp_path, step):
     path = tmp_path / "faults.tlog"

@@ -79,6 +79,7 @@ def flight(vehicle: Vehicle, seconds: float, **options) -> list[Frame]:
     return [f for _ in range(round(seconds * 10)) for f in vehicle.tick(**options)]
 
 
+@pytest.mark.slow
 def test_a_recording_gives_the_same_rows_as_its_file(sitl_logs, tmp_path):
     path = first_part(sitl_logs / "onset" / "worn_prop_onset.tlog", 245.0, tmp_path)
     _, seen = run(path, tmp_path / "out")
@@ -274,6 +275,7 @@ def test_ground_stations_and_companions_are_no_vehicles(sitl_logs, tmp_path):
     assert watch.last.analysis.track.source("tank_kg").words == "NAMED_VALUE_FLOAT TANK"
 
 
+@pytest.mark.slow
 def test_the_outlook_follows_the_mission_to_its_end(sitl_logs):
     path = sitl_logs / "campaign" / "v4_m16_q2.5.tlog"
     _, seen = run(path)
@@ -319,6 +321,7 @@ def test_a_flight_with_stations_frames_only_gives_no_vehicle(tmp_path):
     assert seen.updates == []
 
 
+@pytest.mark.slow
 def test_predictions_with_effects_settle_to_those_of_the_file(sitl_logs, tmp_path):
     """Effects look both ways in time: what is recorded is what they say once both are known."""
     path = first_part(sitl_logs / "campaign" / "v6_m10_q2.5.tlog", 120.0, tmp_path)

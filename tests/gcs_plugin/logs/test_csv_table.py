@@ -188,6 +188,7 @@ def test_a_line_that_names_the_separator_is_passed_over(tmp_path):
     np.testing.assert_array_equal(read_log(tmp_path / "x.csv").track.airspeed, [1.0, 2.5])
 
 
+@pytest.mark.slow
 def test_the_csv_of_a_report_is_the_flight_again_to_the_last_digit(sitl_logs, tmp_path):
     log = str(sitl_logs / "campaign/v4_m16_q2.5.tlog")
     assert run(["report", log, "--out", str(tmp_path / "one.html")]) == 0

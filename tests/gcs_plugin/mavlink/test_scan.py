@@ -31,6 +31,7 @@ def scanned(data: bytes) -> frames.Frames:
     return frames.scan(padded, len(data))
 
 
+@pytest.mark.slow
 def test_every_field_of_every_message_equals_pymavlinks():
     data, size = read_bytes(FLIGHT, frames.PADDING)
     found = frames.scan(data, size)

@@ -90,6 +90,7 @@ def damaged_streams(draw) -> bytes:
     return bytes(stream) + b"".join(FRAMES[:12])
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(damaged_streams(), st.lists(st.integers(1, 90), max_size=20))
 def test_live_and_file_agree_on_every_frame_whatever_the_damage_and_the_pieces(stream, cuts):

@@ -29,6 +29,7 @@ def filled(store: SeasonStore) -> SeasonStore:
     return store
 
 
+@pytest.mark.slow
 def test_a_bucket_holds_what_a_folder_holds(season_bucket: str, tmp_path: Path):
     there = filled(SeasonStore.open(f"{season_bucket}/one"))
     here = filled(SeasonStore.open(str(tmp_path)))
@@ -76,6 +77,7 @@ def test_a_computer_s_clock_neither_frees_a_lock_nor_keeps_it(
             still_held()
 
 
+@pytest.mark.slow
 def test_an_address_of_nothing_is_one_line():
     with pytest.raises(DataError, match="--store nothing://x"):
         SeasonStore.open("nothing://x")

@@ -49,6 +49,7 @@ def test_nothing_else_is_read_or_written(tmp_path: Path, sql: str):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="Ctrl-C of a console is another one there")
 def test_ctrl_c_ends_a_query_that_does_not(tmp_path: Path):
     empty_store(tmp_path / "season")

@@ -154,6 +154,7 @@ def test_a_vehicle_that_claims_65535_items_is_refused_at_once(port: int):
     assert time.monotonic() - began < 12.0
 
 
+@pytest.mark.slow
 def test_a_mission_that_takes_too_long_is_given_up(port: int, monkeypatch):
     monkeypatch.setattr("thrustmargin.gcs_plugin.vehicle.downloads.LONGEST", 0.5)
     with (

@@ -61,6 +61,7 @@ def heard():
     made.view.stop()
 
 
+@pytest.mark.slow
 def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old(heard):
     view = heard.view
     heard.fly(1700, 1700)
@@ -86,6 +87,7 @@ def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old(heard):
     assert shown["age"] == pytest.approx(7.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_the_page_is_told_of_all_and_the_gravest_is_its_first_line(heard):
     heard.fly(2400, 1700, ticks=100)
     state = heard.view._screen.state()
@@ -138,6 +140,7 @@ def test_colour_camera_and_aircraft_can_be_chosen_and_nonsense_is_refused(heard)
     assert heard.view._screen.state()["follow"] == 2
 
 
+@pytest.mark.slow
 def test_an_aircraft_that_was_switched_off_leaves_the_page_and_may_return(heard, monkeypatch):
     monkeypatch.setattr("thrustmargin.gcs_plugin.live.watch.vehicle_monitor.GONE", 2.0)
     heard.fly(1700, 1700)

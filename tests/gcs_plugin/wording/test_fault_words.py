@@ -64,6 +64,7 @@ def said_live(worn) -> str:
     return words
 
 
+@pytest.mark.slow
 def test_the_report_says_what_the_live_alarm_said(sitl_logs, worn, tmp_path, capsys, said_live):
     assert said_live.startswith("Rotor 3 front left 12% (")
     assert run(["report", str(worn), "--json", "-", "--out", str(tmp_path / "r.html")]) == 0

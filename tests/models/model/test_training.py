@@ -234,6 +234,7 @@ def test_speeds_from_motor_outputs_are_learnt_from_alone_and_the_model_remembers
     assert not any("learnt from" in words for words in same["model_words"])
 
 
+@pytest.mark.slow
 def test_training_keeps_its_settings_and_fills_the_model(tmp_path):
     tracks, seen = sorties(6), []
     result = train(

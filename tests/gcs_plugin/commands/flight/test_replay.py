@@ -26,6 +26,7 @@ def replay(*arguments: str | Path) -> subprocess.Popen:
     )
 
 
+@pytest.mark.slow
 def test_nothing_is_imported_that_takes_half_a_second_and_shows_nothing(sitl_logs):
     log = sitl_logs / "campaign" / "v2_m4_q1.5.tlog"
     code = (

@@ -18,6 +18,7 @@ def levels(report: Path, *logs: Path) -> list[str]:
     return [f["verdict"]["level"] for f in json.loads(report.read_text())["flights"]]
 
 
+@pytest.mark.slow
 def test_a_report_has_a_verdict_on_each_sortie_and_says_the_worse_first(tmp_path: Path, capsys):
     alone = levels(tmp_path / "alone.json", LIGHT, HEAVY)
     assert alone == ["under", "critical"]
@@ -39,6 +40,7 @@ def test_a_load_that_is_stated_is_said_to_be_that_of_each(tmp_path: Path, capsys
     assert "the load that you state is taken for each of them" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_season_keeps_each_sortie_under_a_name_of_its_own(tmp_path: Path):
     path = rebooted(tmp_path / "day.tlog")
     flights = season_flights(path, "f" * 16, IngestSettings(store=""), name="north/day.tlog")
@@ -56,6 +58,7 @@ def test_a_season_keeps_each_sortie_under_a_name_of_its_own(tmp_path: Path):
     assert "day" not in repr((first.summary, second.summary))
 
 
+@pytest.mark.slow
 def test_a_replay_shows_the_worst_and_names_the_others(tmp_path: Path, capsys):
     path = refilled(tmp_path / "day.tlog")
     view = replay_view(path, shipped_model(), port=0, paused=True)

@@ -155,6 +155,7 @@ def test_sorties_need_a_folder(field, tmp_path, capsys):
     assert "no folder" in err
 
 
+@pytest.mark.slow
 def test_a_script_for_the_vehicle_warns_and_refuses_only_where_asked(field, tmp_path, capsys):
     script = tmp_path / "gate.lua"
     code, out, _ = said(capsys, field, *FIELD, "--lua", script)

@@ -100,6 +100,7 @@ def doubtful(worn_logs, tmp_path_factory) -> tuple[int, str, dict]:
     return doubtful_run(worn_logs, tmp_path_factory.mktemp("doubtful"))
 
 
+@pytest.mark.slow
 def test_the_first_line_names_part_amount_and_action(done):
     first = done[1].splitlines()[0]
     assert first.startswith("Rotor 1 (front right) makes 8")
@@ -217,6 +218,7 @@ def test_another_file_is_replaced_only_by_force(worn_logs, done, tmp_path, capsy
     assert sorted(p.name for p in done[0].iterdir()) == left
 
 
+@pytest.mark.slow
 def test_the_next_flight_is_written_as_a_mission_and_never_over_another(tmp_path, capsys):
     """One fill: hidden mass is as good as a wrong gauge, and rotors are not in question."""
     tracks = made_flights(3, hidden_mass=1.0)
@@ -281,12 +283,14 @@ def test_electrical_rpm_is_called_so(tmp_path, capsys):
     assert "electrical rpm" in refused(capsys, log, *CURVE)
 
 
+@pytest.mark.slow
 def test_rows_in_which_a_sensor_sticks_are_not_used(doubtful):
     *_, unused = doubtful[2]["flights"]
     assert unused["role"] == "held_out"
     assert unused["samples"] < 820  # of 900, less 100 that stick and the ends
 
 
+@pytest.mark.slow
 def test_a_single_flight_says_what_cannot_be_claimed(worn_logs, capsys):
     assert run(["identify", worn_logs[0], *CURVE]) == 0
     out, _ = lines_of(capsys)

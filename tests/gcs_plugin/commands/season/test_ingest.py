@@ -49,6 +49,7 @@ def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict, dict
     return folder, json.loads(said.read_text()), json.loads(report.read_text())
 
 
+@pytest.mark.slow
 def test_a_flight_is_stored_once_and_bad_logs_are_listed(ingested: tuple[Path, dict, dict]):
     _, said, _ = ingested
     assert sorted(said["flights"]) == sorted(map(content_of, map(str, (FLIGHT, OTHER))))
@@ -78,6 +79,7 @@ def test_the_summary_is_what_the_report_says(ingested: tuple[Path, dict, dict]):
     assert stored["sums_reason"] is None
 
 
+@pytest.mark.slow
 def test_a_good_flight_that_is_predicted_alone_has_no_margin_and_no_good_rank(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -88,6 +88,7 @@ def flown(tmp_path_factory, sitl_logs) -> SimpleNamespace:
     )
 
 
+@pytest.mark.slow
 def test_the_address_is_said_and_is_of_this_computer_alone(flown):
     assert flown.said == f"metrics: http://127.0.0.1:{flown.port}/metrics\n"
 

@@ -42,6 +42,7 @@ def at(events: list[tuple], words: str, kind: str) -> list[float]:
     return [when for when, _, event, text in events if event == kind and words in text]
 
 
+@pytest.mark.slow
 def test_a_lost_link_a_restart_and_what_is_printed_have_their_own_times(tmp_path):
     vehicle = Vehicle(clock_s=500.0, unix_s=BEGAN)
     frames = flown(vehicle, 20)

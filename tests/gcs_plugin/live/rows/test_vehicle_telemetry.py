@@ -241,6 +241,7 @@ def timed(vehicle: Vehicle, seconds: int, unix_s: float) -> list[Frame]:
     return frames
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("piece", [7, 10_000])
 def test_a_new_part_begins_with_the_first_gps_time_of_a_start_and_with_no_other(piece):
     vehicle = Vehicle(clock_s=500.0)

@@ -157,6 +157,7 @@ def exchanged(frame: Frame) -> Frame:
     return frame._replace(data=bytes(data))
 
 
+@pytest.mark.slow
 def test_motors_in_another_order_are_an_alarm_and_take_the_places_away():
     vehicle, updates = monitored(exchanged, 0.4)
     alarm = vehicle.alarms.listed["motor order", None]
@@ -188,6 +189,7 @@ def stuck(frame: Frame) -> Frame:
     return frame._replace(data=data)
 
 
+@pytest.mark.slow
 def test_a_gauge_that_stood_still_is_left_out_of_the_flight_so_far_from_its_start():
     flight = monitored(stuck, 0.55)[1][-1].flight
     assert np.nanmax(flight.track.tank_kg) == np.nanmin(flight.track.tank_kg[-600:]) == 12.0

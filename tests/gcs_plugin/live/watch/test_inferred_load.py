@@ -34,6 +34,7 @@ def watched(frames, **settings) -> list[Update]:
     return made + monitor.updates(final=True)
 
 
+@pytest.mark.slow
 def test_the_load_is_inferred_as_the_flight_goes_and_named_as_that(frames):
     made = watched(frames, tank="none")
     gauge = read_log(LOG, airframe=AIRFRAME, sampling="hold").track
@@ -59,6 +60,7 @@ def test_the_load_is_inferred_as_the_flight_goes_and_named_as_that(frames):
     assert not any("gauge" in text or "leak" in text for text in texts)
 
 
+@pytest.mark.slow
 def test_a_stated_load_falls_with_the_pump_down_to_its_end(frames):
     made = watched(frames, load=8.0, load_end=4.0)
     load = np.concatenate([u.analysis.track.tank_kg[u.first :] for u in made])

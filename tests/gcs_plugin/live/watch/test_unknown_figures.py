@@ -99,6 +99,7 @@ def test_each_dash_has_its_reason_and_what_helps(flight, keep, dashes, helps):
     assert all(words in remarks for words in helps)
 
 
+@pytest.mark.slow
 def test_once_a_rotor_is_found_bad_no_screen_says_what_one_more_lost_would_mean(sitl_logs):
     frames = log_frames(sitl_logs / "onset" / "worn_prop_onset.tlog")
     watch, now_us = heard(frames, bool)

@@ -53,6 +53,7 @@ def both():
     return read_log(TWIN), read_log(FLIGHT)
 
 
+@pytest.mark.slow
 def test_every_message_and_field_equals_pymavlinks(tmp_path):
     quarter = written(tmp_path, WHOLE[: len(WHOLE) // 4])  # it has every message; pymavlink is slow
     data, size = read_bytes(quarter, dataflash_scan.PADDING)
@@ -309,6 +310,7 @@ def test_vehicle_and_rotor_count_must_fit():
         read_log(FLIGHT, airframe=load_airframe(other))
 
 
+@pytest.mark.slow
 def test_the_text_form_gives_the_same_flight(tmp_path):
     half = written(tmp_path, WHOLE[: len(WHOLE) // 2])
     path = written(tmp_path, as_text(half, (*MESSAGES, "FMTU", "UNIT", "MULT")).encode(), "f.log")
@@ -328,6 +330,7 @@ def test_the_text_form_gives_the_same_flight(tmp_path):
     assert len(text.waypoints) == 29
 
 
+@pytest.mark.slow
 def test_torn_lines_of_a_text_log_are_counted_and_left_out(tmp_path):
     lines = as_text(FLIGHT, ("ATT", "ESC", "PARM")).splitlines(keepends=True)
     rng = np.random.default_rng(2)

@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 RNG = np.random.default_rng
 
 
+@pytest.mark.slow
 def test_wear_that_goes_on_is_looked_at_first_with_its_date_and_what_was_said():
     flights = with_change(season(RNG(1), 60), LOSS_2, wear(60, 30, 0.002))
     rows = rows_of(60)

@@ -95,6 +95,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> str:
     return made_store(folder, {"a-1": season(RNG(2), 30), "a-2": worn})
 
 
+@pytest.mark.slow
 def test_the_command_says_whom_to_look_at_and_writes_page_json_and_csv(
     store: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

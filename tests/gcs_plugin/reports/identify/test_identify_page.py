@@ -158,6 +158,7 @@ def undecided() -> Result:
     return result_of(found, tracks=flights, mission=HOSTILE)
 
 
+@pytest.mark.slow
 def test_what_is_undecided_has_shares_limits_and_a_next_flight(undecided):
     following = undecided.following
     assert following is not None

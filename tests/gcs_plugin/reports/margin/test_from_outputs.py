@@ -27,6 +27,7 @@ def reports(tmp_path_factory, sitl_logs):
     return made
 
 
+@pytest.mark.slow
 def test_the_verdict_is_that_of_the_measured_speeds_or_cannot_tell(reports):
     (whole, *_), (silent, *_) = reports
     told = silent["flights"][0]["verdict"]["level"]

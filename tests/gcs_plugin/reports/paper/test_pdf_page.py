@@ -64,6 +64,7 @@ def test_every_figure_is_drawn_once_with_its_axes_units_and_limit(pdf):
     assert not [image for page in pdf.pages for image in page.images]  # sharp at any size
 
 
+@pytest.mark.slow
 def test_of_several_flights_paper_has_what_was_decided_and_one_figure_each():
     five = build_report([flight(name=f"{k}.tlog") for k in range(5)], max_utilisation=0.5)
     pages = read(five).pages

@@ -44,6 +44,7 @@ def written(tmp_path_factory) -> SimpleNamespace:
     )
 
 
+@pytest.mark.slow
 def test_the_report_is_in_it_as_its_json_has_it(written):
     assert [content for _, content in written.topics["/report"]] == [written.report]
 
