@@ -50,7 +50,7 @@ from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, FlyingBy, Origin
 from thrustmargin.models.json_values import from_json_values
-from thrustmargin.models.provenance import Provenance, SourceKind
+from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 _NED = ("north", "east", "down")
 _FRD = ("forward", "right", "down")
@@ -285,13 +285,14 @@ def _track(
             channels[channel] = parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
     sources: dict[str, Provenance] = {}
     # A file that we wrote has every channel that its track has.
-    through_air = {"velocity_ned", "wind_ned"} <= channels.keys() and "airspeed" not in channels
-    if through_air and not about:
-        relative = channels["velocity_ned"] - channels["wind_ned"]
+    if not about and "velocity_ned" in channels and "airspeed" not in channels:
+        wind, over_ground = channels.get("wind_ned"), column_source("velocity_north")
+        sources["airspeed"] = replace(over_ground, meaning=Meaning.GROUND_SPEED)
+        if wind is not None:
+            parts, name = (over_ground, column_source("wind_north")), "velocity less wind"
+            sources["airspeed"] = Provenance(kind=SourceKind.INFERRED, name=name, parts=parts)
+        relative = channels["velocity_ned"] - (0.0 if wind is None else wind)
         channels["airspeed"] = np.linalg.norm(relative, axis=1)
-        columns = tuple(column_source(n) for n in ("velocity_north", "wind_north"))
-        name = "velocity less wind"
-        sources["airspeed"] = Provenance(kind=SourceKind.INFERRED, name=name, parts=columns)
     for channel in ("rotor_speed_rpm", "throttle"):
         names = [f"{channel}_{k + 1}" for k in range(rotors)]
         if any(name in found for name in names):

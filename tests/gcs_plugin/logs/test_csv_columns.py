@@ -7,6 +7,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, unit_of_column
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.provenance import Meaning
 from thrustmargin.models.units import UNITS
 
 TABLE = "t,x,y,z,vx,m1,m2,m3,Vbat,temp,up,note,airspeed\n1500,1,2,3,4,100,200,60,3900,25,True,a,9\n"
@@ -84,6 +85,13 @@ def test_airspeed_is_velocity_less_wind_where_none_is_given(tmp_path):
     assert track.sources["airspeed"].words == "velocity less wind"
     (tmp_path / "x.csv").write_text(text.format(",airspeed") + row.format(",7"))
     assert read_log(tmp_path / "x.csv").track.airspeed.tolist() == [7.0]
+
+
+def test_without_wind_the_speed_over_ground_is_the_airspeed_and_called_so(tmp_path):
+    (tmp_path / "x.csv").write_text("time_s,velocity_north,velocity_east,velocity_down\n0,3,4,0\n")
+    track = read_log(tmp_path / "x.csv").track
+    assert track.airspeed.tolist() == [5.0]
+    assert track.sources["airspeed"].meaning is Meaning.GROUND_SPEED
 
 
 def test_the_file_of_one_table_goes_before_that_of_its_folder(tmp_path):
