@@ -40,8 +40,9 @@ from thrustmargin.gcs_plugin.wording.live_words import (
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: s between two rounds: at least; at most; with many vehicles so much for each, up to RAREST.
-SHORTEST, LONGEST, EACH, RAREST = 0.02, 1.0, 0.11, 2.2
+#: s between two rounds: at least, as often as a page asks; at most; with many vehicles so much for
+#: each, up to RAREST.
+SHORTEST, LONGEST, EACH, RAREST = 0.25, 1.0, 0.11, 2.2
 #: Share of the time that rounds may take before they are made rarer (and larger): what a vehicle
 #: costs in a round hardly depends on how many of its rows are new.
 DUTY = 0.1
@@ -155,7 +156,7 @@ class LiveMonitor:
         """
         until = time.monotonic() + seconds
         while not self.finished and time.monotonic() < until:
-            time.sleep(SHORTEST)
+            time.sleep(0.02)
         self.check()
         return {n: w.last for n, w in self.fleet.vehicles.items() if w.last is not None}
 

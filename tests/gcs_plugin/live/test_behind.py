@@ -193,11 +193,11 @@ def test_a_computer_that_slept_has_lost_nothing_that_came_meanwhile(tmp_path):
 @pytest.mark.parametrize(
     ("round_s", "vehicles", "wanted"),
     [
-        (0.001, 1, 0.02),
-        (0.009, 1, 0.09),
+        (0.001, 1, 0.25),
+        (0.04, 1, 0.4),
         (0.5, 1, 1.0),  # a hiccup of one aircraft's analysis is no reason to wait for long
         (0.15, 12, 1.32),
-        (0.01, 3, 0.22),  # however fast the computer is
+        (0.01, 3, 0.25),  # however fast the computer is
         (0.04, 20, 2.09),
         (0.5, 20, 2.2),
         (0.5, 50, 2.2),
