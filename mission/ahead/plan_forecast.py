@@ -92,10 +92,11 @@ class PlanForecast:
 
     @property
     def level(self) -> FlightLevel:
-        """The answer; a battery that is used up on the way is the gravest."""
+        """The answer; a battery that is used up on the way is the gravest. None of an aircraft that
+        its last flight speaks against."""
         if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
             return FlightLevel.BATTERY
-        return self.advised.advice.level
+        return FlightLevel.UNKNOWN if "unlike" in self.assumed else self.advised.advice.level
 
     @property
     def too_heavy(self) -> bool:

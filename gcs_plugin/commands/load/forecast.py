@@ -182,9 +182,9 @@ def forecast(
         faults=before.faults,
         other_order=before.other_order,
     )
-    if before.unlike and given:
+    if before.unlike:
         made = replace(made, assumed={"unlike": (craft.title, before.unlike[0]), **made.assumed})
-    elif before.unlike or (before.unlike is None and not given):
+    elif before.unlike is None and not given:
         made = replace(made, assumed={"aircraft": (craft.title,), **made.assumed})
     console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     _show(made, console)

@@ -17,10 +17,11 @@ from thrustmargin.mission.ahead.utilisation_along import Weakest
 from thrustmargin.models.model.advice import FlightLevel
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
+UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
 #: What was taken for what is not known; {0} is filled in with it.
 ASSUMED: Mapping[str, str] = {
     "aircraft": "the aircraft is {0}: give --airframe",
-    "unlike": "the aircraft is {0}, which its last flight speaks against: {1}",
+    "unlike": "the aircraft is {0}; its last flight speaks against that: {1}",
     "limits": "defaults of the autopilot for {0}: give its parameters with --parameters",
     "full battery": "battery full, {0} V at rest: give --voltage",
     "no capacity": "battery held at {0} V, its capacity is not known: give --capacity",
@@ -77,7 +78,7 @@ def verdict(made: PlanForecast) -> str:
         return no + say("over the maker's maximum take-off mass")
     level = made.level
     if level is FlightLevel.UNKNOWN:
-        return say(NO_VERDICT)
+        return say(UNLIKE if "unlike" in made.assumed else NO_VERDICT)
     if level is FlightLevel.BATTERY:
         return no + say("the battery does not last")
     if level is FlightLevel.NO_THRUST:
@@ -129,7 +130,7 @@ def fill_words(made: PlanForecast) -> str:
     liquid, limit = _liquid(made), percent(made.advised.advice.limit)
     if made.advised.advice.faults:
         return f"{say(UNSOUND)}."
-    if not math.isfinite(made.largest_fill_kg):
+    if made.level is FlightLevel.UNKNOWN or not math.isfinite(made.largest_fill_kg):
         return say("Largest fill unknown.")
     if not _has_tank(made):
         return f"{say('Nothing to fill: {why}', why=say('it has no tank'))}."
@@ -250,7 +251,7 @@ def assumed_words(made: PlanForecast) -> tuple[str, ...]:
 
 def _as_far(made: PlanForecast) -> str:
     """What the answer does not reach: stated in it, for it is read alone."""
-    craft = made.assumed.get("aircraft") or made.assumed.get("unlike")
+    craft = made.assumed.get("aircraft")
     parts = [say(", IF THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
     if made.not_understood:
         parts.append(say(", AS FAR AS THE PLAN IS UNDERSTOOD"))

@@ -207,7 +207,7 @@ def test_an_aircraft_that_nobody_named_is_an_assumption(options, named, field, c
     assert ("the aircraft is TopXGun F16" in out) is named
 
 
-def test_an_airframe_that_the_last_flight_speaks_against_is_a_condition(
+def test_an_airframe_that_the_last_flight_speaks_against_gets_no_verdict(
     sitl_logs, tmp_path, capsys
 ):
     text = (ROOT / "models/airframes/topxgun-f16.toml").read_text()
@@ -215,6 +215,9 @@ def test_an_airframe_that_the_last_flight_speaks_against_is_a_condition(
     other = tmp_path / "other.toml"
     other.write_text("[[rotors]]".join([head, left, right, *rest]).replace("f16", "other"))
     log = sitl_logs / "dev/worn_prop_1.tlog"
-    _, out, _ = said(capsys, log, "--fill", "8", "--airframe", other)
-    assert out.startswith("MAY TAKE OFF WITH 8.0 kg (8.0 L), IF THE AIRCRAFT IS TopXGun F16")
-    assert "which its last flight speaks against: FRAME_CLASS 1" in out
+    page = tmp_path / "page.html"
+    _, out, _ = said(capsys, log, "--fill", "8", "--airframe", other, "--out", page)
+    assert out.startswith("NO VERDICT: the flight in this log does not fit the airframe\n")
+    assert "Largest fill unknown." in out
+    assert "its last flight speaks against that: FRAME_CLASS 1" in out
+    assert "TAKE OFF" not in page.read_text()
