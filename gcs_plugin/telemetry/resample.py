@@ -49,7 +49,8 @@ def every(flags: Bools) -> bool:
 def known_rows(values: Floats) -> Bools:
     """(n,) rows in which every column has a number."""
     finite = np.isfinite(values)
-    return finite if values.ndim == 1 else np.logical_and.reduce(finite, axis=1)
+    # Along the rows numpy is ten times as quick as along a row's few columns.
+    return finite if values.ndim == 1 else np.logical_and.reduce(finite.T.copy())
 
 
 def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> Floats:
