@@ -73,7 +73,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         lost = sum(d.duration for d in log.dropouts) * 1e-3
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.1f} s in all")
     times = [t["timestamp"] for group in topics.values() for t in group]
-    seconds = np.sort(np.concatenate(times)) * 1e-6 if times else np.empty(0)
+    seconds = np.sort(np.concatenate(times), kind="stable") * 1e-6 if times else np.empty(0)
     recording = Recording(
         path=path,
         format="ULog",

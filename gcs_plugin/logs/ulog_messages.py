@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 import struct
+from bisect import bisect_left
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 
@@ -22,7 +23,6 @@ HEADER = 16  # bytes before the first message
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 _HEAD = struct.Struct("<HB")
 _ID = struct.Struct("<H")
-_ROW = struct.Struct("<HBH")  # head and topic's id of data
 _TYPE = re.compile(rb"[ABCDFILMOPQRS]")
 _FORMAT = re.compile(rb"([\w/-]+):((?:\w+(?:\[\d{1,5}\])? [\w\[\].]+;)+)")
 _FIELD = re.compile(rb"(\w+?)(?:\[(\d+)\])? ([\w\[\].]+);")
@@ -34,8 +34,9 @@ _TIMED = (b"uint64_t", 1, b"timestamp")  # a field that every topic of use has
 _MOST = 0xFFFF  # bytes of a message
 _LONGEST_TEXT = 1024  # bytes; PX4 writes 127 at most
 _DEEPEST = 8  # types within types
-_NONE = 1, 0, None  # a topic of which no row will do
+_NONE = 1, 0  # a topic of which no row will do
 _CHAIN = 4  # messages in a row that are no chance
+_LOOKS = 1 << 9, 1 << 20  # least and most bytes in which rows are looked for at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,14 +48,94 @@ class WholeMessages:
     skipped: tuple[tuple[int, int], ...]  # (offset, length) of what is damaged
 
 
+class _Rows:
+    """The rows of a log, by what the messages before them say of their topics."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data, self.bytes = data, np.frombuffer(data, np.uint8)
+        #: (bytes - 1,) the number of two bytes from each place on
+        self.words = np.ndarray(max(len(data) - 1, 0), "<u2", data, strides=(1,))
+        #: By id of a topic the least and most bytes of a row, as of a topic that has none; whether
+        #: its rows are needed, and none was met yet.
+        self.least, self.most = np.repeat(np.array(_NONE)[:, None], 1 << 16, axis=1)
+        self.needs, self.begins = np.zeros((2, 1 << 16), np.bool_)
+        self.needed: list[NDArray[np.intp]] = []  # where their heads are
+        #: What may be rows from an offset to another: heads, ends, topics, which were passed, and
+        #: the last ones of those that follow each other.
+        self.begin = self.stop = HEADER
+        self.heads, self.ends, self.number = np.zeros((3, 0), np.intp)
+        self.passed, self.any_begins = np.zeros(0, np.bool_), False
+        self.broken: list[int] = []
+
+    def know(self, number: int, least: int, most: int, *, needed: bool) -> None:
+        """What rows of a topic are from here on."""
+        self._note_needed()
+        self.least[number], self.most[number], self.needs[number] = least, most, needed
+
+    def behind(self, at: int, kept: bytearray) -> int:
+        """The offset behind whole rows of data, by far the most; the needed ones are noted."""
+        begun = None
+        while begun != at and self.data[at + 2 : at + 3] == b"D":
+            begun = at
+            if not self.begin <= at < self.stop:
+                self._look(at)
+            first = int(self.heads.searchsorted(at))
+            while first < self.heads.size and self.heads[first] == at:
+                last = self.broken[bisect_left(self.broken, first)]
+                self.passed[first : last + 1] = True
+                new = self.begins[self.number[first : last + 1]]
+                for k in (first + new.nonzero()[0]).tolist() if self.any_begins else ():
+                    if self.begins[self.number[k]]:
+                        kept += self.data[self.heads[k] : self.ends[k]]
+                        self.begins[self.number[k]] = False
+                at = int(self.ends[last])
+                first = int(self.heads.searchsorted(at))
+        return at
+
+    def _look(self, at: int) -> None:
+        """Finds what may be rows, some of them within others, from an offset on.
+
+        Twice as far as the last look was good for: the time grows with the bytes alone.
+        """
+        self._note_needed()
+        far = min(max(2 * (at - self.begin), _LOOKS[0]), _LOOKS[1])
+        self.begin, self.stop = at, min(at + far, len(self.data) - 4)
+        heads = at + np.flatnonzero(self.bytes[at + 2 : self.stop + 2] == 68)
+        size, number = self.words[heads].astype(np.int64), self.words[heads + 3]
+        good = (self.least[number] <= size - 2) & (size - 2 <= self.most[number])
+        good &= heads + 3 + size <= len(self.data)
+        self.heads, self.number, self.ends = (x[good] for x in (heads, number, heads + 3 + size))
+        self.broken = [*np.flatnonzero(self.heads[1:] != self.ends[:-1]).tolist(), good.sum() - 1]
+        self.passed = np.zeros(self.heads.size, np.bool_)
+        self.any_begins = self.begins[self.number].any()
+
+    def _note_needed(self) -> None:
+        """Of the rows that were passed since the last look, the needed ones; it holds no longer."""
+        self.needed.append(self.heads[self.passed & self.needs[self.number]])
+        self.passed[:], self.stop = False, 0
+
+    def of(self, topics: Mapping[int, tuple[int, int]]) -> dict[int, NDArray[np.uint8]]:
+        """The rows that were noted, by topic; of each the bytes of one, and from where on."""
+        self._note_needed()
+        heads, found = np.concatenate(self.needed), {}
+        heads = heads[np.argsort(self.words[heads + 3], kind="stable")]
+        number = self.words[heads + 3]
+        for topic, (least, since) in topics.items():
+            own = heads[slice(*number.searchsorted([topic, topic + 1]))]
+            places = max(len(self.data) - least + 1, 0)
+            any_place = np.ndarray(places, f"V{least}", self.data, strides=(1,))
+            rows = any_place[own[own.searchsorted(since) :] + 5]
+            found[topic] = rows.view(np.uint8).reshape(-1, least)
+        return found
+
+
 @dataclass(slots=True)
 class _Log:
     """What the messages so far say of those that follow."""
 
     data: bytes
+    rows: _Rows
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
-    #: By id of a topic the least and most bytes of a row, and the rows where they are needed.
-    topics: dict[int, tuple[int, int, bytearray | None]] = field(default_factory=dict)
 
     def end(self, at: int) -> int:
         """Where the message at an offset ends; 0 when there is none."""
@@ -66,8 +147,8 @@ class _Log:
         if end > len(data):
             return 0
         if kind == 68:  # D, by far the most
-            known = self.topics.get(_ID.unpack_from(data, start)[0]) if size > 2 else None
-            return end if known and known[0] <= size - 2 <= known[1] else 0
+            topic = _ID.unpack_from(data, start)[0] if size > 2 else 0
+            return end if self.rows.least[topic] <= size - 2 <= self.rows.most[topic] else 0
         if kind == 65 and size > _LONGEST_TEXT:  # A: a name
             return 0
         body = data[start:end]
@@ -94,23 +175,6 @@ class _Log:
                 good = False
         return end if good else 0
 
-    def pass_rows(self, at: int, kept: bytearray) -> int:
-        """The offset behind whole rows of data, by far the most; those that are needed are kept."""
-        data, topic_of, unpack = self.data, self.topics.get, _ROW.unpack_from
-        whole = len(data)
-        while at + _ROW.size <= whole:
-            size, kind, number = unpack(data, at)
-            least, most, rows = topic_of(number, _NONE)
-            end = at + 3 + size
-            if kind != 68 or not least <= size - 2 <= most or end > whole:
-                break
-            if rows is not None:
-                if not rows:
-                    kept += data[at:end]
-                rows += data[at + 5 : at + 5 + least]
-            at = end
-        return at
-
     def size_of(self, name: bytes, depth: int = 0) -> tuple[int, int] | None:
         """Least and most bytes of a topic, padding at its end left out or not; None if unknown."""
         total = padding = 0
@@ -130,11 +194,12 @@ class _Log:
 
 def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
     """The messages of a log that are whole, of data those of `topics` alone."""
-    log, kept, at = _Log(data), bytearray(data[:HEADER]), HEADER
+    table, kept, at = _Rows(data), bytearray(data[:HEADER]), HEADER
+    log = _Log(data, table)
     skipped: list[tuple[int, int]] = []
     wanted: dict[int, bytes] = {}  # topics by id
-    found: dict[int, tuple[int, bytearray]] = {}
-    while (at := log.pass_rows(at, kept)) < len(data):
+    found: dict[int, tuple[int, int]] = {}  # bytes of a row, and from where on
+    while (at := table.behind(at, kept)) < len(data):
         end = log.end(at)
         if not end:
             end = _next_whole(log, at + 1)
@@ -155,21 +220,17 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
             keep = needed and wanted.get(number) != name
             wanted |= {number: name if needed else b""}
             if keep:
-                found[number] = (least, bytearray())
+                found[number], table.begins[number] = (least, at), True
             # What is needed and has another size now is not what pyulog takes it for.
             same = needed and found[number][0] == least
-            log.topics[number] = (least, most, found[number][1] if same else None)
+            table.know(number, least, most, needed=same)
         elif kind == 66:
             # What was written behind a crash needs no offset: whatever is damaged is left out.
             body, keep = body[:16] + bytes(len(body) - 16), True
         if keep:
             kept += data[at : at + 3] + body
         at = end
-    rows = {
-        number: np.frombuffer(table, np.uint8).reshape(-1, least)
-        for number, (least, table) in found.items()
-    }
-    return WholeMessages(data=bytes(kept), rows=rows, skipped=tuple(skipped))
+    return WholeMessages(data=bytes(kept), rows=table.of(found), skipped=tuple(skipped))
 
 
 def _next_whole(log: _Log, at: int) -> int:

@@ -44,10 +44,11 @@ def copies(frames: Frames) -> Bools:
     So numbers are counted on, by the shorter way round from each frame to the next: a copy that
     comes up to 127 frames late has the number of the first again.
     """
-    sender = frames.system.astype(np.int64) << 8 | frames.component
+    sender = frames.system.astype(np.uint16) << 8 | frames.component
     order = np.argsort(sender, kind="stable")
-    step = np.diff(frames.sequence[order].astype(np.int64), prepend=0)
-    numbered = (sender[order] << 40) + np.cumsum((step + 128) % 256 - 128)
+    step = np.diff(frames.sequence[order].astype(np.int16), prepend=np.int16(0))
+    numbered = np.cumsum((step + 128) % 256 - 128, dtype=np.int64)
+    numbered += sender[order].astype(np.int64) << 40
     # By sender and number, and in the order of the file where both are the same.
     by_number = np.argsort(numbered, kind="stable")
     order, same = order[by_number], np.diff(numbered[by_number]) == 0

@@ -126,7 +126,10 @@ def vehicle_clocks(
     found = stretches(own, name)
     jumps = restarts(own, found)
     for stretch in found:
-        yield replace(_clock_of(stretch, rows, own, stamps_s, listened), jumps=jumps)
+        clock = _clock_of(stretch, rows, own, stamps_s, listened)
+        if stretch is found[-1]:  # it waits while as much is read of the messages
+            del rows, own, stamps_s
+        yield replace(clock, jumps=jumps)
 
 
 def _clock_of(

@@ -119,12 +119,13 @@ def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float
     low, high = np.quantile(middle, [0.2, 0.8])  # the battery sags under load
 
     def offset(rotor: int) -> float:
-        off = volts - np.median(np.delete(volts, rotor, axis=1), axis=1)[:, None]
-        size = np.median(off[:, rotor])
+        usual = np.median(np.delete(volts, rotor, axis=1), axis=1)
+        own = volts[:, rotor] - usual
+        size = np.median(own)
         if not abs(size) >= _ESC_OFFSET:
             return float("nan")
-        others = np.delete(np.median(off, axis=0), rotor)
-        loaded, free = (np.median(off[part, rotor]) for part in (middle <= low, middle >= high))
+        others = np.delete(np.median(volts - usual[:, None], axis=0), rotor)
+        loaded, free = (np.median(own[part]) for part in (middle <= low, middle >= high))
         stays = abs(loaded - free) < 0.5 * abs(size)
         alone = np.ptp(others) < 0.5 * abs(size)
         return float(size) if stays and alone else float("nan")

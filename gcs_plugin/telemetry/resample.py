@@ -49,7 +49,8 @@ def every(flags: Bools) -> bool:
 def known_rows(values: Floats) -> Bools:
     """(n,) rows in which every column has a number."""
     finite = np.isfinite(values)
-    return finite if values.ndim == 1 else np.logical_and.reduce(finite, axis=1)
+    # Along the rows numpy is ten times as quick as along a row's few columns.
+    return finite if values.ndim == 1 else np.logical_and.reduce(finite.T.copy())
 
 
 def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> Floats:
@@ -96,22 +97,21 @@ def _at(
 ) -> Floats:
     after = when.searchsorted(time_s, side="right")
     left = np.maximum(after - 1, 0)
-    age = time_s - when[left]
-    fresh = (after > 0) & (age <= limit.max_age)
+    before, earlier = values.take(left, axis=0), when.take(left)
+    fresh = (after > 0) & (time_s - earlier <= limit.max_age)
     if sampling == "hold" or limit.kind == "state":
-        return values[left] if every(fresh) else _masked(values[left], fresh)
+        return _masked(before, fresh)
     right = np.minimum(after, when.size - 1)
-    near = (after < when.size) & (when[right] - time_s <= limit.max_age)
-    both = fresh & near
-    span = when[right] - when[left]
-    share = np.divide(age, span, out=np.zeros(span.size), where=both & (span > 0))
+    later = when.take(right)
+    near = (after < when.size) & (later - time_s <= limit.max_age)
     # With a report on one side only (the ends, or a pause) that one is held.
+    share = (time_s - earlier) / np.where(fresh & near, later - earlier, np.inf)
     share[near & ~fresh] = 1.0
-    step = values[right] - values[left]
+    step = values.take(right, axis=0) - before
     if limit.kind == "angle":
-        between = _wrapped(values[left] + _shaped(share, values) * _wrapped(step))
+        between = _wrapped(before + _shaped(share, values) * _wrapped(step))
     else:
-        between = values[left] + _shaped(share, values) * step
+        between = before + _shaped(share, values) * step
     return _masked(between, fresh | near)
 
 
@@ -125,7 +125,7 @@ def _shaped(rows: NDArray[Any], like: Floats) -> NDArray[Any]:
 
 
 def _masked(values: Floats, keep: Bools) -> Floats:
-    return np.where(_shaped(keep, values), values, np.nan)
+    return values if every(keep) else np.where(_shaped(keep, values), values, np.nan)
 
 
 def first_known(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -89,6 +90,7 @@ def recovered(track: FlightTrack) -> tuple[LossOfControl, ...]:
     return _firsts(_signs(track)[0])
 
 
+@lru_cache(maxsize=1)  # of one flight five ask
 def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]]:
     """All signs that lasted: those that it came back from, and those of a loss."""
     watched, driven = _watched(track), _driven(track)

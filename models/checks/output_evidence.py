@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -92,10 +93,14 @@ def output_evidence(
 
     Speeds and loads that were themselves inferred are no evidence.
     """
+    return _evidence(track, airframe, output_curve(parameters, track.source("throttle")))
+
+
+@lru_cache(maxsize=1)  # of one flight four ask
+def _evidence(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> OutputEvidence:
     nan = float("nan")
     if track.rotor_count != airframe.rotor_count:
         return OutputEvidence(lifted_kg=nan, load_kg=nan, over_speeds=nan, error=nan)
-    curve = output_curve(parameters, track.source("throttle"))
     share = curve.thrust_share(track.throttle)
     thrust = thrust_by_outputs(track, airframe, curve)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -39,7 +39,7 @@ SETTLE = 2  # blocks after a start in which rotors and controls are still on the
 #: Changes of a signal's own, each as likely: from a hundredth of the signal's unit to all of it
 SIZES = np.array([0.01, 0.03, 0.1, 0.3, 1.0])
 SELDOM = 60.0  # s, before the flight says it, from one such change to the next: a field's line
-LN_2, LN_SIZES = math.log(2.0), math.log(SIZES.size)
+SQUARES, LN_2, LN_SIZES = SIZES**2, math.log(2.0), math.log(SIZES.size)
 OUTLIER = 3.0  # standard errors beyond which an innovation teaches no more
 
 
@@ -71,7 +71,7 @@ def log_likelihood(a: Floats, b: Floats, step: Floats, width: Floats) -> Floats:
 
 def log_own(a: Floats, b: Floats) -> Floats:
     """ln J, likelihood of a change of any of SIZES by the sums A and B, all of one shape."""
-    square = (SIZES**2).reshape(-1, *[1] * np.ndim(a))
+    square = SQUARES.reshape(-1, *[1] * a.ndim)
     wide = 1.0 + square * a
     each = 0.5 * (square * b**2 / wide - np.log(wide))
     return np.logaddexp.reduce(each, axis=0) - LN_SIZES
@@ -164,8 +164,9 @@ class SuddenChange:
         if self._held >= 0:
             self._held += 1
         if self._held <= 2 * SETTLE and self._blocks % SETTLE == 0:
-            young = 2 + np.flatnonzero((self._age[2:] < self._ages) | (self._held >= 0))
-            self._take([0, 1, 0, *young.tolist()])
+            # The latest come first, so of those after two that stay the last may be too old.
+            many = self._age.size - (self._held < 0 and self._age[-1] >= self._ages)
+            self._take([0, 1, 0, *range(2, many)])
             self._age[2] = 0
 
     def _take(self, order: list[int]) -> None:
@@ -216,13 +217,8 @@ class SuddenChange:
         still, moved, none = self._still, self._moved, self._none
         able = np.arange(none.size)
         if self._held < 0:
-            # The larger of two is short of ln of their sum by ln 2 at most, and quick to be had.
             best = still + 0.5 * b**2 / np.maximum(a, 1e-300)
-            most = np.add.reduce(np.maximum(best, moved), axis=1) - none
-            if most.max() < least - best.shape[1] * LN_2:
-                return None
-            most = np.add.reduce(np.logaddexp(best, moved), axis=1) - none
-            able = np.flatnonzero(most >= least)
+            able = (np.add.reduce(np.logaddexp(best, moved), axis=1) - none >= least).nonzero()[0]
             if not able.size:
                 return None
         a, b, square, still, moved, none = (x[able] for x in (a, b, square, still, moved, none))

@@ -91,8 +91,8 @@ class FaultTest:
         self._from_now()
 
     def _from_now(self) -> None:
-        """(R, 1 + J, M) steps and their widths from where each rotor is."""
-        self._left = self._steps - self._now[:, None]
+        """(R, 1 + J, M) steps and their widths from where each rotor is, and (M,) where all are."""
+        self._left, self._all_now = self._steps - self._now[:, None], self._now.sum(axis=0)
         self._left_widths = np.hypot(self._widths, self._error[:, None])
 
     def add(self, time_s: float, values: Floats, inputs: Floats) -> None:
@@ -116,7 +116,7 @@ class FaultTest:
                 self._weigh(*block)
 
     def _weigh(self, time_s: float, values: Floats, inputs: Floats) -> None:
-        self._test.add(values - self._now.sum(axis=0), inputs, self._sound)
+        self._test.add(values - self._all_now, inputs, self._sound)
         steps = self._left
         change = self._test.change(
             steps.reshape(-1, values.size),

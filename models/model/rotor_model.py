@@ -15,7 +15,7 @@ from thrustmargin.models.effects.stored import EffectRecord, losses_of, placed_f
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.thermometer import Thermometer
-from thrustmargin.models.network.ensemble import RotorNetwork, ensemble_speed
+from thrustmargin.models.network.ensemble import CHUNK_ROWS, RotorNetwork, ensemble_speed
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import Airframe
@@ -152,7 +152,13 @@ class RotorModel:
         ratio = weight(self.airframe, tank_kg) / weight(self.airframe, near)
         if self.forward_flight is not None:
             ratio = ratio * self._forward(airspeed, tank_kg) / self._forward(slow, near)
-        return self.base_speed(slow, near) * np.sqrt(ratio)[:, None]
+        if airspeed.size <= CHUNK_ROWS:
+            return self.base_speed(slow, near) * np.sqrt(ratio)[:, None]
+        # A table asks at the edge again and again. In whole chunks, for the last digits of float32
+        # hang on how many rows go at once.
+        asked, place = np.unique(slow + 1j * near, return_inverse=True)
+        asked = np.pad(asked, (0, -asked.size % CHUNK_ROWS), mode="edge")
+        return self.base_speed(asked.real, asked.imag)[place] * np.sqrt(ratio)[:, None]
 
     @property
     def known_airspeed(self) -> float:

@@ -73,11 +73,13 @@ def report(
             50%, or what a recording was made with.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
-    from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
+    planned = beforehand = None
+    if plan is not None or assumed is not None:
+        from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 
-    # A plan that is none is refused before the rest is loaded.
-    planned = None if plan is None else read_plan(plan)
-    beforehand = None if assumed is None else read_assumed(assumed, beside=plan)
+        # A plan that is none is refused before the rest is loaded.
+        planned = None if plan is None else read_plan(plan)
+        beforehand = None if assumed is None else read_assumed(assumed, beside=plan)
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
     from thrustmargin.models.whole_file import whole_file

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,9 +30,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
     first_line,
     prediction_checked,
 )
-from thrustmargin.mission.ahead.plan_flight import PlanConditions
 from thrustmargin.mission.field import sprayed_field
-from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel
@@ -40,6 +39,10 @@ from thrustmargin.models.model.margin_check import margin_check
 from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.physics.margin import ceiling
 from thrustmargin.models.physics.smoothing import known_least, known_median, known_most
+
+if TYPE_CHECKING:
+    from thrustmargin.mission.ahead.plan_flight import PlanConditions
+    from thrustmargin.mission.plan_items import MissionPlan
 
 
 def report_flight(

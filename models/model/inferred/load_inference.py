@@ -8,6 +8,7 @@ themselves inferred.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -157,6 +158,7 @@ def with_load_for_verdict(
     return _filled(track, shown.load, shown.error, replace(by_thrust, rejected=turned_down))
 
 
+@lru_cache(maxsize=1)  # a report asks for its own verdict's load and once more
 def _shown(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> ShownLoad | None:
