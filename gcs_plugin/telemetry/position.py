@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.wording.flight_words import GROUNDED_BY
 from thrustmargin.models.flight import Bools, Floats, FlyingBy, Origin
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.smoothing import known_means
 from thrustmargin.models.provenance import Provenance
 
 NAN = float("nan")
@@ -63,7 +64,7 @@ def airborne(
     if not on.any():
         return _grounded(clock_s, FlyingBy.DISARMED)
     height, speeds = channels.get("height_agl"), channels["rotor_speed_rpm"]
-    output, squares = _known_mean(channels["throttle"]), _known_mean(np.square(speeds))
+    output, squares = known_means(channels["throttle"]), known_means(np.square(speeds))
     driven = np.isfinite(output) & on
     idle = driven & (output <= IDLE_OUTPUT)
     if driven.any() and idle.sum() == driven.sum():
@@ -206,20 +207,11 @@ def airborne_so_far(
             flying[row] = clear
         elif contact.on_ground and not contact.clear:
             flying[row] = np.isnan(contact.height)
-    idle = _known_mean(channels["throttle"]) <= IDLE_OUTPUT
+    idle = known_means(channels["throttle"]) <= IDLE_OUTPUT
     flying &= ~idle | np.isfinite(state) | carried
     flying &= ~(motors_on == 0)
     words = "rotor speeds, else armed" if landed is None else landed.source.words
     return flying.astype(np.bool_), words, contact
-
-
-def _known_mean(values: Floats) -> Floats:
-    """(T,) mean of the known columns of (T, R); NaN where none is."""
-    known = np.isfinite(values)
-    total = np.sum(values, axis=1, where=known)
-    return np.divide(
-        total, known.sum(axis=1), out=np.full(total.size, NAN), where=known.any(axis=1)
-    )
 
 
 def _clear_of_ground(flying: Bools, height: Floats, attitude: Floats | None) -> Bools:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.physics.smoothing import known_means
 
 FALL = 0.75  # share of the voltage LOOK before, below which it fell at once
 LOOK = 3.0  # s
@@ -38,8 +39,8 @@ def broken_voltage(
     volts = np.where(track.voltage > 0.0, track.voltage, np.nan)
     # On the ground motors show nothing.
     motors = (np.where(track.flying[:, None], track.throttle, np.nan), track.rotor_speed_rpm)
-    means = [np.ma.masked_invalid(v).mean(axis=1).filled(np.nan) for v in motors]
-    rows = np.concatenate([so_far.rows, np.stack([track.time_s, volts, *means], axis=1)])
+    of_motors = [known_means(values) for values in motors]
+    rows = np.concatenate([so_far.rows, np.stack([track.time_s, volts, *of_motors], axis=1)])
     time_s, sound, since_s = rows[:, 0], so_far.sound, so_far.since_s
     before, believed = np.searchsorted(time_s, time_s - LOOK), 0
     broke = np.zeros(time_s.size, dtype=np.bool_)

@@ -48,6 +48,15 @@ def _of_known(figure: Callable[[Floats], Any]) -> Callable[[Floats], float]:
 known_mean, known_most, known_least = _of_known(np.mean), _of_known(np.max), _of_known(np.min)
 
 
+def known_means(values: Floats) -> Floats:
+    """(T,) mean of the known columns of (T, R); NaN where none is."""
+    known = np.isfinite(values)
+    total = np.sum(values, axis=1, where=known)
+    return np.divide(
+        total, known.sum(axis=1), out=np.full(total.size, np.nan), where=known.any(axis=1)
+    )
+
+
 @lru_cache(maxsize=64)
 def _slope_weights(window: int, step: float) -> Floats:
     """(window,) that a local quadratic's slope is the convolution with, s⁻¹, `window` odd.
