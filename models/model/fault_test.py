@@ -68,7 +68,7 @@ class FaultTest:
         """A new flight."""
         self._block = BLOCK
         self._test, self._sound = SuddenChange(self._prior, BLOCK, WINDOW), 1.0
-        self._held_s, self._before = math.nan, self.faults
+        self._held_s, self._before, self._named = math.nan, self.faults, -1
         self._group: tuple[int, ...] = ()  # of whom one is bad: they move all alike
         self._suspected_s = math.nan
         self._first: list[tuple[float, Floats, Floats]] | None = []
@@ -144,6 +144,7 @@ class FaultTest:
             if change.log_ratio > THRESHOLD and (named or alike):
                 self._group = self._suspect.rotors if self._suspect else ()
                 self._held_s, self._before, self._suspect = time_s, self.faults, None
+                self._named = rotor
                 self._test.hold()
                 self._name(rotor, self._sizes(share, rotor), begins=True)
         elif change.log_ratio < 0.0:
@@ -152,7 +153,11 @@ class FaultTest:
         else:
             alone = share[rotor].sum() > SURE
             before, self._passed = self._passed, rotor if alone else -1
-            self._group = () if alone and before == rotor else self._group
+            sure = alone and before == rotor
+            # It is the rotor that was named until another is as sure.
+            if not (sure or self._group) and share[self._named].any():
+                rotor = self._named
+            self._named, self._group = rotor, () if sure else self._group
             self._name(
                 rotor,
                 self._sizes(share, rotor),

@@ -228,6 +228,29 @@ def test_one_of_two_that_move_all_alike_stands_until_the_signals_are_back():
     assert stood[180:] == [set()] * 60
 
 
+def test_a_rotor_that_was_named_stays_it_until_another_is_as_sure():
+    """Of two rotors alike but for the third signal, whose change comes back part of the way."""
+    each = np.ones(3)
+    prior = Prior(trim=0.1 * each, noise=0.01 * each, inputs=np.zeros((3, 1)))
+    steps = -2.0 * np.log1p(-FAULT_SIZES)[None, :, None] * np.ones((2, 1, 3))
+    steps[1, :, 2] *= 0.8
+    test = FaultTest("propeller", steps, 0.03 * steps, prior)
+    rng, named, likelier = np.random.default_rng(3), [], []
+    for block in range(94):
+        third = 0.0 if block < 80 else 0.4 if block < 85 else 0.2
+        jump = np.array([0.4, 0.4, third]) * (block >= 80)
+        test.add(0.7 * block, jump + 0.005 * rng.standard_normal(3), np.zeros((3, 1)))
+        if test.faults:
+            sizes = test._left.reshape(-1, 3), test._left_widths.reshape(-1, 3)
+            change = test._test.change(*sizes, 4.0)
+            assert change is not None
+            likelier.append(float(change.share.reshape(2, -1)[1].sum()))
+            named.append(*test.faults)
+    sure = next(k for k in range(len(named)) if min(likelier[k : k + 2]) > 0.95)
+    assert sum(0.5 < share < 0.95 for share in likelier[:sure]) >= 2
+    assert named == [0] * (sure + 1) + [1] * (len(named) - sure - 1)
+
+
 def row_of(time_s: float, excess=(0.0,) * 4) -> np.ndarray:
     return np.array([time_s, *excess, *(14.0,) * 4, *(-1.0,) * 4, 0.0, 0.0, 0.0, 0.0])
 
