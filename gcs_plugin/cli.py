@@ -165,6 +165,9 @@ def run(argv: Sequence[str]) -> int:
     except KeyboardInterrupt:
         _complain("stopped; files that were finished are whole")
         return 130
+    terminal = sys.modules.get("thrustmargin.gcs_plugin.commands.shared.terminal")
+    if terminal is not None and terminal.Terminal.unread:
+        return 1
     return outcome if isinstance(outcome, int) else 0
 
 

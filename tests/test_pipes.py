@@ -59,3 +59,23 @@ def test_every_pipe_is_refused_in_one_line(tmp_path: Path):
         complaint, code = said.strip().splitlines()
         assert code == "= 1", words
         assert "it is a pipe or a device" in complaint, words
+
+
+@pytest.mark.parametrize("words", ["fill --airframe topxgun-f16 --out page.html", "airframe list"])
+def test_what_nobody_reads_any_more_ends_no_command(tmp_path: Path, words: str):
+    """As after `| head -1`: the files are written all the same, and the exit code says it."""
+    reads, writes = os.pipe()
+    os.close(reads)
+    program = "import sys; from thrustmargin.gcs_plugin.cli import run; sys.exit(run(sys.argv[1:]))"
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words.split()],
+        cwd=tmp_path,
+        stdout=writes,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    os.close(writes)
+    assert (done.returncode, done.stderr) == (1, "")
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"] * ("--out" in words)

@@ -208,7 +208,7 @@ def monitor(
         live.taps.append(fetcher.feed)
     unprinted: list[OSError] = []
     printer: EventPrinter | None = None
-    events = Terminal()  # the table on it wraps; lines are printed whole
+    events = Terminal(ends=True)  # the table on it wraps; lines are printed whole
 
     def print_line(words: str) -> None:
         # A full disk behind a redirected answer must not end the watch.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ClassVar
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -18,10 +18,17 @@ from thrustmargin.gcs_plugin.mavlink.text import clean_lines
 class Terminal(Console):
     """A rich console for text from anywhere: markup, emoji codes and control bytes stay text.
 
-    With --quiet standard output is silent, and standard error has words and no progress.
+    With --quiet standard output is silent, and standard error has words and no progress. Where
+    nobody reads any more it is silent too: the command goes on with its files, or with `ends` set
+    ends.
     """
 
-    def __init__(self, *, stderr: bool = False, soft_wrap: bool = False, **options: Any) -> None:
+    unread: ClassVar[bool] = False  # in this run of a command: its exit code says it
+
+    def __init__(
+        self, *, stderr: bool = False, soft_wrap: bool = False, ends: bool = False, **options: Any
+    ) -> None:
+        self._ends = ends
         if os.environ.get(QUIET):
             options |= {"force_terminal": False} if stderr else {"quiet": True}
         super().__init__(
@@ -32,6 +39,12 @@ class Terminal(Console):
             emoji=False,
             **options,
         )
+
+    def on_broken_pipe(self) -> None:
+        """Raises SystemExit where the command is to end."""
+        if self._ends:
+            super().on_broken_pipe()
+        self.quiet, Terminal.unread = True, True
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
