@@ -46,6 +46,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     pumped,
     tank_levels,
 )
+from thrustmargin.models.checks.held import HeldSoFar
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, FlyingBy
 from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 
@@ -61,6 +62,7 @@ class Carried:
     start_s: float | None = None  # of the first row
     row_s: float = -np.inf  # of the last row
     contact: GroundContact = field(default_factory=GroundContact)
+    held: HeldSoFar = field(default_factory=HeldSoFar)
     rotors: tuple[RotorMemory, ...] = ()
     zero: PlaceOfZero | None = None
     pumped: PumpedSoFar | None = None
@@ -165,9 +167,11 @@ def flight_rows(
         sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
     if reported["throttle"]:
         sources["throttle"] = motors.throttle_source(outputs, parameters)
-    contact, flying_by = before.contact, FlyingBy.GIVEN
+    contact, held, flying_by = before.contact, before.held, FlyingBy.GIVEN
     if live:
-        flying, by, contact = airborne_so_far(signals, clock_s, channels, options.airframe, contact)
+        flying, by, contact, held = airborne_so_far(
+            signals, clock_s, channels, options.airframe, contact, held
+        )
     else:
         off = airborne(signals, clock_s, channels, options.airframe)
         flying, flying_by, by = off.flying, off.by, off.words
@@ -223,6 +227,7 @@ def flight_rows(
             start_s=start_s,
             row_s=float(clock_s[-1]),
             contact=contact,
+            held=held,
             rotors=measured.memory,
             zero=zero,
             pumped=before.pumped

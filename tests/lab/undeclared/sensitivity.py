@@ -113,9 +113,7 @@ def main() -> None:
                         what if other == names else f"{what}, {names} -> {other}"
                     )
                     print(f"{module}.{name} {found[f'{module}.{name}'][-1]}", flush=True)
-    print(
-        f"{len(found)} of {len(constants)} constants change an answer of these sets"
-    )
+    print(f"{len(found)} of {len(constants)} constants change an answer of these sets")
     if options.json:
         options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
 
