@@ -249,7 +249,7 @@ def row_times(
     `rotors` are the speeds, one signal a rotor. The trigger is the speed of rotor 1; where none has
     come for SILENT seconds, that of the next rotor; then attitude; then any report of the flight. A
     recorded flight (sampling "linear") takes the rotor that reports most first, and begins with the
-    first rotor speed if it has any.
+    first rotor speed if it has any, or as it was armed where that was long before.
     """
     reported = [s for s in rotors if s is not None]
     if sampling == "hold" and reported:
@@ -270,8 +270,15 @@ def row_times(
     for times in triggers:
         rows = increasing(np.concatenate([rows, times[_silent(rows, times)]]))
     if sampling == "linear" and speeds:
-        rows = rows[rows >= speeds[0][0]]
+        rows = rows[rows >= _first_row(float(speeds[0][0]), signals)]
     return thinned(rows[rows > carried.heard_s], carried.row_s)
+
+
+def _first_row(spoke_s: float, signals: Signals) -> float:
+    """s at which a recorded flight begins whose rotors first spoke at `spoke_s`."""
+    armed = best(signals, "armed")
+    on_s = np.empty(0) if armed is None else armed.time_s[armed.values > 0]
+    return float(on_s[0]) if on_s.size and spoke_s - on_s[0] > SILENT else spoke_s
 
 
 def _known_times(signals: Iterable[Signal]) -> Floats:

@@ -1,6 +1,7 @@
 """On a bench or in hands nothing moves as thrust and tilt ask; in the air everything does."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ G0 = 9.80665
 NAN = float("nan")
 
 
-def body(height=0.0, roll=0.0, east=0.0, squares=NAN, output=NAN) -> np.ndarray:
+def body(
+    height: Any = 0.0, roll: Any = 0.0, east: Any = 0.0, squares: Any = NAN, output: Any = NAN
+) -> np.ndarray:
     """(T, 9) of an aircraft that points north, a little restless about pitch."""
     rows = np.zeros((TIME_S.size, 9))
     rows[:, 2] = 0.02 * np.sin(5.0 * TIME_S)
