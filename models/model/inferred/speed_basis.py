@@ -8,7 +8,7 @@ those that fell silent together, two or more, the outputs speak until one is bac
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -38,6 +38,23 @@ def speed_basis(track: FlightTrack) -> SpeedBasis:
     if np.array_equal(inferred, known):
         return SpeedBasis.MOTOR_OUTPUTS
     return SpeedBasis.SOME_OF_EACH
+
+
+def to_learn_from(track: FlightTrack) -> FlightTrack:
+    """A flight whose rotors were all measured, without what outputs said while telemetry was lost;
+    others as they are."""
+    source = track.source("rotor_speed_rpm")
+    made = track.standard_errors.get("rotor_speed_rpm", np.zeros(track.rotor_speed_rpm.shape)) > 0.0
+    measured = np.isfinite(track.rotor_speed_rpm) & ~made
+    if not source.parts or not made.any() or not measured.any(axis=0).all():
+        return track
+    errors = {name: e for name, e in track.standard_errors.items() if name != "rotor_speed_rpm"}
+    return replace(
+        track,
+        rotor_speed_rpm=np.where(made, np.nan, track.rotor_speed_rpm),
+        standard_errors=errors,
+        sources={**track.sources, "rotor_speed_rpm": source.parts[0]},
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +106,6 @@ def heard_speeds(
     newest_s = np.max(np.where(heard, last_s, -np.inf), axis=1, initial=-np.inf, keepdims=True)
     together = heard & (newest_s - last_s <= LOST)
     several = together.sum(axis=1, keepdims=True) > 1
-    lost = together & several & (until_s - newest_s > LOST)
+    lost = together & several & (until_s - newest_s > LOST) & track.flying[:, None]
     now = {r: float(last_s[-1, r]) for r in np.flatnonzero(heard[-1:].any(axis=0)).tolist()}
     return heard & ~lost, lost, HeardSpeeds(last_s=now)
