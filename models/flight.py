@@ -138,6 +138,7 @@ class FlyingBy(StrEnum):
     CONSTANT_OUTPUTS = "constant outputs"
     SLOW_ROTORS = "slow rotors"  # they never carry half of the empty weight
     NEVER_ROSE = "never rose"  # motors ran up in the log, and it was never higher than before
+    HELD = "held"  # on a bench or in hands, with its motors on
     NOT_KNOWN = "not known"  # nothing in it says
 
 

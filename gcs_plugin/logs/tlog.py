@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, named, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
+from thrustmargin.gcs_plugin.mavlink.two_vehicles import two_of_one_id
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
     FLIGHT_DATA,
     GROUND_STATION,
@@ -51,7 +52,6 @@ from thrustmargin.models.flight import Bools
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 _OTHER = ("HEARTBEAT", "SYSTEM_TIME", "STATUSTEXT", "PARAM_VALUE", "SYS_STATUS")
 _INT32 = 6  # MAV_PARAM_TYPE
-TWO_PLACES = 200  # 1e-7 deg between two vehicles that share an id: 2 m
 _MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT", "MISSION_CLEAR_ALL")
 
 
@@ -92,9 +92,9 @@ def tlog_boots(
     if others := [number for number in autopilots if number != pilot]:
         mine &= ~np.isin(component, others)
         notes.append(two_autopilots(chosen, pilot, others))
-    if _two_places(named(frames, "GLOBAL_POSITION_INT", mine & (component == pilot))[1]):
+    if between := two_of_one_id(frames, mine & (component == pilot)):
         raise LogError(
-            f"{path.name}: it leaps between two places, as when two vehicles share one system id; "
+            f"{path.name}: it leaps between {between}, as when two vehicles share one system id; "
             "give each its own and record again"
         )
     clocks = vehicle_clocks(
@@ -287,14 +287,6 @@ def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
             lines.append((time, piece(raw)))
         open_id = number
     return tuple((time, text.strip()) for time, text in lines)
-
-
-def _two_places(position: NDArray[np.void]) -> bool:
-    """Whether GLOBAL_POSITION_INT (n,) leaps to a place and back all along: who moves, or whose GPS
-    is off, is further from where it was two messages before."""
-    place = np.stack([position[axis].astype(np.int64) for axis in ("lat", "lon")], axis=1)
-    once, twice = (np.abs(place[2:] - place[k:-step]).max(axis=1) for k, step in ((1, 1), (0, 2)))
-    return once.size > 0 and bool(np.mean((once > TWO_PLACES) & (twice < 0.3 * once)) > 0.3)
 
 
 def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:

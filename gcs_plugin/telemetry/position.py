@@ -11,9 +11,17 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before, plausible
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.wording.flight_words import GROUNDED_BY
+from thrustmargin.models.checks.held import (
+    RISEN,
+    HeldSoFar,
+    held_so_far,
+    may_hover,
+    without_held,
+)
 from thrustmargin.models.flight import Bools, Floats, FlyingBy, Origin
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.flight_phases import stretches
 from thrustmargin.models.physics.smoothing import known_means
 from thrustmargin.models.provenance import Provenance
 
@@ -23,10 +31,6 @@ NAN = float("nan")
 IN_AIR, TAKING_OFF, LANDING = 2, 3, 4
 #: m above the place of take-off or landing below which the legs may still touch
 CLEAR = 0.2
-#: m above home at which it surely flies; a barometer on the ground wanders less in minutes
-RISEN = 1.0
-#: rad by which roll or pitch of what flies moves at least, between their 5th and 95th percentile
-TILTED = np.radians(0.5)
 #: share of the thrust in cruise below which a rotor only idles
 IDLE_SHARE = 0.5
 #: Output, or share of the thrust in cruise, at or below which motors idle: autopilots spin armed
@@ -85,9 +89,13 @@ def airborne(
         said = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
         if height is None:
             return Airborne(said, FlyingBy.LANDED_STATE, landed.source.words)
-        flying = _clear_of_ground(said, height, channels.get("attitude"))
+        body = _body(channels, squares, output)
+        flying = _clear_of_ground(said, height)
         if said.any() and not flying.any():
             return _grounded(clock_s, FlyingBy.NEVER_ROSE)
+        flying &= without_held(said, stretches(said), clock_s, body)
+        if said.any() and not flying.any():
+            return _grounded(clock_s, FlyingBy.HELD)
         words = f"{landed.source.words}, and {CLEAR:g} m clear of it"
         return Airborne(flying, FlyingBy.LANDED_STATE, words)
     measured = bool(np.isfinite(speeds).any())
@@ -107,8 +115,12 @@ def airborne(
     if np.any(lifting > 0):
         cruise = float(np.nanpercentile(lifting, 75))
         flying = on & (thrust > IDLE_SHARE * cruise) & (thrust > 0.0)
+        body = _body(channels, may_hover(squares, speeds.shape[1], airframe))
+        free = without_held(flying, stretches(on), clock_s, body)
+        if flying.any() and not free.any():
+            return _grounded(clock_s, FlyingBy.HELD)
         words = f"{by} above {IDLE_SHARE:g} of the thrust in cruise (no landed state)"
-        return Airborne(flying, by, words)
+        return Airborne(free, by, words)
     if height is not None and np.isfinite(height).any():
         words = "more than 1 m above home (no landed state, no rotor speeds)"
         return Airborne(on & (height > RISEN), FlyingBy.HEIGHT, words)
@@ -176,7 +188,8 @@ def airborne_so_far(
     channels: Mapping[str, Floats],
     airframe: Airframe | None,
     contact: GroundContact,
-) -> tuple[Bools, str, GroundContact]:
+    before: HeldSoFar,
+) -> tuple[Bools, str, GroundContact, HeldSoFar]:
     """(T,) True off the ground by what is known up to each row, the evidence, and what is carried.
 
     As `airborne`, but that the last moments before a landing count as flying, that cruise is not
@@ -207,32 +220,40 @@ def airborne_so_far(
             flying[row] = clear
         elif contact.on_ground and not contact.clear:
             flying[row] = np.isnan(contact.height)
-    idle = known_means(channels["throttle"]) <= IDLE_OUTPUT
+    output = known_means(channels["throttle"])
+    idle = output <= IDLE_OUTPUT
     flying &= ~idle | np.isfinite(state) | carried
     flying &= ~(motors_on == 0)
     words = "rotor speeds, else armed" if landed is None else landed.source.words
-    return flying.astype(np.bool_), words, contact
+    squares = known_means(np.square(speeds))
+    if landed is None:
+        body = _body(channels, may_hover(squares, speeds.shape[1], airframe))
+    else:
+        body = _body(channels, squares, output)
+    down, now = held_so_far(
+        before,
+        clock_s,
+        flying.astype(np.bool_),
+        motors_on == 0,
+        body,
+        clear=CLEAR if landed is None else -np.inf,
+    )
+    return flying.astype(np.bool_) & ~down, words, contact, now
 
 
-def _clear_of_ground(flying: Bools, height: Floats, attitude: Floats | None) -> Bools:
+def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
     """Each stretch without its ends in which the height is still that of the ground.
 
-    Where the log begins or ends in the air the ground is not known, and nothing is left out. A
-    stretch in which neither height nor tilt moved is left out whole: motors run on a bench.
+    Where the log begins or ends in the air the ground is not known, and nothing is left out.
     """
     result = flying.copy()
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(np.int8), [0]])))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
+    for first, end in stretches(flying):
         part = height[first:end]
         known = np.flatnonzero(np.isfinite(part))
         if known.size == 0:
             continue
-        up = np.flatnonzero(part > part[known[0]] + CLEAR)
         if first > 0 or part[known[0]] <= RISEN:
-            stood = np.nanmax(np.abs(part - part[known[0]])) < RISEN
-            if stood and attitude is not None and _held(attitude[first:end, :2]):
-                result[first:end] = False
-                continue
+            up = np.flatnonzero(part > part[known[0]] + CLEAR)
             if up.size == 0:
                 continue
             result[first : first + up[0]] = False
@@ -243,12 +264,18 @@ def _clear_of_ground(flying: Bools, height: Floats, attitude: Floats | None) -> 
     return result
 
 
-def _held(tilt: Floats) -> bool:
-    """Whether roll and pitch (n, 2) are alive and still moved less than what flies."""
-    known = tilt[np.isfinite(tilt).all(axis=1)]
-    if len(known) < FEWEST_ROWS or np.all(np.ptp(known, axis=0) == 0.0):
-        return False
-    return bool(np.all(np.diff(np.percentile(known, (5, 95), axis=0), axis=0) < TILTED))
+def _body(channels: Mapping[str, Floats], squares: Floats, output: Floats | None = None) -> Floats:
+    """(T, 9) as of `held`: a speed of 0 says nothing."""
+    nothing = np.full((squares.size, 3), NAN)
+    return np.column_stack(
+        (
+            channels.get("height_agl", nothing[:, 0]),
+            channels.get("attitude", nothing),
+            channels.get("velocity_ned", nothing),
+            np.where(squares > 0.0, squares, NAN),
+            nothing[:, 0] if output is None else output,
+        )
+    )
 
 
 #: Where zero may be, preferred first.

@@ -51,6 +51,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     pumped,
     tank_levels,
 )
+from thrustmargin.models.checks.held import HeldSoFar
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, FlyingBy
 from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 
@@ -66,6 +67,7 @@ class Carried:
     start_s: float | None = None  # of the first row
     row_s: float = -np.inf  # of the last row
     contact: GroundContact = field(default_factory=GroundContact)
+    held: HeldSoFar = field(default_factory=HeldSoFar)
     rotors: tuple[RotorMemory, ...] = ()
     zero: PlaceOfZero | None = None
     pumped: PumpedSoFar | None = None
@@ -173,9 +175,11 @@ def flight_rows(
         sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
     if reported["throttle"]:
         sources["throttle"] = motors.throttle_source(outputs, parameters)
-    contact, flying_by = before.contact, FlyingBy.GIVEN
+    contact, held, flying_by = before.contact, before.held, FlyingBy.GIVEN
     if live:
-        flying, by, contact = airborne_so_far(signals, clock_s, channels, options.airframe, contact)
+        flying, by, contact, held = airborne_so_far(
+            signals, clock_s, channels, options.airframe, contact, held
+        )
     else:
         off = airborne(signals, clock_s, channels, options.airframe)
         flying, flying_by, by = off.flying, off.by, off.words
@@ -231,6 +235,7 @@ def flight_rows(
             start_s=start_s,
             row_s=float(clock_s[-1]),
             contact=contact,
+            held=held,
             rotors=measured.memory,
             zero=zero,
             pumped=before.pumped
@@ -252,7 +257,7 @@ def row_times(
     `rotors` are the speeds, one signal a rotor. The trigger is the speed of rotor 1; where none has
     come for SILENT seconds, that of the next rotor; then attitude; then any report of the flight. A
     recorded flight (sampling "linear") takes the rotor that reports most first, and begins with the
-    first rotor speed if it has any.
+    first rotor speed if it has any, or as it was armed where that was long before.
     """
     reported = [s for s in rotors if s is not None]
     if sampling == "hold" and reported:
@@ -273,8 +278,15 @@ def row_times(
     for times in triggers:
         rows = increasing(np.concatenate([rows, times[_silent(rows, times)]]))
     if sampling == "linear" and speeds:
-        rows = rows[rows >= speeds[0][0]]
+        rows = rows[rows >= _first_row(float(speeds[0][0]), signals)]
     return thinned(rows[rows > carried.heard_s], carried.row_s)
+
+
+def _first_row(spoke_s: float, signals: Signals) -> float:
+    """s at which a recorded flight begins whose rotors first spoke at `spoke_s`."""
+    armed = best(signals, "armed")
+    on_s = np.empty(0) if armed is None else armed.time_s[armed.values > 0]
+    return float(on_s[0]) if on_s.size and spoke_s - on_s[0] > SILENT else spoke_s
 
 
 def _known_times(signals: Iterable[Signal]) -> Floats:

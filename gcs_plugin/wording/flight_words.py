@@ -20,6 +20,7 @@ GROUNDED_BY: Mapping[FlyingBy, str] = {
     FlyingBy.CONSTANT_OUTPUTS: "its motor outputs never changed",
     FlyingBy.SLOW_ROTORS: "its rotors never carried half of the empty weight",
     FlyingBy.NEVER_ROSE: "its motors ran up and it never rose from where it stood",
+    FlyingBy.HELD: "it was held, on a bench or in hands: it did not move as thrust and tilt asked",
     FlyingBy.NOT_KNOWN: "neither landed state, rotor speeds, motor outputs nor height is in it",
     FlyingBy.LANDED_STATE: "by its own landed state",
     FlyingBy.HEIGHT: "it was never more than 1 m above home",

@@ -41,6 +41,9 @@ LATE_S = np.arange(1, 13) / 10
 #: Rows of the means by which another order must hold as well, and the share of the correlation of
 #: roll and pitch that must be left there: it grows where the order is right, as noise is less.
 SLOW_ROWS, SLOW_SHARE = 5, 0.8
+#: Correlation of roll and of pitch acceleration with themselves one difference (two rows) later,
+#: below which the rows do not show how it turns; flights have 0.2 to 0.9.
+RESOLVED = 0.1
 #: s; a row this far from its neighbours is not differentiated.
 _LONGEST_STEP = 0.5
 #: Rows of the running mean that is removed: five seconds at 10 Hz.
@@ -92,13 +95,19 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
                 correlation = at_delay
             likelihood = np.maximum(likelihood, other)
         order = _decided(airframe, places, likelihood, correlation, rows)
-        if order.verdict == "differs" and not _holds_slowly(track, order.places, arms):
+        if order.verdict == "differs" and not (
+            _resolved(track) and _holds_slowly(track, order.places, arms)
+        ):
             words = f"cannot tell: it shakes faster than the {rows} rows show"
             order = replace(order, verdict="unclear", words=words, places=same)
-    if order.verdict == "unclear" and all(
-        _answers_to_others(samples, axis, arms[axis])
-        for samples in (_samples(track), _slow(_samples(track)))
-        for axis in range(2)
+    if (
+        order.verdict == "unclear"
+        and _resolved(track)
+        and all(
+            _answers_to_others(samples, axis, arms[axis])
+            for samples in (_samples(track), _slow(_samples(track)))
+            for axis in range(2)
+        )
     ):
         words = (
             "roll and pitch answer to the rotors, but not from the places that airframe "
@@ -126,6 +135,13 @@ def _likelihood(
             explained = np.clip(sign * correlated, 0.0, 0.999999) ** 2
             likelihood[spins] -= 0.5 * effective * np.log1p(-explained)
     return likelihood, (correlation[0], correlation[1], correlation[2])
+
+
+def _resolved(track: FlightTrack) -> bool:
+    """Whether roll and pitch acceleration last from one difference of the rates to the next."""
+    acceleration = _samples(track)[0][:, :2]
+    power = np.sum(acceleration**2, axis=0)
+    return bool(np.all(np.sum(acceleration[2:] * acceleration[:-2], axis=0) > RESOLVED * power))
 
 
 def _holds_slowly(track: FlightTrack, places: tuple[int, ...], arms: Floats) -> bool:

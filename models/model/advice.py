@@ -48,6 +48,7 @@ CELL = 3.7  # V, nominal, of the lithium cells that an airframe's nominal voltag
 COLLAPSED = 3.0  # V a cell under load, below which a lithium cell collapses
 HEALTHY = 3.5  # V a cell under load from which nothing is wrong: less may be of something else
 LONG_PAUSE_S = 10.0  # of a log: a turn and more
+MUCH = 0.1  # of a flight: what shorter pauses together may hide
 NAN = float("nan")
 
 
@@ -110,7 +111,9 @@ class Advice:
     rotor_names: tuple[str, ...]  # empty where it is not known which rotor is which
     unseen_from_s: float  # of the flight, where its log ends before it did; NaN of a whole one
     begun_before: bool  # it flew already where its log begins
-    paused_s: float  # in flight of which the log has nothing, in pauses of LONG_PAUSE_S or more
+    #: In flight of which the log has nothing: in pauses of LONG_PAUSE_S or more, or where all that
+    #: it lacks is MUCH of the flight.
+    paused_s: float
     goes_on: bool  # it flies now: all is of the flight so far
     unsought_s: float  # in flight in which no weak rotor could be sought, for want of a speed
     #: For most of the flight neither speed nor output shows what a rotor did: what it should have
@@ -237,7 +240,7 @@ def advise(
             predicted_alone=predicted_alone,
             unseen_from_s=NAN if goes_on else _unseen_from(whole.track),
             begun_before=bool(whole.track.flying[:1].any() and not (goes_on or planned)),
-            paused_s=float(pauses_in_flight(whole.track)[1].sum()),
+            paused_s=_paused_s(whole.track),
             goes_on=goes_on,
             unsought_s=unsought_s,
             withheld=bool(analysis.withheld),
@@ -259,6 +262,15 @@ def pauses_in_flight(track: FlightTrack) -> tuple[Floats, Floats]:
     steps = np.diff(track.time_s)
     at = np.flatnonzero((steps >= LONG_PAUSE_S) & track.flying[:-1] & track.flying[1:])
     return track.time_s[at], steps[at]
+
+
+def _paused_s(track: FlightTrack) -> float:
+    """s in flight of which the log has nothing, where that is worth a word."""
+    steps, said = np.diff(track.time_s), track.row_seconds[:-1]
+    inside = track.flying[:-1] & track.flying[1:] & (steps > said)
+    lacks = float((steps - said)[inside].sum())
+    much = lacks >= LONG_PAUSE_S and lacks >= MUCH * float(steps[track.flying[:-1]].sum())
+    return lacks if much else float(pauses_in_flight(track)[1].sum())
 
 
 def _load_level(use: ThrustUse, low: Floats, high: Floats) -> FlightLevel:

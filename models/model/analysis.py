@@ -19,8 +19,8 @@ from thrustmargin.models.model.airframe_claim import (
     unknown_aircraft,
 )
 from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
-from thrustmargin.models.model.inferred.output_speed import SpeedBasis as SpeedBasis
-from thrustmargin.models.model.inferred.output_speed import speed_basis
+from thrustmargin.models.model.inferred.speed_basis import SpeedBasis as SpeedBasis
+from thrustmargin.models.model.inferred.speed_basis import speed_basis
 from thrustmargin.models.model.inferred.utilisation_error import (
     INTERVAL,
     beyond_load,

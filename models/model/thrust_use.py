@@ -6,9 +6,10 @@
 
 The limit is for what lasts: 50 % is where a quad that loses a rotor can still carry its weight
 (margin.py), and that is a question of weight, not of a turn. Turns at a line end take 4 to 7 s; a
-median over 15 s takes what goes on for longer than half of it, and leaves a shorter turn out. In a
-turn what counts is whether thrust is left to hold the attitude. 90 % is where ArduPilot's own check
-for a loss of thrust begins, held for a second (ArduCopter, crash_check.cpp).
+median over 15 s takes what goes on for longer than half of it, and leaves a shorter turn out; where
+the log pauses for some of them, what was seen must do so. In a turn what counts is whether thrust
+is left to hold the attitude. 90 % is where ArduPilot's own check for a loss of thrust begins, held
+for a second (ArduCopter, crash_check.cpp).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
-from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
@@ -58,8 +59,10 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         _by_second(track.time_s, INTERVAL * np.where(np.isfinite(use), error, np.nan))[1]
         for error in (analysis.utilisation_error, analysis.utilisation_beyond)
     )
-    medians = running_median(means, LASTING_S)[_whole_window(np.any(np.isfinite(means), axis=1))]
-    medians[~np.isfinite(means)] = np.nan
+    seen = np.isfinite(means)
+    silent = _silent(track, second, seen.shape[0])
+    medians = _lasting(means, silent)[_whole_window(np.any(seen, axis=1) | silent)]
+    medians[~seen] = np.nan
     most, which = worst_rotor(medians)
     known = np.isfinite(most)
     up, down = np.zeros((2, most.size))
@@ -124,6 +127,27 @@ def _whole_window(known: Bools) -> NDArray[np.intp]:
         inside = min(first + half, middle), max(last - half, middle)
         at[first : last + 1] = np.clip(at[first : last + 1], *inside)
     return at
+
+
+def _silent(track: FlightTrack, second: NDArray[np.int64], count: int) -> Bools:
+    """(S,) seconds in flight of which the log has nothing, in pauses of it."""
+    on = np.diff(track.time_s) > track.row_seconds[:-1]
+    on &= track.flying[:-1] & track.flying[1:]
+    found = np.zeros(count, dtype=np.bool_)
+    for row in np.flatnonzero(on).tolist():
+        found[second[row] + 1 : second[row + 1]] = True
+    return found
+
+
+def _lasting(means: Floats, silent: Bools) -> Floats:
+    """(S, R) running median of the means (S, R), by what was seen in so many seconds at least:
+    those in which the log was silent (S,) count as below, but for a use that all others show."""
+    seen = np.isfinite(means)
+    least = running_median(np.where(silent[:, None] & ~seen, 0.0, means), LASTING_S)
+    half = LASTING_S // 2
+    padded = np.pad(np.where(seen, means, np.inf), ((half, half), (0, 0)), constant_values=np.inf)
+    lowest = np.lib.stride_tricks.sliding_window_view(padded, LASTING_S, axis=0).min(axis=-1)
+    return np.fmax(least, np.where(np.isfinite(lowest), lowest, np.nan))
 
 
 def running_median(values: Floats, window: int) -> Floats:

@@ -24,7 +24,7 @@ import numpy as np
 
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.inferred.output_speed import SpeedBasis, speed_basis
+from thrustmargin.models.model.inferred.speed_basis import SpeedBasis, speed_basis
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import (
     RotorNetwork,

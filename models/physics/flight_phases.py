@@ -40,7 +40,7 @@ def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank
     climb = _climb_rate(track)
     if climb is None:
         return keep
-    for first, end in _stretches(track.flying):
+    for first, end in stretches(track.flying):
         part = slice(first, end)
         with np.errstate(invalid="ignore"):
             height = track.height_agl[part]
@@ -51,7 +51,7 @@ def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank
             sinks = np.flatnonzero(high & (climb[part] <= -LEVEL_CLIMB))
             climbs = np.flatnonzero(high & (climb[part] >= LEVEL_CLIMB))
         time_s = track.time_s[part]
-        runs = [r for r in _stretches(level) if time_s[r[1] - 1] - time_s[r[0]] >= LEVEL_SECONDS]
+        runs = [r for r in stretches(level) if time_s[r[1] - 1] - time_s[r[0]] >= LEVEL_SECONDS]
         first_climb, last_sink = min(climbs, default=end), max(sinks, default=0)
         starts = [*(r[0] for r in runs[:1]), *sinks[sinks > first_climb][:1]]
         ends = [*(r[1] for r in runs[-1:]), *(climbs[climbs < last_sink][-1:] + 1)]
@@ -77,7 +77,7 @@ def hover_rows(track: FlightTrack) -> Bools:
         calm = (upright >= HOVER_UPRIGHT) & (np.abs(climb) < LEVEL_CLIMB) & ~(speed >= HOVER_SPEED)
     calm &= ~(np.mean(track.throttle, axis=1) >= NOTHING_IN_HAND)
     hover = track.flying & calm & ~turning_rows(track)
-    for first, end in _stretches(hover):
+    for first, end in stretches(hover):
         if track.time_s[end - 1] - track.time_s[first] < LEVEL_SECONDS:
             hover[first:end] = False
     return hover
@@ -92,7 +92,7 @@ def _climb_rate(track: FlightTrack) -> Floats | None:
     return None
 
 
-def _stretches(mask: Bools) -> list[tuple[int, int]]:
+def stretches(mask: Bools) -> list[tuple[int, int]]:
     """(first, end) of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -43,6 +43,7 @@ from thrustmargin.models.model.analysis import (
     with_bad_part,
     worst_rotor,
 )
+from thrustmargin.models.model.inferred.speed_basis import to_learn_from
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.smoothing import known_mean, known_median, known_most
@@ -176,7 +177,7 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
         return None, "; ".join(analysis.withheld)
     try:
         flown = before_loss(analysis.track, loss_of_control(analysis.track))
-        return to_arrays(flight_sums(analysis.model, flown)), None
+        return to_arrays(flight_sums(analysis.model, to_learn_from(flown))), None
     except ThrustMarginError as error:
         return None, str(error)
 

@@ -150,11 +150,13 @@ def claimed(
 ) -> Iterator[FlightLog]:
     """The logs of flights of the airframe; the others are added to `unused` with the reason.
 
-    What comes after a loss of control is no flight to learn from: left out, with a remark.
+    What comes after a loss of control is no flight to learn from: left out, with a remark. Nor are
+    speeds that outputs made while telemetry was lost.
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
     from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
+    from thrustmargin.models.model.inferred.speed_basis import to_learn_from
 
     for log, claim in read:
         reason = not_flown(log.track)  # no airframe helps a log without a flight
@@ -165,7 +167,7 @@ def claimed(
         if losses := loss_of_control(log.track):
             console.print(escape(f"{log.name}: {lost_rows(losses)}"), soft_wrap=True)
             log = replace(log, track=before_loss(log.track, losses))
-        yield log
+        yield replace(log, track=to_learn_from(log.track))
 
 
 def read_flights(

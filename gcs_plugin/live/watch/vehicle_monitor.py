@@ -298,7 +298,7 @@ class VehicleMonitor:
     ) -> dict[str, NDArray[Any]]:
         """What is known at each new row of pump, route and rotors; as `CARRIED`."""
         delivered, ahead = self._ahead.rows(analysis, first, new, self.state)
-        known = np.isfinite(analysis.track.rotor_speed_rpm[first:])
+        known = self._inferred.outputs.heard.readings(analysis.track)[first:]
         if known.shape[1] != self._rotor_us.size:
             self._rotor_us = np.zeros(known.shape[1], dtype=np.int64)
         rows = [-1] if known[-1].all() else np.flatnonzero(known.any(axis=1)).tolist()
@@ -321,9 +321,8 @@ class VehicleMonitor:
         self._sortie.restate()
         # Frames that came and were not taken yet may hold the rotor speeds.
         behind = (self.telemetry.stamp_us - self._rotor_us) * 1e-6
-        if self.shared:  # what comes is not used: that is no fault of the ESCs
-            behind = np.zeros_like(behind)
-        behind = np.where(self._rotor_us > 0, behind, np.nan)
+        # What comes of a shared id is not used: that is no fault of the ESCs.
+        behind = np.where(self._rotor_us > 0, 0.0 if self.shared else behind, np.nan)
         return self.alarms.heard(
             *(now_us * 1e-6, self.silent(now_us), behind),
             flying=self.flying,

@@ -32,7 +32,9 @@ LEAST_SPAN = 3.0  # s of level rows that make a mean
 BLOCK, LEAST_BLOCK, JUMP = SPAN / 4.0, 1.0, 5.0
 LEVEL_CLIMB = 0.5  # m/s, beyond which climb changes the thrust of a rotor speed
 LONGEST_STEP = 1.0  # s of one row
-ON_GROUND = 5.0  # s on the ground in which a tank may be filled or changed
+#: s on the ground after which a tank may be another, and after which it is where a whole flight
+#: shows two loads.
+ON_GROUND, BRIEFLY = 5.0, 1.0
 #: Translational lift: blade theory for pitch over diameter of 0.3 to 0.4 gives 0.5 to 0.7, flights
 #: have shown 0.1 to 0.6.
 LIFT_GAIN, LIFT_GAIN_ERROR = 0.4, 0.3
@@ -197,15 +199,33 @@ def load_at(
     return np.where(known, load, np.nan), np.where(known, np.sqrt(variance), np.nan)
 
 
+def whole_flight(track: FlightTrack, airframe: Airframe) -> tuple[LoadEvidence, Floats, Floats]:
+    """As `gathered` of a whole flight, with the legs that its means show by the Bayesian criterion:
+    from every stay on the ground on, or from the long ones."""
+    long = gathered(track, airframe, LoadEvidence())
+    each = gathered(track, airframe, LoadEvidence(), BRIEFLY)
+    if each[0].leg == long[0].leg:
+        return long
+    fits = [load_fit(one[0], airframe) for one in (long, each)]
+    if fits[0] is None or fits[1] is None:
+        return long
+    count = float(long[0].means()[:, 0].sum()) / SPAN
+    criteria = [2.0 * count * np.log(f.scatter) + len(f.legs) * np.log(count) for f in fits if f]
+    return each if criteria[1] < criteria[0] else long
+
+
 def gathered(
-    track: FlightTrack, airframe: Airframe, so_far: LoadEvidence
+    track: FlightTrack, airframe: Airframe, so_far: LoadEvidence, on_ground: float = ON_GROUND
 ) -> tuple[LoadEvidence, Floats, Floats]:
-    """The evidence with that of these rows; leg (T,), and seconds (T, 2) sprayed and flown."""
+    """The evidence with that of these rows; leg (T,), and seconds (T, 2) sprayed and flown.
+
+    A leg begins after a stay of more than `on_ground` s.
+    """
     time_s, flying = track.time_s, track.flying
     before = time_s[0] if np.isnan(so_far.last_s) else so_far.last_s
     step = np.minimum(np.diff(time_s, prepend=before), LONGEST_STEP)
     flew = np.maximum.accumulate(np.append(so_far.flew_s, np.where(flying, time_s, -np.inf)))
-    leg = so_far.leg + np.cumsum(flying & (time_s - flew[:-1] > ON_GROUND))
+    leg = so_far.leg + np.cumsum(flying & (time_s - flew[:-1] > on_ground))
     sprayed = so_far.sprayed + np.cumsum(step * (flying & (track.spraying == 1.0)))
     flown = so_far.flown + np.cumsum(step * flying)
     air = track_air(track)

@@ -24,6 +24,7 @@ from thrustmargin.models.model.inferred.load_evidence import (
     load_at,
     load_fit,
     spans_of,
+    whole_flight,
 )
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
@@ -163,7 +164,7 @@ def _shown(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> ShownLoad | None:
     """The load by thrust; None without level flight with every rotor's speed."""
-    shown, legs, seconds = gathered(track, airframe, LoadEvidence())
+    shown, legs, seconds = whole_flight(track, airframe)
     fit = load_fit(shown, airframe)
     if fit is None:
         return None

@@ -21,13 +21,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from typing import Self
 
 import numpy as np
 
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.inferred.speed_basis import HeardSpeeds, heard_speeds
 from thrustmargin.models.model.inferred.utilisation_error import guessed_variance
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
@@ -64,7 +64,7 @@ class OutputCalibration:
     """
 
     bins: Mapping[int, Floats] = field(default_factory=dict)  # time_s // SPAN -> (3, 5)
-    measured: frozenset[int] = frozenset()  # rotors, from 0, whose speed was ever measured
+    heard: HeardSpeeds = field(default_factory=HeardSpeeds)
     last_s: float = np.nan  # of the last row, and its ln f (R,)
     last_share: Floats | None = None
 
@@ -75,7 +75,7 @@ class OutputCalibration:
     @property
     def in_use(self) -> bool:
         """True when all rotor speeds so far were made from outputs."""
-        return bool(self.bins) and not self.measured
+        return bool(self.bins) and not self.heard.rotors
 
     def seconds(self, kind: int) -> float:
         """s of evidence of one kind."""
@@ -109,28 +109,6 @@ class OutputCalibration:
         return float(sums[4] / sums[0]) + STATED_ERROR**2 + guesses
 
 
-class SpeedBasis(StrEnum):
-    """What a rotor speed, and the margin by it, rests on."""
-
-    UNKNOWN = ""
-    MEASURED = "measured"
-    MOTOR_OUTPUTS = "from motor outputs"
-    SOME_OF_EACH = "measured, or from motor outputs"
-    PREDICTED = "predicted"
-
-
-def speed_basis(track: FlightTrack) -> SpeedBasis:
-    """What the rotor speeds of a flight are: measured, from motor outputs, or some of each."""
-    known = np.isfinite(track.rotor_speed_rpm)
-    error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(known))
-    inferred = known & (error > 0.0)
-    if not np.any(inferred):
-        return SpeedBasis.MEASURED
-    if np.array_equal(inferred, known):
-        return SpeedBasis.MOTOR_OUTPUTS
-    return SpeedBasis.SOME_OF_EACH
-
-
 def filled_speeds(
     track: FlightTrack,
     airframe: Airframe,
@@ -139,22 +117,17 @@ def filled_speeds(
 ) -> tuple[FlightTrack, OutputCalibration]:
     """A flight with equivalent rotor speeds where a rotor reports an output and no speed.
 
-    `parameters` are the vehicle's. Rotors with a measured speed keep it; the speeds' standard
+    `parameters` are the vehicle's. What is measured stays; the speeds' standard
     errors and their source come with the track. With `so_far` it is a part that goes
     on from the parts before, and each row rests on the 10 s means that were whole before it.
     """
     then = OutputCalibration() if so_far is None else so_far
-    # Standing still on the ground, an ESC that measures reads as one that does not.
-    known = np.abs(track.rotor_speed_rpm) > 0.0
-    heard = (
-        np.logical_or.accumulate(known, axis=0)
-        if so_far is not None
-        else np.zeros_like(known) | np.any(known, 0)
-    )
-    heard[:, list(then.measured)] = True
-    then = replace(then, measured=frozenset(np.flatnonzero(np.any(heard, axis=0)).tolist()))
+    heard, lost, said = heard_speeds(track, None if so_far is None else then.heard)
+    then = replace(then, heard=said)
     silent = ~heard & np.isfinite(track.throttle)
-    if track.rotor_count != airframe.rotor_count or not np.any(silent):
+    # A part of which nothing is to be made still shows what outputs mean to those that follow.
+    of_use = silent if so_far is None else np.isfinite(track.throttle)
+    if track.rotor_count != airframe.rotor_count or not np.any(of_use):
         return track, then
     curve = output_curve(parameters, track.source("throttle"))
     first = then.last_share is None
@@ -183,6 +156,8 @@ def filled_speeds(
         variance[rows] += np.einsum(
             "trj,jk,trk->tr", *(terms[rows], covariance[:3, :3], terms[rows])
         )
+    if not np.any(silent):
+        return track, now
     full = share >= np.log(FULL / HOVER_SHARE)
     most = ceiling(airframe, airframe.reference_density, track.voltage).max_rotor_speed_rpm[:, None]
     speed = np.where(full, most, np.minimum(np.exp(0.5 * square), most))
@@ -197,7 +172,9 @@ def filled_speeds(
         },
         sources={
             **track.sources,
-            "rotor_speed_rpm": _source(track, ~heard[-1] & silent.any(axis=0), curve, now),
+            "rotor_speed_rpm": _source(
+                track, put, track.time_s[(put & lost).any(axis=1)], curve, now
+            ),
         },
     )
     return filled, now
@@ -260,7 +237,11 @@ def _level(track: FlightTrack, cosine: Floats) -> Bools:
 
 
 def _source(
-    track: FlightTrack, silent: Bools, curve: OutputCurve, calibration: OutputCalibration
+    track: FlightTrack,
+    put: Bools,
+    lost_s: Floats,
+    curve: OutputCurve,
+    calibration: OutputCalibration,
 ) -> Provenance:
     outputs = track.source("throttle")
     by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
@@ -272,13 +253,14 @@ def _source(
         how = "by the airframe's full thrust, for the weight is not known"
     remarks = (f"{outputs.name}, {curve.described}", how)
     measured: tuple[Provenance, ...] = ()
-    if not np.all(silent):
-        rotors = ", ".join(str(k + 1) for k in np.flatnonzero(silent))
-        several = "s" if np.count_nonzero(silent) > 1 else ""
-        remarks, measured = (
-            (f"rotor{several} {rotors}", *remarks),
-            (track.source("rotor_speed_rpm"),),
-        )
+    silent = put.any(axis=0) & ~calibration.heard.mask(put.shape[1])
+    if calibration.heard.rotors:
+        measured = (track.source("rotor_speed_rpm"),)
+        if silent.any():
+            rotors = ", ".join(str(k + 1) for k in np.flatnonzero(silent))
+            remarks = (f"rotor{'s' if np.count_nonzero(silent) > 1 else ''} {rotors}", *remarks)
+    if lost_s.size:
+        remarks = (f"all rotors from {_clock(lost_s[0])} to {_clock(lost_s[-1])}", *remarks)
     return Provenance(
         kind=SourceKind.INFERRED,
         meaning=Meaning.MOTOR_OUTPUTS,
@@ -286,6 +268,11 @@ def _source(
         parts=measured,
         remarks=remarks,
     )
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02}"
 
 
 def full_output_speed(

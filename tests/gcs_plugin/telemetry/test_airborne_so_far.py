@@ -8,6 +8,7 @@ from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.position import GroundContact, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.models.checks.held import HeldSoFar
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 NAN = float("nan")
@@ -38,12 +39,13 @@ def flying(
     }
     if height is not None:
         channels["height_agl"] = np.asarray(height, float)
-    found, words, after = airborne_so_far(
+    found, words, after, _ = airborne_so_far(
         collected(signals),
         np.arange(float(rows)),
         channels,
         airframe,
         GroundContact() if contact is None else contact,
+        HeldSoFar(),
     )
     assert found.dtype == np.bool_
     return np.flatnonzero(found).tolist(), words, after

@@ -88,14 +88,21 @@ def test_reversed_spin_directions_are_named():
     assert order.correlation[2] < -0.9
 
 
-def made_flight(airframe: Airframe, *, rows: int = 1500, effort: float = 150.0, seed: int = 0):
+def made_flight(
+    airframe: Airframe,
+    *,
+    rows: int = 1500,
+    effort: float = 150.0,
+    seed: int = 0,
+    lasts: float = 0.7,
+):
     """A rigid body with the airframe's mixer, tried by random moments; 8 rpm of sensor noise."""
     rng = np.random.default_rng(seed)
     rotors = airframe.rotor_count
     time_s = np.arange(rows, dtype=np.float64) * 0.1
     wander = rng.normal(size=(rows, rotors))
     for k in range(1, rows):
-        wander[k] = 0.7 * wander[k - 1] + 0.7 * wander[k]
+        wander[k] = lasts * wander[k - 1] + 0.7 * wander[k]
     speeds = 1900.0 + effort * wander
     thrust = airframe.rotor_effectiveness * airframe.thrust_coefficient * speeds**2
     moment = thrust @ mixer(airframe)[1:].T
@@ -124,6 +131,14 @@ def test_made_flights_of_every_shipped_airframe_agree_and_a_swap_is_found(name):
     order = check_motor_order(with_speeds(track, track.rotor_speed_rpm[:, columns]), airframe)
     assert order.verdict == "differs"
     assert order.places == tuple(columns)
+
+
+@pytest.mark.parametrize("lasts", [0.0, 0.3])
+def test_an_order_is_shown_by_turns_that_last_from_one_difference_to_the_next(lasts):
+    # As in a recorded hexacopter that shook so fast that another order went with it for minutes.
+    flown = made_flight(F16, lasts=lasts)
+    swapped = with_speeds(flown, flown.rotor_speed_rpm[:, [1, 0, 2, 3]])
+    assert check_motor_order(swapped, F16).verdict == ("differs" if lasts else "unclear")
 
 
 @pytest.mark.parametrize("late_s", [0.3, 0.6, 1.0])

@@ -58,6 +58,16 @@ def test_a_flight_with_motors_in_another_order_is_never_good(sound):
     assert headline(above).endswith("; MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG")
 
 
+@pytest.mark.parametrize(("every_s", "says_s"), [(0.0, 0.0), (50.0, 0.0), (10.0, 77.0)])
+def test_pauses_are_counted_where_they_are_much_of_the_flight_together(sound, every_s, says_s):
+    # 200 s in flight: 20 pauses of 4.1 s, of which 0.25 s belong to the row before; 4 are too few.
+    track = sound.track
+    there = track.time_s % every_s < (every_s - 4.0) if every_s else track.time_s >= 0.0
+    made = advise(analyse(track.rows(there), sound.model, claim=sound.claim)).advice
+    assert made.paused_s == pytest.approx(says_s, abs=5.0 if says_s else 0.0)
+    assert made.seen_whole is (says_s == 0.0)
+
+
 def test_what_lasts_above_the_limit_is_above_it(sound):
     assert levels(used(sound, 1.25)) == (FlightLevel.OVER,)
     error = np.full(sound.utilisation_error.shape, 0.05)

@@ -60,6 +60,21 @@ def test_a_turn_passes_where_the_log_begins_or_ends_with_it_too():
     assert thrust_use(flown(use[:100]), 0.5).lasting_most == pytest.approx(0.7)
 
 
+def test_a_turn_between_pauses_of_the_log_is_no_use_that_lasts():
+    use, time_s = level(0.4), np.arange(1200) / 10.0
+    use[600:665, 1] = 0.7  # 6.5 s
+    there = time_s % 10.0 < 6.0  # 6 s of the log, and 4 s of nothing; in 57.5 to 66 s 6 of turning
+    found = thrust_use(flown(use[there], time_s=time_s[there]), 0.5)
+    assert (found.lasting_above_s, found.lasting_most) == (0.0, pytest.approx(0.4))
+    # What all that was seen shows does last.
+    found = thrust_use(flown(level(0.6)[there], time_s=time_s[there]), 0.5)
+    assert found.lasting_most == pytest.approx(0.6)
+    assert found.lasting_above_s == pytest.approx(found.known_s)
+    third = time_s % 9.0 < 3.0  # of 15 s at most 6 were seen
+    found = thrust_use(flown(level(0.6)[third], time_s=time_s[third]), 0.5)
+    assert found.lasting_above_s == pytest.approx(found.known_s)
+
+
 def test_turns_of_different_rotors_do_not_add_up_to_what_lasts():
     use = level(0.4)
     for k in range(4):  # 4 x 5 s one after the other, each another rotor

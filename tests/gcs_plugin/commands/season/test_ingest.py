@@ -8,12 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.log_files import with_rotor_speeds
 from tests.gcs_plugin.store.season import content, files
 from tests.import_graph import ROOT
 from tests.stripped_logs import without
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.season.ingest import find_logs
-from thrustmargin.gcs_plugin.commands.season.season_flight import battery_resistance
+from thrustmargin.gcs_plugin.commands.season.season_flight import (
+    IngestSettings,
+    battery_resistance,
+    season_flights,
+)
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.store.ingest_run import content_of
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS
@@ -269,3 +274,18 @@ def test_the_simulators_battery_has_one_resistance_in_all_flights(sitl_logs, nam
     ohm, error = battery_resistance(track.time_s, track.voltage, track.current, track.flying)
     assert abs(ohm - 0.03) < 0.002
     assert error < 0.002
+
+
+def test_a_flight_whose_escs_fall_silent_has_a_verdict_and_teaches_what_was_measured(
+    sitl_logs, tmp_path
+):
+    def silent_from_the_middle(speeds):
+        return np.where(np.arange(len(speeds))[:, None] < len(speeds) // 2, speeds, 0.0)
+
+    path = tmp_path / "half.tlog"
+    flight = sitl_logs / "campaign/v4_m10_q2.5.tlog"
+    path.write_bytes(with_rotor_speeds(flight, silent_from_the_middle))
+    (stored,) = season_flights(path, "0" * 16, IngestSettings(store=""), name=path.name)
+    assert stored.summary["verdict"] == "under"
+    assert stored.summary["sums_reason"] is None
+    assert stored.sums is not None

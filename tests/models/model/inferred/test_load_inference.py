@@ -15,7 +15,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.usable_flights import too_little
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.inferred.load_evidence import LoadEvidence, load_fit
+from thrustmargin.models.model.inferred.load_evidence import LoadEvidence, load_fit, whole_flight
 from thrustmargin.models.model.inferred.load_inference import (
     with_load,
     with_load_for_verdict,
@@ -175,6 +175,22 @@ def test_a_tank_that_is_filled_between_two_flights_has_two_loads():
     load = np.where(np.arange(1800) < 900, 2.0, 12.0)
     found = with_load(hover(load, flying=flying, spraying=np.zeros(1800)), F16)
     np.testing.assert_allclose(found.tank_kg[flying], load[flying], atol=0.3)
+
+
+@pytest.mark.parametrize("stays_s", [0.5, 1.5, 4.5])
+def test_a_tank_filled_in_seconds_has_two_loads_and_a_touch_of_the_ground_has_one(stays_s):
+    rows = np.arange(1200)
+    flying = (rows < 600) | (rows > 600 + 10.0 * stays_s)
+    filled = with_load(hover(np.where(rows < 600, 3.0, 9.0), flying=flying), F16)
+    early, late = filled.tank_kg[:600], filled.tank_kg[700:]
+    if stays_s < 1.0:  # no hose is that quick: the fit is one, whatever it is off by
+        assert np.median(late) < 8.0
+    else:
+        np.testing.assert_allclose(early, 3.0, atol=0.3)
+        np.testing.assert_allclose(late, 9.0, atol=0.3)
+    # Where thrust shows one load, one fit has all of the evidence.
+    shown, *_ = whole_flight(hover(np.full(1200, 6.0), flying=flying), F16)
+    assert shown.leg == 1
 
 
 def test_a_guessed_curve_widens_the_interval():

@@ -15,6 +15,7 @@ from thrustmargin.models.model.inferred.output_speed import (
     filled_speeds,
     full_output_speed,
 )
+from thrustmargin.models.model.inferred.speed_basis import speed_basis, to_learn_from
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.margin import ceiling
 from thrustmargin.models.provenance import Meaning
@@ -59,7 +60,8 @@ def silent(track: FlightTrack) -> FlightTrack:
 def misses(track: FlightTrack, filled: FlightTrack) -> np.ndarray:
     """(T, R) error over standard error, in the rows that were filled."""
     error = filled.standard_errors["rotor_speed_rpm"]
-    return ((filled.rotor_speed_rpm - track.rotor_speed_rpm) / error)[error > 0.0]
+    made = error > 0.0
+    return (filled.rotor_speed_rpm - track.rotor_speed_rpm)[made] / error[made]
 
 
 @pytest.mark.parametrize("gain", [2600.0, 3000.0, 3300.0])
@@ -151,11 +153,71 @@ def test_the_cuts_of_a_live_flight_do_not_matter_and_no_row_looks_ahead():
     assert np.max(np.abs(misses(flown, many))) < 1.645
 
 
-def test_a_rotor_that_was_heard_once_is_never_filled():
+def silent_from(track: FlightTrack, rotors: slice, row: int) -> FlightTrack:
+    speeds = track.rotor_speed_rpm.copy()
+    speeds[row:, rotors] = np.nan
+    return replace(track, rotor_speed_rpm=speeds)
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_a_rotor_that_falls_silent_alone_may_stand_still_and_is_not_filled(live):
+    alone = silent_from(hover(), slice(0, 1), 100)
+    lost = parts_of(alone, 50) if live else with_outputs(alone, F16, ARDUPILOT)
+    assert not np.isfinite(lost.rotor_speed_rpm[100:, 0]).any()
+    # When the others follow half a minute later, nothing says that it turned.
+    later = silent_from(alone, slice(0, 4), 400)
+    lost = parts_of(later, 50) if live else with_outputs(later, F16, ARDUPILOT)
+    assert not np.isfinite(lost.rotor_speed_rpm[100:, 0]).any()
+    assert np.isfinite(lost.rotor_speed_rpm[440:, 1:]).all()
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_telemetry_that_stops_in_flight_leaves_the_outputs(live):
     flown = hover()
-    _, so_far = filled_speeds(flown.rows(slice(0, 100)), F16, ARDUPILOT, OutputCalibration())
-    lost, _ = filled_speeds(silent(flown).rows(slice(100, 600)), F16, ARDUPILOT, so_far)
-    assert not lost.reports("rotor_speed_rpm")
+    stops = silent_from(flown, slice(0, 4), 300)  # after 29.9 s
+    made = parts_of(stops, 50) if live else with_outputs(stops, F16, ARDUPILOT)
+    first = 330 if live else 300  # a listener waits until 3 s have gone by
+    assert np.array_equal(made.rotor_speed_rpm[:300], flown.rotor_speed_rpm[:300])
+    known = np.isfinite(made.rotor_speed_rpm[:, 0])
+    assert not known[300:first].any()
+    assert known[first:].all()
+    assert np.max(np.abs(misses(flown, made))) < 1.645
+    np.testing.assert_allclose(made.rotor_speed_rpm[-1], flown.rotor_speed_rpm[-1], rtol=0.02)
+    if not live:
+        words = made.sources["rotor_speed_rpm"].words
+        assert "all rotors from 0:30 to 1:00; " in words
+
+
+def test_what_is_learnt_from_is_measured_alone():
+    stops = silent_from(hover(), slice(0, 4), 300)
+    stops = replace(stops, sources={**stops.sources, "rotor_speed_rpm": pulses("ESC")})
+    learnt = to_learn_from(with_outputs(stops, F16, ARDUPILOT))
+    np.testing.assert_array_equal(learnt.rotor_speed_rpm, stops.rotor_speed_rpm)
+    assert speed_basis(learnt) == "measured"
+    assert learnt.source("rotor_speed_rpm") == stops.source("rotor_speed_rpm")
+    # Of a rotor that was never measured there is nothing else; nor of none of them.
+    for rotors in (slice(0, 1), slice(0, 4)):
+        made = with_outputs(silent_from(hover(), rotors, 0), F16, ARDUPILOT)
+        assert to_learn_from(made) is made
+
+
+def test_rotors_at_rest_on_the_ground_are_not_made_from_outputs():
+    flown = hover()
+    speeds, flying = flown.rotor_speed_rpm.copy(), np.arange(600) < 500
+    speeds[500:] = 0.0
+    landed = replace(flown, rotor_speed_rpm=speeds, flying=flying)
+    assert with_outputs(landed, F16, ARDUPILOT) is landed
+
+
+def test_telemetry_that_begins_late_or_pauses_leaves_the_outputs_meanwhile():
+    flown = hover()
+    speeds = flown.rotor_speed_rpm.copy()
+    speeds[:100] = np.nan  # 10 s
+    speeds[200:228] = np.nan  # 2.9 s from the last reading to the next
+    speeds[400:431] = np.nan  # 3.2 s
+    made = with_outputs(replace(flown, rotor_speed_rpm=speeds), F16, ARDUPILOT)
+    known = np.isfinite(made.rotor_speed_rpm[:, 0])
+    assert np.flatnonzero(~known).tolist() == [*range(30), *range(200, 228)]  # and 3 s of the start
 
 
 @pytest.mark.parametrize("measured", [True, False])

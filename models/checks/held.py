@@ -1,0 +1,209 @@
+"""Does an aircraft fly, or is it held, on a bench or in hands? What flies does what is asked of it.
+
+Over BLOCK seconds of flight the mean acceleration is that of its thrust T and its tilt, but for
+what wind and speed take:
+    upwards  T cos(tilt) / m - g        level  g tan(tilt), to the side that it leans to
+What is held low and slow does neither. So it is held where, never HANDS above where it was first
+and never faster than RUN,
+- its tilt stands still for CALM seconds as nothing in the air does, where it rose by less than
+  RISEN; where it rose by more, as on the ground; or
+- it leans to and fro, by LEANS more than its speed over ground answers to; or
+- its thrust, steady for a block, is LIFTS times that of another that carries, NEAR seconds away.
+In flight the first would make it rise, and no tank empties so soon. Where height, tilt or speed
+is unknown, that says nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from thrustmargin.models.flight import Bools, Floats, down_axis
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0
+
+#: m above the first height up to which hands reach, or a barometer wanders in minutes
+HANDS = 2.5
+#: m above home at which it flies if it is not held: most barometers wander less in minutes
+RISEN = 1.0
+#: rad by which roll or pitch of what flies moves at least, between their 5th and 95th percentile,
+#: and that of what stands clamped at most: simulated flights of still air pass it in a minute
+TILTED, CLAMPED = np.radians(0.5), np.radians(0.1)
+#: Rows from which a tilt that never changes is that of an instrument that stands still.
+FEWEST_ROWS = 20
+STOOD = 5.0  # s out of flight after which it is looked at anew
+MOST_ROWS = 1200  # that a listener keeps
+BLOCK = 3.0  # s: over which bodies follow their thrust, and wind evens out
+FEWEST_BLOCKS = 4
+CALM = 20.0  # s
+RUN = 5.0  # m/s over ground
+WALK = 2.0  # m/s over ground up to which it can be carried, and drag is small
+#: m/s² between the 10th and 90th percentile of what tilt asks and speed does not do: a gust of
+#: 5 m/s changes the drag of a large sprayer by half as much
+LEANS = 2.5
+LIFTS = 1.5
+NEAR = 60.0  # s
+CARRIES = 0.5  # of the largest thrust of a block: with less it is on its legs
+#: Share of the empty weight in thrust with which it may hover: the ground and the wind help.
+HOVERS = 0.8
+STEADY = 0.35  # of a block's mean, between its 10th and 90th percentile: no step within it
+TURNED = np.radians(60.0)  # tilt from which it is turned over, and not held
+
+
+def held(time_s: Floats, body: Floats) -> bool:
+    """Whether an aircraft with its motors on, of T rows, is held.
+
+    `body` (T, 9): height m, roll, pitch and yaw rad, velocity north, east and down m/s, and what
+    thrust goes with: mean squared speed and mean output, of any unit; NaN where unknown.
+    """
+    height, attitude, velocity_ned, thrusts = body[:, 0], body[:, 1:4], body[:, 4:7], body[:, 7:].T
+    known = np.flatnonzero(np.isfinite(height))
+    if known.size == 0 or np.nanmax(height) - height[known[0]] >= HANDS:
+        return False
+    if np.any(np.hypot(velocity_ned[:, 0], velocity_ned[:, 1]) >= RUN):
+        return False
+    rose = float(np.nanmax(np.abs(height - height[known[0]])))
+    if time_s[-1] - time_s[0] >= CALM and _stands_still(attitude, rose < RISEN):
+        return True
+    block = np.floor((time_s - time_s[0]) / BLOCK).astype(np.intp)
+    starts = np.flatnonzero(np.diff(block, prepend=-1))
+    slices = [slice(a, b) for a, b in zip(starts, [*starts[1:], time_s.size], strict=True)]
+    whole = [s for s in slices if time_s[s.stop - 1] - time_s[s.start] >= 0.8 * BLOCK]
+    if len(whole) < FEWEST_BLOCKS:
+        return False
+    if _leans(time_s, attitude, velocity_ned, whole):
+        return True
+    return any(_lifts(time_s, attitude, thrust, whole) for thrust in thrusts)
+
+
+def without_held(
+    flying: Bools, runs: Iterable[tuple[int, int]], time_s: Floats, body: Floats
+) -> Bools:
+    """The rows that fly (T,), without those runs, (first, end), from the ground on that are held.
+
+    `body` (T, 9) as of `held`.
+    """
+    result = flying.copy()
+    for first, end in runs:
+        rows = first + np.flatnonzero(flying[first:end])
+        from_ground = rows.size and (first > 0 or body[rows[0], 0] <= RISEN)
+        if from_ground and held(time_s[rows], body[rows]):
+            result[rows] = False
+    return result
+
+
+def may_hover(squares: Floats, rotors: int, airframe: Airframe | None) -> Floats:
+    """(T,) mean squared speeds, rpm², with which it may hover; NaN of the others, and where nobody
+    knows what it weighs."""
+    if airframe is None:
+        return np.full(squares.size, np.nan)
+    thrust = airframe.thrust_coefficient * rotors * squares
+    with np.errstate(invalid="ignore"):
+        return np.where(thrust >= HOVERS * airframe.empty_mass * G0, squares, np.nan)
+
+
+def _stands_still(attitude: Floats, low: bool) -> bool:
+    """Whether roll and pitch of (n, 3) are alive and still moved less than what flies."""
+    known = attitude[np.isfinite(attitude).all(axis=1), :2]
+    if len(known) < FEWEST_ROWS or np.all(np.ptp(known, axis=0) == 0.0):
+        return False
+    moved = np.diff(np.percentile(known, (5, 95), axis=0), axis=0)
+    return bool(np.all(moved < (TILTED if low else CLAMPED)))
+
+
+def _leans(time_s: Floats, attitude: Floats, velocity_ned: Floats, blocks: list[slice]) -> bool:
+    """Whether it leans to and fro at a walk, and its speed does not follow."""
+    down = down_axis(attitude)  # of the body, in north, east, down
+    upright = down[:, 2] > np.cos(TURNED)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        asked = np.where(upright[:, None], -G0 * down[:, :2] / down[:, 2:], np.nan)
+    level = velocity_ned[:, :2]
+    missing = []
+    for rows in blocks:
+        ends = level[[rows.start, rows.stop - 1]]
+        if not np.hypot(*level[rows].T).max() < WALK or not np.isfinite(asked[rows]).all():
+            continue
+        done = (ends[1] - ends[0]) / (time_s[rows.stop - 1] - time_s[rows.start])
+        missing.append(asked[rows].mean(axis=0) - done)
+    if len(missing) < FEWEST_BLOCKS:
+        return False
+    return bool(np.any(np.diff(np.percentile(missing, (10, 90), axis=0), axis=0) > LEANS))
+
+
+def _lifts(time_s: Floats, attitude: Floats, thrust: Floats, blocks: list[slice]) -> bool:
+    """Whether steady thrusts differ so that one of them cannot be its weight."""
+    upwards = thrust * np.cos(attitude[:, 0]) * np.cos(attitude[:, 1])
+    steady = []
+    for rows in blocks:
+        if not np.isfinite(upwards[rows]).all():
+            continue
+        low, high = np.percentile(upwards[rows], (10, 90))
+        mean = float(upwards[rows].mean())
+        if high - low <= STEADY * mean:
+            steady.append((float(time_s[rows.start]), mean))
+    if len(steady) < FEWEST_BLOCKS:
+        return False
+    at_s, means = np.array(steady).T
+    near = np.abs(at_s[:, None] - at_s) <= NEAR
+    most = np.max(np.where(near, means, 0.0), axis=1)
+    return bool(np.any((means > CARRIES * np.max(means)) & (means < most / LIFTS)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldSoFar:
+    """What a listener keeps of an aircraft to know whether it is held."""
+
+    ground: float = np.nan  # m, the last height with its motors off
+    seen_down: bool = False  # it has been heard on the ground
+    risen: bool = False  # it was clear of the ground since
+    flies: bool = False  # higher or faster than hands go, or never heard on the ground
+    held: bool = False
+    down_s: float = np.nan  # since when it does not fly; NaN while it does
+    first: float = np.nan  # m, the ground, or the height of the first row that seemed to fly
+    rows: Floats = field(default_factory=lambda: np.empty((0, 10)))  # time and body of such rows
+
+
+def held_so_far(
+    before: HeldSoFar, time_s: Floats, flying: Bools, off: Bools, body: Floats, *, clear: float
+) -> tuple[Bools, HeldSoFar]:
+    """(T,) rows that are held, or not off the ground yet, by what came up to each; what is carried.
+
+    `flying` by all else, `off`: the motors are off, `body` (T, 9) as of `held`. Off the ground it
+    is `clear` m above where its motors were off.
+    """
+    found, now = np.zeros(time_s.size, dtype=np.bool_), before
+    for k in range(time_s.size):
+        at_s, height = float(time_s[k]), float(body[k, 0])
+        if off[k]:
+            ground = height if np.isfinite(height) else now.ground
+            now = HeldSoFar(ground=ground, seen_down=True)
+        elif not flying[k]:
+            since_s = at_s if np.isnan(now.down_s) else now.down_s
+            kept = now if at_s - since_s < STOOD else HeldSoFar(ground=now.ground, risen=now.risen)
+            now = replace(kept, down_s=since_s, seen_down=True)
+        elif not now.flies:
+            now = _seems_to_fly(now, at_s, body[k], clear)
+            found[k] = now.held or not now.risen
+        elif not np.isnan(now.down_s):
+            now = replace(now, down_s=np.nan)
+    return found, now
+
+
+def _seems_to_fly(now: HeldSoFar, at_s: float, body: Floats, clear: float) -> HeldSoFar:
+    """What is known after one more row that seems to fly, of what may be held as yet."""
+    height, speed = float(body[0]), float(np.hypot(body[4], body[5]))
+    risen = now.risen or not height <= now.ground + clear
+    if not risen:
+        return replace(now, down_s=np.nan)
+    began = height if np.isnan(now.ground) else now.ground
+    first = began if np.isnan(now.first) else now.first
+    if not (now.seen_down or height <= RISEN) or height - first >= HANDS or speed >= RUN:
+        return replace(HeldSoFar(ground=now.ground, seen_down=True), risen=True, flies=True)
+    rows = np.vstack([now.rows[-MOST_ROWS:], np.append(at_s, body)])
+    if now.rows.size and np.floor(at_s) > np.floor(now.rows[-1, 0]):  # once a second is enough
+        seen = held(now.rows[:, 0], now.rows[:, 1:])
+    else:
+        seen = now.held
+    return replace(now, risen=True, held=seen, down_s=np.nan, first=first, rows=rows)
