@@ -44,6 +44,7 @@ SLOW_ROWS, SLOW_SHARE = 5, 0.8
 #: Correlation of roll and of pitch acceleration with themselves one difference (two rows) later,
 #: below which the rows do not show how it turns; flights have 0.2 to 0.9.
 RESOLVED = 0.1
+TURNED = 0.1  # rad within which all rotors are turned by one angle
 #: s; a row this far from its neighbours is not differentiated.
 _LONGEST_STEP = 0.5
 #: Rows of the running mean that is removed: five seconds at 10 Hz.
@@ -95,9 +96,8 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
                 correlation = at_delay
             likelihood = np.maximum(likelihood, other)
         order = _decided(airframe, places, likelihood, correlation, rows)
-        if order.verdict == "differs" and not (
-            _resolved(track) and _holds_slowly(track, order.places, arms)
-        ):
+        seen = _resolved(track) or not _turned(airframe, order.places)
+        if order.verdict == "differs" and not (seen and _holds_slowly(track, order.places, arms)):
             words = f"cannot tell: it shakes faster than the {rows} rows show"
             order = replace(order, verdict="unclear", words=words, places=same)
     if (
@@ -135,6 +135,15 @@ def _likelihood(
             explained = np.clip(sign * correlated, 0.0, 0.999999) ** 2
             likelihood[spins] -= 0.5 * effective * np.log1p(-explained)
     return likelihood, (correlation[0], correlation[1], correlation[2])
+
+
+def _turned(airframe: Airframe, places: tuple[int, ...]) -> bool:
+    """Whether an assignment is the layout turned as a whole: so looks a swing that goes around,
+    which its rotors answer late."""
+    x, y = airframe.rotor_position_frd[:, :2].T
+    angle = np.arctan2(y, x)
+    apart = np.exp(1j * (angle[list(places)] - angle))
+    return bool(np.abs(apart - apart[0]).max() < TURNED)
 
 
 def _resolved(track: FlightTrack) -> bool:
