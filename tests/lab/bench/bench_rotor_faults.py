@@ -92,7 +92,8 @@ def test_sound_aircraft_of_other_layouts(benchmark, hertz):
                 false += [fault for _, fault in named(track, model)]
             most = float(chi2.ppf(0.975, 2 * (len(false) + 1))) / 2 / (seconds / 3600)
             rows.append(
-                f"{craft.name} at {hertz} Hz: {len(false)} false in {seconds / 3600:.2f} h (< {most:.1f}/h)"
+                f"{craft.name} at {hertz} Hz: {len(false)} false in {seconds / 3600:.2f} h "
+                f"(< {most:.1f}/h)"
             )
 
     benchmark.pedantic(measure, rounds=1)
