@@ -172,7 +172,7 @@ def flight_rows(
     if reported["rotor_speed_rpm"]:
         sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
     if reported["throttle"]:
-        sources["throttle"] = motors.throttle_source(outputs, parameters)
+        sources["throttle"] = motors.throttle_source(outputs, signals, parameters)
     contact, flying_by = before.contact, FlyingBy.GIVEN
     if live:
         flying, by, contact = airborne_so_far(signals, clock_s, channels, options.airframe, contact)

@@ -35,6 +35,8 @@ _HUD_AIRSPEED = Provenance(
 #: Rotor speeds, rpm, that on_vehicle/margin_inputs.lua sends where a link is slow.
 _ESC_SPEED = re.compile(r"TM_RPM([1-9]\d?)")
 
+OUTPUTS_OF_PORT = 16  # of SERVO_OUTPUT_RAW: the second has ArduPilot's 17 on, PX4's AUX outputs
+
 #: Channel -> its sources, preferred first.
 Signals = Mapping[str, tuple[Signal, ...]]
 
@@ -131,7 +133,7 @@ def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[
                     for k in range(values.shape[1]):
                         yield rank, put(rule.channel, source, time_s, values[:, k], first + k)
                 else:
-                    of_one = source.of_instance(index)
+                    of_one = source if rule.channel == "servo_us" else source.of_instance(index)
                     yield rank, put(rule.channel, of_one, time_s, values, index)
 
 
@@ -225,6 +227,15 @@ def _used_outputs(servos: Signal) -> Signal:
     used = np.flatnonzero(np.any(servos.values > 0, axis=0))
     last = int(used[-1]) + 1 if used.size else 1
     return servos._replace(values=servos.values[:, :last].copy())
+
+
+def output_pulses(signals: Signals, output: int) -> Signal | None:
+    """The pulses (n,) of one servo output, counted from 0 through all ports; None: not heard."""
+    for servos in signals.get("servo_us", ()):
+        column = output - OUTPUTS_OF_PORT * int(servos.index or 0)
+        if 0 <= column < servos.values.shape[1]:
+            return servos._replace(values=servos.values[:, column], index=None)
+    return None
 
 
 def _by_name(stream: Stream, values: Floats) -> list[Signal]:

@@ -177,6 +177,7 @@ INDEXED = {
     ("BATTERY_INFO", "battery_nominal"): ("id", None),
     ("BATTERY_INFO", "battery_capacity"): ("id", None),
     ("SMART_BATTERY_INFO", "battery_capacity"): ("id", None),
+    ("SERVO_OUTPUT_RAW", "servo_us"): ("port", None),
     ("ESC_STATUS", "esc_rpm"): ("index", None),
     ("ESC_STATUS", "esc_voltage"): ("index", None),
     ("ESC_STATUS", "esc_current"): ("index", None),
