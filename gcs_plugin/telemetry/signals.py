@@ -78,7 +78,8 @@ def turned_down(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
 
 
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
-    """The sources of one channel by output number, battery id or name; the first of each.
+    """The sources of one channel by output number, battery id or name; the first of each that has
+    ever read anything but 0.
 
     A battery's are taken together: BATTERY_STATUS_V2 comes in the place of BATTERY_STATUS as soon
     as a ground station asks for it.
@@ -90,6 +91,8 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
         first = found.setdefault(signal.index, signal)
         if first is not signal and channel.startswith("battery_"):
             found[signal.index] = _together(first, signal)
+        elif first is not signal and not np.nan_to_num(first.values).any():
+            found[signal.index] = signal
     return found
 
 

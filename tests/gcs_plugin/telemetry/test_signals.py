@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.made_sources import sent
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.recording import (
     ChannelReport,
     Damage,
@@ -20,6 +21,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 )
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
+    by_index,
+    collected,
     hud_airspeed,
     mavlink_signals,
     output_pulses,
@@ -299,3 +302,24 @@ def test_a_log_in_five_lines():
 )
 def test_a_serial_number_is_in_whole_bytes_of_hexadecimal_digits(text, digits):
     assert serial_digits(text) == digits
+
+
+@pytest.mark.parametrize("silent", [0.0, np.nan])
+def test_of_two_sources_of_one_esc_the_first_that_ever_read_anything(silent):
+    """DataFlash has RawRPM before RPM; some ESCs fill only one of them."""
+    time_s = np.arange(3.0)
+
+    def escs(raw: list[float], smooth: list[float]) -> dict[int | str, Signal]:
+        made = ((name, values) for name, values in (("RawRPM", raw), ("RPM", smooth)))
+        return by_index(
+            collected(
+                Signal("esc_rpm", replace(HUD, name=name), time_s, np.array(values), 2)
+                for name, values in made
+            ),
+            "esc_rpm",
+        )
+
+    turned, none = [0.0, 1990.0, 2010.0], [silent] * 3
+    assert escs(none, turned)[2].source.name == "RPM"
+    assert escs(turned, [0.0, 2000.0, 2000.0])[2].source.name == "RawRPM"
+    assert escs(turned, none)[2].source.name == "RawRPM"
