@@ -15,7 +15,11 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs.ulog_topics import Topic, topic_signal, topic_source
 from thrustmargin.gcs_plugin.mavlink.rules import Signal, in_si
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
-from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import range_words, ranges_of_values
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
+    range_words,
+    ranges_of_span,
+    span_of,
+)
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning
 
@@ -103,7 +107,7 @@ def _of_instance(
             on_output = {motor: k for k, motor in enumerate(_BETAFLIGHT)}
             order = "in Betaflight's order by MOT_ORDERING"
     outputs = list(on_output.values())
-    ranges = ranges_of_values([values[k] for k in outputs], outputs, parameters, bank=bank)
+    ranges = ranges_of_span(span_of(values[k] for k in outputs), outputs, parameters, bank=bank)
     source = topic_source("actuator_outputs", "output", meaning=Meaning.PX4_OUTPUT)
     source = source.of_instance(number or None).remarked(range_words(ranges))
     made = [

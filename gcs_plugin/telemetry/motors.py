@@ -8,7 +8,7 @@ the ESCs; on which port of SERVO_OUTPUT_RAW they are goes by its drivers.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,9 +22,12 @@ from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import (
     whole_number,
 )
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
+    NOTHING_SENT,
     PulseRange,
+    Span,
     range_words,
-    ranges_of_values,
+    ranges_of_span,
+    span_of,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import (
     OUTPUTS_OF_PORT,
@@ -57,6 +60,7 @@ class MotorMap:
     assumed: bool = False  # nothing says which output is which motor
     escs: tuple[int, ...] = ()
     esc_words: str = ""  # how motors were matched to ESCs
+    any_port: bool = False  # outputs are numbered on whichever port drives them
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
         """One signal a motor, None where no ESC reports; CAN gives a reversed motor below 0."""
@@ -67,29 +71,51 @@ class MotorMap:
             for s in found
         ]
 
-    def throttle(self, signals: Signals, parameters: Mapping[str, float]) -> list[Signal | None]:
-        """Motor output from 0 to 1 by the autopilot's pulse range."""
+    def throttle(
+        self, signals: Signals, parameters: Mapping[str, float], before: Span = NOTHING_SENT
+    ) -> list[Signal | None]:
+        """Motor output from 0 to 1 by the autopilot's pulse range, or that of another protocol.
+
+        `before` is the span of what was sent earlier.
+        """
         direct = by_index(signals, "throttle")
         if direct:
             return [direct.get(k) for k in range(self.rotor_count)]
-        sent = [output_pulses(signals, output) for output in self.outputs]
+        sent = self._sent(signals)
+        span = span_of((s.values for s in sent if s), before)
+        ranges = self._ranges(span, signals, parameters) or (None,) * len(sent)
         # No pulse at all says nothing about a motor.
-        sent = [s if s and np.any(s.values > 0) else None for s in sent]
-        ranges = self._ranges(sent, parameters) or (None,) * len(sent)
         found = [
-            s._replace(channel="throttle", values=pulses.share(s.values)) if s and pulses else None
+            s._replace(channel="throttle", values=pulses.share(s.values))
+            if s and pulses and np.any(s.values > 0)
+            else None
             for s, pulses in zip(sent, ranges, strict=True)
         ]
         # An output that never has a pulse is no motor's: then the others need not be either.
         return [None] * self.rotor_count if self.assumed and None in found else found
 
+    def span(self, signals: Signals, before: Span = NOTHING_SENT) -> Span:
+        """Least and most of what was sent to the motors, beside what was `before`."""
+        return span_of((s.values for s in self._sent(signals) if s), before)
+
+    def _sent(self, signals: Signals) -> list[Signal | None]:
+        first = self._port(signals) * OUTPUTS_OF_PORT
+        return [output_pulses(signals, first + output) for output in self.outputs]
+
+    def _port(self, signals: Signals) -> int:
+        """Of PX4's ports, each counted from its first output, the first that drives all motors."""
+        ports = {int(s.index or 0) for s in signals.get("servo_us", ())} if self.any_port else ()
+        for port in sorted(ports):
+            sent = [output_pulses(signals, k + port * OUTPUTS_OF_PORT) for k in self.outputs]
+            if all(s is not None and np.any(s.values > 0) for s in sent):
+                return port
+        return 0
+
     def _ranges(
-        self, sent: Sequence[Signal | None], parameters: Mapping[str, float]
+        self, span: Span, signals: Signals, parameters: Mapping[str, float]
     ) -> tuple[PulseRange, ...]:
-        columns = [output % OUTPUTS_OF_PORT for output in self.outputs]
-        bank = "AUX" if max(self.outputs, default=0) >= OUTPUTS_OF_PORT else "MAIN"
-        values = [signal.values for signal in sent if signal]
-        return ranges_of_values(values, columns, parameters, bank=bank)
+        bank = "AUX" if self._port(signals) else "MAIN"
+        return ranges_of_span(span, self.outputs, parameters, bank=bank)
 
     def failures(self, signals: Signals, clock_s: Floats) -> Floats:
         """(T, R) ESC_FAILURE_FLAGS that each ESC reports, NaN where not known or too old."""
@@ -114,13 +140,15 @@ class MotorMap:
         found: list[Signal | None],
         signals: Signals,
         parameters: Mapping[str, float],
+        before: Span = NOTHING_SENT,
     ) -> Provenance:
         source = next(s.source for s in found if s is not None)
         source = replace(source, assumed=self.assumed)
         if source.unit != "us":
             return source.remarked(self.order_words)
-        ranges = self._ranges([output_pulses(signals, k) for k in self.outputs], parameters)
-        return replace(source, fields=()).remarked(range_words(ranges), self.order_words)
+        ranges = self._ranges(self.span(signals, before), signals, parameters)
+        port = (f"port {number}",) if (number := self._port(signals)) else ()
+        return replace(source, fields=()).remarked(*port, range_words(ranges), self.order_words)
 
 
 def motor_map(
@@ -194,14 +222,14 @@ def motor_map(
             by = ", but other ESCs turned: which is whose is not known, and none is used"
             notes.append(f"{words}{by}")
         esc_words = words if escs == outputs else words + by
-    if not motor_order and (assumed or on_bank) and (port := _port_of(outputs, signals)):
-        outputs = tuple(output + port * OUTPUTS_OF_PORT for output in outputs)
-        words += f" of port {port}"
+    any_port = not motor_order and (assumed or bool(on_bank))
     if assumed and not esc_order and (moved := moved_motors(parameters, count)):
         by = "not on the output of that number by SERVOn_FUNCTION: no motor output is used"
         notes.append(f"motor {_listed(moved)} {by}")
-        outputs = (NO_OUTPUT,) * count
-    return MotorMap(count, outputs, pump, words, tuple(notes), facts, assumed, escs, esc_words)
+        outputs, any_port = (NO_OUTPUT,) * count, False
+    return MotorMap(
+        count, outputs, pump, words, tuple(notes), facts, assumed, escs, esc_words, any_port
+    )
 
 
 def _px4_bank(parameters: Mapping[str, float], count: int) -> tuple[dict[int, int], str]:
@@ -211,15 +239,6 @@ def _px4_bank(parameters: Mapping[str, float], count: int) -> tuple[dict[int, in
         if count and all(k in found for k in range(count)):
             return found, bank
     return {}, ""
-
-
-def _port_of(outputs: tuple[int, ...], signals: Signals) -> int:
-    """The first port of SERVO_OUTPUT_RAW that drives all outputs, each counted on its port."""
-    for port in sorted({int(s.index or 0) for s in signals.get("servo_us", ())}):
-        sent = [output_pulses(signals, output + port * OUTPUTS_OF_PORT) for output in outputs]
-        if all(s is not None and np.any(s.values > 0) for s in sent):
-            return port
-    return 0
 
 
 def turned_escs(signals: Signals) -> frozenset[int]:

@@ -36,6 +36,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     rejected_words,
     standing_in_flight,
 )
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import NOTHING_SENT, Span
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     airspeed_sources,
@@ -67,6 +68,7 @@ class Carried:
     row_s: float = -np.inf  # of the last row
     contact: GroundContact = field(default_factory=GroundContact)
     rotors: tuple[RotorMemory, ...] = ()
+    sent: Span = NOTHING_SENT  # to the motors: which protocol it is may show on the ground alone
     zero: PlaceOfZero | None = None
     pumped: PumpedSoFar | None = None
 
@@ -157,7 +159,7 @@ def flight_rows(
     spraying = spraying_sources(share, tank.signal, options.sampling, notes)
     put("spraying", spraying if live else spraying[:1])
 
-    outputs = motors.throttle(signals, parameters)
+    outputs = motors.throttle(signals, parameters, before.sent)
     measured = measured_speeds(
         speeds_of_escs,
         outputs,
@@ -172,7 +174,7 @@ def flight_rows(
     if reported["rotor_speed_rpm"]:
         sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
     if reported["throttle"]:
-        sources["throttle"] = motors.throttle_source(outputs, signals, parameters)
+        sources["throttle"] = motors.throttle_source(outputs, signals, parameters, before.sent)
     contact, flying_by = before.contact, FlyingBy.GIVEN
     if live:
         flying, by, contact = airborne_so_far(signals, clock_s, channels, options.airframe, contact)
@@ -232,6 +234,7 @@ def flight_rows(
             row_s=float(clock_s[-1]),
             contact=contact,
             rotors=measured.memory,
+            sent=motors.span(signals, before.sent),
             zero=zero,
             pumped=before.pumped
             if share is None or total is None

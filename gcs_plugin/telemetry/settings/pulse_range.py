@@ -23,6 +23,9 @@ _DSHOT_FULL, _CAN_FULL = 1999.0, 8191.0
 #: PWM_MAIN_TIMn of a group of outputs that speaks DShot, from DShot1200 to DShot150.
 _DSHOT = range(-5, -1)
 _TIMERS = 8
+#: Least and most of what was sent to motors.
+Span = tuple[float, float]
+NOTHING_SENT: Span = (inf, 0.0)
 _RC_THROTTLE = 3  # ArduPilot's throttle channel where no RCMAP_THROTTLE says another
 
 
@@ -56,19 +59,23 @@ def pulse_ranges(
     return tuple(_stated(parameters, output + 1, bank) for output in outputs)
 
 
-def ranges_of_values(
-    values: Sequence[Floats],
-    outputs: Sequence[int],
-    parameters: Mapping[str, float],
-    *,
-    bank: str = "MAIN",
+def span_of(values: Iterable[Floats], before: Span = NOTHING_SENT) -> Span:
+    """Least and most of what was sent that is no 0, beside what was `before`."""
+    low, high = before
+    for sent in values:
+        there = sent[sent > 0]
+        low, high = float(there.min(initial=low)), float(there.max(initial=high))
+    return low, high
+
+
+def ranges_of_span(
+    span: Span, outputs: Sequence[int], parameters: Mapping[str, float], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """As `pulse_ranges`, by the protocol that the values sent are of; empty: of none known.
+    """As `pulse_ranges`, by the protocol that a span of values is of; empty: of none known.
 
     A DShot output in flight may stay where pulses are: timers set to DShot come first.
     """
-    there = np.concatenate([v[v > 0] for v in values]) if values else np.empty(0)
-    low, high = there.min(initial=np.inf), there.max(initial=0.0)
+    low, high = span
     timers = (whole_number(parameters, f"PWM_{bank}_TIM{k}") for k in range(_TIMERS))
     dshot = high <= _DSHOT_FULL and (low < _PULSES[0] or any(t in _DSHOT for t in timers))
     least = parameters.get("DSHOT_MIN", np.nan)

@@ -56,13 +56,17 @@ def throttle(sent: Signals, parameters: dict[str, float]) -> tuple[MotorMap, lis
 def test_motors_are_on_the_port_that_drives_all_of_them():
     main, aux = [1500, 0, 0, 0], [1600, 1700, 1800, 1900]
     motors, shares = throttle(outputs(main, aux), {})
-    assert motors.order_words == "motor n taken to be on output n: 1, 2, 3, 4 of port 1"
+    assert motors.order_words == "motor n taken to be on output n: 1, 2, 3, 4"
     assert shares == pytest.approx([0.6, 0.7, 0.8, 0.9])
     # Both do: the first, whatever the second has.
     assert throttle(outputs(aux, [1500] * 4), {})[1] == pytest.approx([0.6, 0.7, 0.8, 0.9])
     functions = {f"PWM_AUX_FUNC{n}": 105.0 - n for n in range(1, 5)}
     motors, shares = throttle(outputs([1500] * 3, aux), functions)
-    assert motors.order_words == "motors on outputs 4, 3, 2, 1 by PWM_AUX_FUNCn of port 1"
+    sent = outputs([1500] * 3, aux)
+    assert motors.throttle_source(motors.throttle(sent, functions), sent, functions).words == (
+        "SERVO_OUTPUT_RAW (port 1; 1000 to 2000 µs, assumed; "
+        "motors on outputs 4, 3, 2, 1 by PWM_AUX_FUNCn)"
+    )
     assert shares == pytest.approx([0.9, 0.8, 0.7, 0.6])
 
 
@@ -89,3 +93,15 @@ def test_outputs_are_of_the_protocol_that_their_values_are_of(sent, parameters, 
         assert shares == expected
     else:
         assert shares == pytest.approx(expected, abs=1e-3)
+
+
+def test_what_was_sent_before_tells_the_protocol_of_what_could_be_pulses():
+    parameters = {"DSHOT_MIN": 0.0}
+    hover, idle = outputs([1100, 1200, 1300, 1400]), outputs([110] * 4)
+    motors, shares = throttle(hover, parameters)
+    assert shares == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    before = motors.span(idle)
+    found = motors.throttle(hover, parameters, before)
+    shares = [s.values[0] for s in found if s is not None]
+    assert shares == pytest.approx([n / 1999.0 for n in (1100, 1200, 1300, 1400)])
+    assert motors.span(hover, before) == (110.0, 1400.0)
