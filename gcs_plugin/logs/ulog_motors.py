@@ -20,7 +20,6 @@ from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
     ranges_of_span,
     span_of,
 )
-from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning
 
 #: PX4's output function of motor 1; motors 2 to 12 follow.

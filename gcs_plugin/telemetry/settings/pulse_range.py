@@ -77,7 +77,8 @@ def ranges_of_span(
     """
     low, high = span
     timers = (whole_number(parameters, f"PWM_{bank}_TIM{k}") for k in range(_TIMERS))
-    dshot = high <= _DSHOT_FULL and (low < _PULSES[0] or any(t in _DSHOT for t in timers))
+    # What never goes beyond 1 is a share.
+    dshot = 1.0 < high <= _DSHOT_FULL and (low < _PULSES[0] or any(t in _DSHOT for t in timers))
     least = parameters.get("DSHOT_MIN", np.nan)
     if dshot and 0.0 <= least < 1.0:
         one = PulseRange(least * _DSHOT_FULL, _DSHOT_FULL, "DShot from DSHOT_MIN", "counts")

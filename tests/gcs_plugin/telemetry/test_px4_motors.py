@@ -83,6 +83,7 @@ def test_motors_are_on_the_port_that_drives_all_of_them():
         ([4096, 2048, 8191, 1024], {}, [0.5, 0.25, 1.0, 0.125]),
         ([1099, 1199, 1299, 1399], {"DSHOT_MIN": 0.1}, [0.099, 0.199, 0.299, 0.399]),
         ([9000, 600, 1200, 1999], {"DSHOT_MIN": 0.1}, [None] * 4),
+        ([0.5, 0.6, 0.7, 1.0], {"DSHOT_MIN": 0.1}, [None] * 4),
     ],
 )
 def test_outputs_are_of_the_protocol_that_their_values_are_of(sent, parameters, expected):
