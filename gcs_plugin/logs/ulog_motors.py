@@ -16,11 +16,10 @@ from thrustmargin.gcs_plugin.logs.ulog_topics import Topic, topic_signal, topic_
 from thrustmargin.gcs_plugin.mavlink.rules import Signal, in_si
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
-    PulseRange,
-    pulse_ranges,
     range_words,
+    ranges_of_span,
+    span_of,
 )
-from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning
 
 #: PX4's output function of motor 1; motors 2 to 12 follow.
@@ -29,9 +28,6 @@ MOST_MOTORS = 12
 _MOST_OUTPUTS = 16
 _STEPS = 8  # an output with more values than these is driven: a servo is off, idle, at its ends
 _FEWEST = 3  # motors of a multirotor
-#: Values that are pulses in µs, 900 of a stopped motor among them; the largest of two protocols.
-_PULSES = (700.0, 2300.0)
-_DSHOT_FULL, _CAN_FULL = 1999.0, 8191.0
 #: Motors, from 0, on outputs 1 to 4 where MOT_ORDERING is 1 (Betaflight).
 _BETAFLIGHT = (3, 0, 1, 2)
 
@@ -110,7 +106,7 @@ def _of_instance(
             on_output = {motor: k for k, motor in enumerate(_BETAFLIGHT)}
             order = "in Betaflight's order by MOT_ORDERING"
     outputs = list(on_output.values())
-    ranges = _ranges([values[k] for k in outputs], outputs, parameters, bank)
+    ranges = ranges_of_span(span_of(values[k] for k in outputs), outputs, parameters, bank=bank)
     source = topic_source("actuator_outputs", "output", meaning=Meaning.PX4_OUTPUT)
     source = source.of_instance(number or None).remarked(range_words(ranges))
     made = [
@@ -118,24 +114,6 @@ def _of_instance(
         for (motor, output), pulses in zip(on_output.items(), ranges, strict=False)
     ]
     return made, order
-
-
-def _ranges(
-    values: Sequence[Floats], outputs: Sequence[int], parameters: Mapping[str, float], bank: str
-) -> tuple[PulseRange, ...]:
-    """The range of each output by the protocol that its values are of; empty: of none known."""
-    there = np.concatenate([v[v > 0] for v in values]) if values else np.empty(0)
-    low, high = there.min(initial=np.inf), there.max(initial=0.0)
-    if _PULSES[0] <= low <= high <= _PULSES[1]:
-        return pulse_ranges(parameters, outputs, bank=bank)
-    least = parameters.get("DSHOT_MIN", np.nan)
-    if low < _PULSES[0] and high <= _DSHOT_FULL and 0.0 <= least < 1.0:
-        one = PulseRange(least * _DSHOT_FULL, _DSHOT_FULL, "DShot from DSHOT_MIN", "counts")
-    elif _PULSES[1] < high <= _CAN_FULL:
-        one = PulseRange(0.0, _CAN_FULL, "UAVCAN", "counts")
-    else:
-        return ()
-    return (one,) * len(outputs)
 
 
 def _with_escs(found: UlogMotors, topic: Topic) -> UlogMotors:

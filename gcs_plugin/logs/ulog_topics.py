@@ -72,6 +72,7 @@ _DISTANCE = ("dist_bottom", "dist_bottom_valid")
 _REF = ("ref_lat", "ref_lon", "ref_alt")
 _WIND = ("windspeed_north", "windspeed_east")
 _POSITION, _BATTERY, _FUEL = "vehicle_local_position", "battery_status", "fuel_tank_status"
+_GPS = "vehicle_gps_position"
 _ABOVE_ORIGIN = "height above the estimator's origin, not above the crop"
 #: Preferred sources first. A source needs all its fields. Batteries and tanks are all read, of
 #: other topics the first instance.
@@ -85,6 +86,7 @@ RULES: tuple[Rule, ...] = (
     Rule("sensor_combined", ("accelerometer_m_s2",), "specific_force_frd", "m/s/s"),
     Rule(_POSITION, ("x", "y", "z"), "position_ned", "m", note="from the estimator's origin"),
     Rule(_POSITION, ("vx", "vy", "vz"), "velocity_ned", "m/s"),
+    Rule(_GPS, ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"), "velocity_ned", "m/s", note="GPS"),
     Rule(_POSITION, _REF, "ekf_origin", convert=_origin),
     Rule("home_position", _PLACE, "home", convert=_home),
     Rule("vehicle_global_position", ("alt",), "altitude", "m"),
@@ -124,7 +126,6 @@ TOPICS = (
     "esc_status",
     "actuator_motors",
     "actuator_outputs",
-    "vehicle_gps_position",
 )
 
 

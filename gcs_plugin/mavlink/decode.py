@@ -4,12 +4,11 @@
 
 Channels that do not go into a FlightTrack as they are: `geodetic` (latitude °, longitude °,
 altitude m), `home` and `ekf_origin` (the same), `landed` (MAV_LANDED_STATE), `armed` (1 or 0),
-`mission_item` (that is flown), `servo_us`
-(16 outputs), `esc_rpm`, `esc_voltage`, `esc_current`, `esc_failure` (by output number from 0; the
-last is ESC_FAILURE_FLAGS), `battery_voltage`, `battery_current`, `battery_percent`,
-`battery_consumed` (by battery id; mAh, in a tank ml), `battery_cells` (in series),
-`battery_capacity` (mAh), `battery_nominal` (V; these by battery id, too), `named_value` (by name),
-`fuel_remaining`, `fuel_percent` (by id).
+`mission_item` (that is flown), `servo_us` (16 outputs, by port from 0), `esc_rpm`, `esc_voltage`,
+`esc_current`, `esc_failure` (by output number from 0; the last is ESC_FAILURE_FLAGS),
+`battery_voltage`, `battery_current`, `battery_percent`, `battery_consumed` (by battery id; mAh, in
+a tank ml), `battery_cells` (in series), `battery_capacity` (mAh), `battery_nominal` (V; these by
+battery id, too), `named_value` (by name), `fuel_remaining`, `fuel_percent` (by id).
 """
 
 from __future__ import annotations
@@ -214,7 +213,8 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("EXTENDED_SYS_STATE", ("landed_state",), "landed", unknown=(0,)),
     Rule("HEARTBEAT", ("base_mode",), "armed", convert=_armed),
     Rule("MISSION_CURRENT", ("seq",), "mission_item"),
-    Rule("SERVO_OUTPUT_RAW", _SERVOS, "servo_us", "us", unknown=(65535,)),
+    Rule("SERVO_OUTPUT_RAW", _SERVOS, "servo_us", "us", index="port", unknown=(65535,)),
+    Rule("ACTUATOR_OUTPUT_STATUS", ("actuator",), "servo_us", "us"),
     *_ESCS,
     Rule("ESC_STATUS", ("rpm",), "esc_rpm", "rpm", index="index"),
     Rule("ESC_STATUS", ("voltage",), "esc_voltage", "V", index="index"),

@@ -2,7 +2,8 @@
 
 ESC telemetry is numbered by servo output, not by motor, and by older firmware from 0 wherever the
 motors are; ArduPilot's SERVOn_FUNCTION 33 to 40 and 82 to 85 are motors 1 to 12, and 22 is the
-sprayer's pump. PX4 says the same by PWM_MAIN_FUNCn of the outputs, and not of the ESCs.
+sprayer's pump. PX4 says the same by PWM_MAIN_FUNCn and PWM_AUX_FUNCn of the outputs, and not of
+the ESCs; on which port of SERVO_OUTPUT_RAW they are goes by its drivers.
 """
 
 from __future__ import annotations
@@ -20,8 +21,20 @@ from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import (
     px4_motor_outputs,
     whole_number,
 )
-from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import pulse_ranges, range_words
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, by_index
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
+    NOTHING_SENT,
+    PulseRange,
+    Span,
+    range_words,
+    ranges_of_span,
+    span_of,
+)
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    OUTPUTS_OF_PORT,
+    Signals,
+    by_index,
+    output_pulses,
+)
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -47,6 +60,7 @@ class MotorMap:
     assumed: bool = False  # nothing says which output is which motor
     escs: tuple[int, ...] = ()
     esc_words: str = ""  # how motors were matched to ESCs
+    any_port: bool = False  # outputs are numbered on whichever port drives them
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
         """One signal a motor, None where no ESC reports; CAN gives a reversed motor below 0."""
@@ -57,25 +71,51 @@ class MotorMap:
             for s in found
         ]
 
-    def throttle(self, signals: Signals, parameters: Mapping[str, float]) -> list[Signal | None]:
-        """Motor output from 0 to 1 by the autopilot's pulse range."""
+    def throttle(
+        self, signals: Signals, parameters: Mapping[str, float], before: Span = NOTHING_SENT
+    ) -> list[Signal | None]:
+        """Motor output from 0 to 1 by the autopilot's pulse range, or that of another protocol.
+
+        `before` is the span of what was sent earlier.
+        """
         direct = by_index(signals, "throttle")
         if direct:
             return [direct.get(k) for k in range(self.rotor_count)]
-        servos = signals.get("servo_us", ())
-        if not servos:
-            return [None] * self.rotor_count
-        found: list[Signal | None] = []
-        for output, pulses in zip(
-            self.outputs, pulse_ranges(parameters, self.outputs), strict=True
-        ):
-            there = 0 <= output < servos[0].values.shape[1]
-            # No pulse at all says nothing about a motor.
-            share = pulses.share(servos[0].values[:, output]) if there else np.empty(0)
-            known = np.isfinite(share).any()
-            found.append(servos[0]._replace(channel="throttle", values=share) if known else None)
+        sent = self._sent(signals)
+        span = span_of((s.values for s in sent if s), before)
+        ranges = self._ranges(span, signals, parameters) or (None,) * len(sent)
+        # No pulse at all says nothing about a motor.
+        found = [
+            s._replace(channel="throttle", values=pulses.share(s.values))
+            if s and pulses and np.any(s.values > 0)
+            else None
+            for s, pulses in zip(sent, ranges, strict=True)
+        ]
         # An output that never has a pulse is no motor's: then the others need not be either.
         return [None] * self.rotor_count if self.assumed and None in found else found
+
+    def span(self, signals: Signals, before: Span = NOTHING_SENT) -> Span:
+        """Least and most of what was sent to the motors, beside what was `before`."""
+        return span_of((s.values for s in self._sent(signals) if s), before)
+
+    def _sent(self, signals: Signals) -> list[Signal | None]:
+        first = self._port(signals) * OUTPUTS_OF_PORT
+        return [output_pulses(signals, first + output) for output in self.outputs]
+
+    def _port(self, signals: Signals) -> int:
+        """Of PX4's ports, each counted from its first output, the first that drives all motors."""
+        ports = {int(s.index or 0) for s in signals.get("servo_us", ())} if self.any_port else ()
+        for port in sorted(ports):
+            sent = [output_pulses(signals, k + port * OUTPUTS_OF_PORT) for k in self.outputs]
+            if all(s is not None and np.any(s.values > 0) for s in sent):
+                return port
+        return 0
+
+    def _ranges(
+        self, span: Span, signals: Signals, parameters: Mapping[str, float]
+    ) -> tuple[PulseRange, ...]:
+        bank = "AUX" if self._port(signals) else "MAIN"
+        return ranges_of_span(span, self.outputs, parameters, bank=bank)
 
     def failures(self, signals: Signals, clock_s: Floats) -> Floats:
         """(T, R) ESC_FAILURE_FLAGS that each ESC reports, NaN where not known or too old."""
@@ -96,14 +136,19 @@ class MotorMap:
         return replace(first, assumed=self.assumed).remarked(self.esc_words)
 
     def throttle_source(
-        self, found: list[Signal | None], parameters: Mapping[str, float]
+        self,
+        found: list[Signal | None],
+        signals: Signals,
+        parameters: Mapping[str, float],
+        before: Span = NOTHING_SENT,
     ) -> Provenance:
         source = next(s.source for s in found if s is not None)
         source = replace(source, assumed=self.assumed)
         if source.unit != "us":
             return source.remarked(self.order_words)
-        ranges = pulse_ranges(parameters, self.outputs)
-        return replace(source, fields=()).remarked(range_words(ranges), self.order_words)
+        ranges = self._ranges(self.span(signals, before), signals, parameters)
+        port = (f"port {number}",) if (number := self._port(signals)) else ()
+        return replace(source, fields=()).remarked(*port, range_words(ranges), self.order_words)
 
 
 def motor_map(
@@ -153,7 +198,7 @@ def motor_map(
         count = airframe.rotor_count
     elif not count:
         notes.append("nothing in the log reports the number of rotors: give the airframe")
-    on_output, on_main = motor_outputs(parameters), px4_motor_outputs(parameters)
+    on_output, (on_bank, bank) = motor_outputs(parameters), _px4_bank(parameters, count)
     outputs = escs = tuple(range(count))
     assumed = False
     if motor_order:
@@ -161,9 +206,9 @@ def motor_map(
     elif count and all(k in on_output for k in range(count)):
         outputs = tuple(on_output[k] for k in range(count))
         words = f"motors on outputs {_listed(outputs)} by SERVOn_FUNCTION"
-    elif count and all(k in on_main for k in range(count)):
-        outputs = tuple(on_main[k] for k in range(count))
-        words = f"motors on outputs {_listed(outputs)} by PWM_MAIN_FUNCn"
+    elif on_bank:
+        outputs = tuple(on_bank[k] for k in range(count))
+        words = f"motors on outputs {_listed(outputs)} by PWM_{bank}_FUNCn"
         if outputs != escs and signals.get("esc_rpm"):
             assumed, esc_order = True, f"ESC n taken to be that of motor n: {_listed(escs)}"
     else:
@@ -177,11 +222,23 @@ def motor_map(
             by = ", but other ESCs turned: which is whose is not known, and none is used"
             notes.append(f"{words}{by}")
         esc_words = words if escs == outputs else words + by
+    any_port = not motor_order and (assumed or bool(on_bank))
     if assumed and not esc_order and (moved := moved_motors(parameters, count)):
         by = "not on the output of that number by SERVOn_FUNCTION: no motor output is used"
         notes.append(f"motor {_listed(moved)} {by}")
-        outputs = (NO_OUTPUT,) * count
-    return MotorMap(count, outputs, pump, words, tuple(notes), facts, assumed, escs, esc_words)
+        outputs, any_port = (NO_OUTPUT,) * count, False
+    return MotorMap(
+        count, outputs, pump, words, tuple(notes), facts, assumed, escs, esc_words, any_port
+    )
+
+
+def _px4_bank(parameters: Mapping[str, float], count: int) -> tuple[dict[int, int], str]:
+    """Motor -> its output on the bank of PX4's outputs that has all motors; empty: none has."""
+    for bank in ("MAIN", "AUX"):
+        found = px4_motor_outputs(parameters, bank)
+        if count and all(k in found for k in range(count)):
+            return found, bank
+    return {}, ""
 
 
 def turned_escs(signals: Signals) -> frozenset[int]:

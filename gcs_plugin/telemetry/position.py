@@ -148,6 +148,8 @@ def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
     A shorter time at idle is a fast descent.
     """
     when = clock_s[above_idle]
+    if when.size == 0:
+        return ~above_idle
     nearest = np.searchsorted(when, clock_s)
     before = clock_s - when[np.maximum(nearest - 1, 0)]
     after = when[np.minimum(nearest, when.size - 1)] - clock_s

@@ -36,6 +36,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     rejected_words,
     standing_in_flight,
 )
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import NOTHING_SENT, Span
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     airspeed_sources,
@@ -69,6 +70,7 @@ class Carried:
     contact: GroundContact = field(default_factory=GroundContact)
     held: HeldSoFar = field(default_factory=HeldSoFar)
     rotors: tuple[RotorMemory, ...] = ()
+    sent: Span = NOTHING_SENT  # to the motors: which protocol it is may show on the ground alone
     zero: PlaceOfZero | None = None
     pumped: PumpedSoFar | None = None
 
@@ -159,7 +161,7 @@ def flight_rows(
     spraying = spraying_sources(share, tank.signal, options.sampling, notes)
     put("spraying", spraying if live else spraying[:1])
 
-    outputs = motors.throttle(signals, parameters)
+    outputs = motors.throttle(signals, parameters, before.sent)
     measured = measured_speeds(
         speeds_of_escs,
         outputs,
@@ -174,7 +176,7 @@ def flight_rows(
     if reported["rotor_speed_rpm"]:
         sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
     if reported["throttle"]:
-        sources["throttle"] = motors.throttle_source(outputs, parameters)
+        sources["throttle"] = motors.throttle_source(outputs, signals, parameters, before.sent)
     contact, held, flying_by = before.contact, before.held, FlyingBy.GIVEN
     if live:
         flying, by, contact, held = airborne_so_far(
@@ -237,6 +239,7 @@ def flight_rows(
             contact=contact,
             held=held,
             rotors=measured.memory,
+            sent=motors.span(signals, before.sent),
             zero=zero,
             pumped=before.pumped
             if share is None or total is None

@@ -35,6 +35,8 @@ _HUD_AIRSPEED = Provenance(
 #: Rotor speeds, rpm, that on_vehicle/margin_inputs.lua sends where a link is slow.
 _ESC_SPEED = re.compile(r"TM_RPM([1-9]\d?)")
 
+OUTPUTS_OF_PORT = 16  # of SERVO_OUTPUT_RAW: the second has ArduPilot's 17 on, PX4's AUX outputs
+
 #: Channel -> its sources, preferred first.
 Signals = Mapping[str, tuple[Signal, ...]]
 
@@ -76,7 +78,8 @@ def turned_down(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
 
 
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
-    """The sources of one channel by output number, battery id or name; the first of each.
+    """The sources of one channel by output number, battery id or name; the first of each that has
+    ever read anything but 0.
 
     A battery's are taken together: BATTERY_STATUS_V2 comes in the place of BATTERY_STATUS as soon
     as a ground station asks for it.
@@ -88,6 +91,8 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
         first = found.setdefault(signal.index, signal)
         if first is not signal and channel.startswith("battery_"):
             found[signal.index] = _together(first, signal)
+        elif first is not signal and not np.nan_to_num(first.values).any():
+            found[signal.index] = signal
     return found
 
 
@@ -131,7 +136,7 @@ def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[
                     for k in range(values.shape[1]):
                         yield rank, put(rule.channel, source, time_s, values[:, k], first + k)
                 else:
-                    of_one = source.of_instance(index)
+                    of_one = source if rule.channel == "servo_us" else source.of_instance(index)
                     yield rank, put(rule.channel, of_one, time_s, values, index)
 
 
@@ -225,6 +230,15 @@ def _used_outputs(servos: Signal) -> Signal:
     used = np.flatnonzero(np.any(servos.values > 0, axis=0))
     last = int(used[-1]) + 1 if used.size else 1
     return servos._replace(values=servos.values[:, :last].copy())
+
+
+def output_pulses(signals: Signals, output: int) -> Signal | None:
+    """The pulses (n,) of one servo output, counted from 0 through all ports; None: not heard."""
+    for servos in signals.get("servo_us", ()):
+        column = output - OUTPUTS_OF_PORT * int(servos.index or 0)
+        if 0 <= column < servos.values.shape[1]:
+            return servos._replace(values=servos.values[:, column], index=None)
+    return None
 
 
 def _by_name(stream: Stream, values: Floats) -> list[Signal]:

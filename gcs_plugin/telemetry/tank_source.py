@@ -20,7 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, by_index
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    SENDER_VOLTAGE,
+    Signals,
+    by_index,
+    output_pulses,
+)
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -290,18 +295,15 @@ def pumped(share: Signal, context: TankContext) -> Signal:
 
 def pump_share(signals: Signals, context: TankContext) -> Signal | None:
     """The pump's output from 0 (off) to 1 (full); None when no output is known as the pump's."""
-    servos = signals.get("servo_us", ())
-    if context.pump_output is None or not servos:
+    if context.pump_output is None or not (sent := output_pulses(signals, context.pump_output)):
         return None
     number = context.pump_output + 1
     low = context.parameters.get(f"SERVO{number}_MIN", 1100.0)
     high = context.parameters.get(f"SERVO{number}_MAX", 1900.0)
-    if high <= low or servos[0].values.shape[1] < number:
-        return None
-    pulse = servos[0].values[:, context.pump_output]
-    if not np.any(pulse > 0):
+    pulse = sent.values
+    if high <= low or not np.any(pulse > 0):
         return None
     # No pulse at all says nothing about the pump.
     share = np.where(pulse > 0, np.clip((pulse - low) / (high - low), 0.0, 1.0), np.nan)
-    source = replace(servos[0].source, fields=(f"servo {number}",)).remarked("pump")
-    return Signal("spraying", source, servos[0].time_s, share)
+    source = replace(sent.source, fields=(f"servo {number}",)).remarked("pump")
+    return Signal("spraying", source, sent.time_s, share)

@@ -11,7 +11,7 @@ from thrustmargin.mission.parameter_names import parameter
 MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
 
 
-#: PWM_MAIN_FUNCn of PX4 -> motor, from 0; its SERVO_OUTPUT_RAW has the main outputs first.
+#: PWM_MAIN_FUNCn and PWM_AUX_FUNCn of PX4 -> motor, from 0.
 PX4_FUNCTIONS = {101 + k: k for k in range(12)}
 
 
@@ -37,9 +37,9 @@ def moved_motors(parameters: Mapping[str, float], count: int) -> list[int]:
     return [k for k in range(count) if on.get(k, -1 if says[k] is not None else k) != k]
 
 
-def px4_motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
-    """The same by PWM_MAIN_FUNCn."""
-    return _by_function(parameters, "PWM_MAIN_FUNC{}", PX4_FUNCTIONS)
+def px4_motor_outputs(parameters: Mapping[str, float], bank: str) -> dict[int, int]:
+    """The same by PX4's PWM_MAIN_FUNCn or PWM_AUX_FUNCn, as `bank` is."""
+    return _by_function(parameters, f"PWM_{bank}_FUNC{{}}", PX4_FUNCTIONS)
 
 
 def _by_function(

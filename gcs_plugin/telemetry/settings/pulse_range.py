@@ -1,8 +1,9 @@
-"""Which pulses a motor output stands between: from no thrust to full, by the vehicle's parameters.
+"""What a motor output stands between: from no thrust to full, by the vehicle's parameters.
 
 ArduPilot (AP_MotorsMulticopter::get_pwm_output_min): MOT_PWM_MIN and _MAX where both are set, else
 the range of the throttle channel, RC3 unless RCMAP_THROTTLE says another. PX4: PWM_MAIN_MINn and
 _MAXn of one output, then PWM_MAIN_MIN and _MAX of all, then PWM_MIN and _MAX of before 1.12.
+PX4 reports what goes to the ESCs: pulses, DShot's 1 to 1999 or UAVCAN's 1 to 8191.
 """
 
 from __future__ import annotations
@@ -16,6 +17,15 @@ import numpy as np
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.models.flight import Floats
 
+#: Values that are pulses in µs, 900 of a stopped motor among them; the largest of two protocols.
+_PULSES = (700.0, 2300.0)
+_DSHOT_FULL, _CAN_FULL = 1999.0, 8191.0
+#: PWM_MAIN_TIMn of a group of outputs that speaks DShot, from DShot1200 to DShot150.
+_DSHOT = range(-5, -1)
+_TIMERS = 8
+#: Least and most of what was sent to motors.
+Span = tuple[float, float]
+NOTHING_SENT: Span = (inf, 0.0)
 _RC_THROTTLE = 3  # ArduPilot's throttle channel where no RCMAP_THROTTLE says another
 
 
@@ -47,6 +57,38 @@ def pulse_ranges(
 ) -> tuple[PulseRange, ...]:
     """The range of each motor output, counted from 0; `bank` is PX4's: "MAIN" or "AUX"."""
     return tuple(_stated(parameters, output + 1, bank) for output in outputs)
+
+
+def span_of(values: Iterable[Floats], before: Span = NOTHING_SENT) -> Span:
+    """Least and most of what was sent that is no 0, beside what was `before`."""
+    low, high = before
+    for sent in values:
+        there = sent[sent > 0]
+        low, high = float(there.min(initial=low)), float(there.max(initial=high))
+    return low, high
+
+
+def ranges_of_span(
+    span: Span, outputs: Sequence[int], parameters: Mapping[str, float], *, bank: str = "MAIN"
+) -> tuple[PulseRange, ...]:
+    """As `pulse_ranges`, by the protocol that a span of values is of; empty: of none known.
+
+    A DShot output in flight may stay where pulses are: timers set to DShot come first.
+    """
+    low, high = span
+    timers = (whole_number(parameters, f"PWM_{bank}_TIM{k}") for k in range(_TIMERS))
+    # What never goes beyond 1 is a share.
+    dshot = 1.0 < high <= _DSHOT_FULL and (low < _PULSES[0] or any(t in _DSHOT for t in timers))
+    least = parameters.get("DSHOT_MIN", np.nan)
+    if dshot and 0.0 <= least < 1.0:
+        one = PulseRange(least * _DSHOT_FULL, _DSHOT_FULL, "DShot from DSHOT_MIN", "counts")
+    elif not dshot and _PULSES[0] <= low and high <= _PULSES[1]:
+        return pulse_ranges(parameters, outputs, bank=bank)
+    elif _PULSES[1] < high <= _CAN_FULL:
+        one = PulseRange(0.0, _CAN_FULL, "UAVCAN", "counts")
+    else:
+        return ()
+    return (one,) * len(outputs)
 
 
 def _stated(parameters: Mapping[str, float], number: int, bank: str) -> PulseRange:

@@ -290,3 +290,17 @@ def test_the_attitude_that_was_asked_for_is_read_in_both_forms(tmp_path, named):
         log.row("vehicle_attitude_setpoint", t, *half, *([0.0, 0.2] if angles else []))
     track = read_log(written(tmp_path, log.bytes())).track
     np.testing.assert_allclose(track.asked_attitude, [[0.0, 0.2]] * track.time_s.size, atol=1e-6)
+
+
+def test_without_a_local_position_velocity_is_the_gps_s(tmp_path):
+    log = UlogWriter()
+    log.topic("vehicle_attitude", [("float[4]", "q")], "4f")
+    velocity = [("float", f"vel_{axis}_m_s") for axis in "ned"]
+    log.topic("vehicle_gps_position", velocity, "3f")
+    for tick in range(60):
+        log.row("vehicle_attitude", 100.0 + tick / 10, 1.0, 0.0, 0.0, 0.0)
+        log.row("vehicle_gps_position", 100.0 + tick / 10, 3.0, 4.0, -1.0)
+    track = read_log(written(tmp_path, log.bytes()), airframe=load_airframe("topxgun-f16")).track
+    assert track.velocity_ned[30] == pytest.approx([3.0, 4.0, -1.0])
+    assert track.sources["velocity_ned"].name == "vehicle_gps_position"
+    assert track.airspeed[30] == pytest.approx(np.sqrt(26.0))  # over ground: no wind is known

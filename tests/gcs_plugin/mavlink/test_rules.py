@@ -146,6 +146,10 @@ VALUES: dict[tuple[str, str], tuple[Mapping[str, object], Any]] = {
         {f"servo{n}_raw": 1000 + n for n in range(1, 17)},
         [1000 + n for n in range(1, 17)],
     ),
+    ("ACTUATOR_OUTPUT_STATUS", "servo_us"): (
+        {"actuator": [1000.5 + n for n in range(32)]},
+        [1000.5 + n for n in range(32)],
+    ),
     ("ESC_STATUS", "esc_rpm"): ({"rpm": [1, -2, 3, 4]}, [1, -2, 3, 4]),
     ("ESC_STATUS", "esc_voltage"): ({"voltage": [50.5] * 4}, [50.5] * 4),
     ("ESC_STATUS", "esc_current"): ({"current": [9.5] * 4}, [9.5] * 4),
@@ -177,6 +181,7 @@ INDEXED = {
     ("BATTERY_INFO", "battery_nominal"): ("id", None),
     ("BATTERY_INFO", "battery_capacity"): ("id", None),
     ("SMART_BATTERY_INFO", "battery_capacity"): ("id", None),
+    ("SERVO_OUTPUT_RAW", "servo_us"): ("port", None),
     ("ESC_STATUS", "esc_rpm"): ("index", None),
     ("ESC_STATUS", "esc_voltage"): ("index", None),
     ("ESC_STATUS", "esc_current"): ("index", None),

@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track, with_track
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
-from thrustmargin.gcs_plugin.telemetry.rows import Carried, flight_rows, row_times
+from thrustmargin.gcs_plugin.telemetry.rows import Carried, FlightRows, flight_rows, row_times
 from thrustmargin.gcs_plugin.telemetry.signals import collected
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import LogError
@@ -248,6 +248,24 @@ def test_a_rotor_at_zero_in_flight_whose_output_is_unknown_is_not_measured():
     assert np.isnan(speeds[20:, 3]).all()
     assert (speeds[:, :3] == 1000.0).all()
     assert [words.split(",")[0] for words in rows.unmeasured] == ["rotor 4: 20 readings in flight"]
+
+
+def test_a_listener_knows_from_idle_motors_that_what_they_are_sent_is_dshot():
+    times, _ = tenths(300)
+    counts = np.full((300, 4), 1200.0)  # in hover as pulses could be
+    counts[:10] = 110.0
+
+    def throttle(part: slice, carried: Carried | None) -> FlightRows:
+        signals = collected([rotor(0, times[part]), reports("servo_us", times[part], counts[part])])
+        rows = flight_rows(signals, FOUR, {"DSHOT_MIN": 0.0}, LIVE, carried)
+        assert rows is not None
+        return rows
+
+    first = throttle(slice(150), None)
+    later = throttle(slice(150, 300), first.carried)
+    assert later.track.throttle[-1] == pytest.approx(1200.0 / 1999.0)
+    # Who hears it in hover first cannot know.
+    assert throttle(slice(150, 300), None).track.throttle[-1] == pytest.approx(0.2)
 
 
 def test_what_was_pumped_goes_on_from_the_last_report():

@@ -180,7 +180,7 @@ def test_the_words_name_the_range_that_was_used():
     by = "motors on outputs 1, 2, 3 by SERVOn_FUNCTION"
 
     def words(**parameters: float) -> str:
-        return found.throttle_source([pulses], parameters).words
+        return found.throttle_source([pulses], {}, parameters).words
 
     unset = {"MOT_PWM_MIN": 0.0, "MOT_PWM_MAX": 0.0}
     by_radio = words(**unset, RC3_MIN=982.0, RC3_MAX=2006.0)
@@ -259,14 +259,14 @@ def test_words_say_where_rotor_speed_and_throttle_come_from():
     speeds = [reports("esc_rpm", [1.0] * 3), None, reports("esc_rpm", [2.0] * 3)]
     assert found.rotor_speed_source(speeds).words == f"ESC_RPM x ({by})"
     pulses = Signal("throttle", pulses_of("SERVO_OUTPUT_RAW servo1_raw"), TIME, TIME)
-    assert found.throttle_source([None, pulses], {}).words == (
+    assert found.throttle_source([None, pulses], {}, {}).words == (
         f"SERVO_OUTPUT_RAW (1000 to 2000 µs, assumed; {by})"
     )
     given = {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1940.0}
-    rcou = found.throttle_source([pulses._replace(source=pulses_of("RCOU C1"))], given)
+    rcou = found.throttle_source([pulses._replace(source=pulses_of("RCOU C1"))], {}, given)
     assert rcou.words == f"RCOU (1100 to 1940 µs, MOT_PWM_MIN/MAX; {by})"
     own = pulses._replace(source=sent("actuator_motors control"))
-    assert found.throttle_source([own], given).words == f"actuator_motors control ({by})"
+    assert found.throttle_source([own], {}, given).words == f"actuator_motors control ({by})"
 
 
 def first_of(channel: str, *signals: Signal, sampling: Any = "linear"):

@@ -213,7 +213,7 @@ def test_the_first_source_is_kept_down_to_nine_tenths_of_the_best(seconds, chose
 
 def test_signals_by_channel_and_the_first_of_each_number():
     a, b, c = (
-        signal([0.0], [k], "esc_rpm", f"s{k}", index) for k, index in enumerate((3, None, 3))
+        signal([0.0], [1.0 + k], "esc_rpm", f"s{k}", index) for k, index in enumerate((3, None, 3))
     )
     d = signal([0.0], [9.0], "voltage")
     signals = collected([a, d, b, c])

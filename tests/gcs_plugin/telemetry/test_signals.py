@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.made_sources import sent
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.recording import (
     ChannelReport,
     Damage,
@@ -20,8 +21,11 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 )
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
+    by_index,
+    collected,
     hud_airspeed,
     mavlink_signals,
+    output_pulses,
     pitot_present,
 )
 from thrustmargin.models.flight import FlightTrack
@@ -46,7 +50,8 @@ def servos(times, *pulses: tuple[int, ...]) -> Stream:
     table = np.zeros((len(times), 16), dtype=np.uint16)
     for row, given in enumerate(pulses):
         table[row, : len(given)] = given
-    return stream(times, **{f"servo{n + 1}_raw": table[:, n] for n in range(16)})
+    port = np.zeros(len(times), dtype=np.uint8)
+    return stream(times, port=port, **{f"servo{n + 1}_raw": table[:, n] for n in range(16)})
 
 
 def values_of(signals, channel: str) -> list[list[float]]:
@@ -58,6 +63,21 @@ def test_servo_outputs_end_with_the_last_that_has_a_pulse():
     assert values_of(found, "servo_us") == [[[0, 1500, 0], [0, 0, 900]]]
     found = mavlink_signals({"SERVO_OUTPUT_RAW": servos([0, 1])}, HUD)
     assert values_of(found, "servo_us") == [[[0.0], [0.0]]]
+
+
+def test_servo_outputs_of_two_ports_are_apart_and_counted_through():
+    sent = servos([0, 0.1, 1, 1.1], (1600, 1700), (1500,), (1610, 1710), (1510,))
+    sent.columns["port"][1::2] = 1
+    found = mavlink_signals({"SERVO_OUTPUT_RAW": sent}, HUD)
+    assert values_of(found, "servo_us") == [[[1600, 1700], [1610, 1710]], [[1500], [1510]]]
+    pulses = {output: output_pulses(found, output) for output in (1, 2, 16, 17, -1)}
+    assert {k: s and (s.time_s.tolist(), s.values.tolist()) for k, s in pulses.items()} == {
+        1: ([0, 1], [1700, 1710]),
+        2: None,
+        16: ([0.1, 1.1], [1500, 1510]),
+        17: None,
+        -1: None,
+    }
 
 
 def test_named_values_are_one_signal_each_in_the_order_of_time():
@@ -282,3 +302,24 @@ def test_a_log_in_five_lines():
 )
 def test_a_serial_number_is_in_whole_bytes_of_hexadecimal_digits(text, digits):
     assert serial_digits(text) == digits
+
+
+@pytest.mark.parametrize("silent", [0.0, np.nan])
+def test_of_two_sources_of_one_esc_the_first_that_ever_read_anything(silent):
+    """DataFlash has RawRPM before RPM; some ESCs fill only one of them."""
+    time_s = np.arange(3.0)
+
+    def escs(raw: list[float], smooth: list[float]) -> dict[int | str, Signal]:
+        made = ((name, values) for name, values in (("RawRPM", raw), ("RPM", smooth)))
+        return by_index(
+            collected(
+                Signal("esc_rpm", replace(HUD, name=name), time_s, np.array(values), 2)
+                for name, values in made
+            ),
+            "esc_rpm",
+        )
+
+    turned, none = [0.0, 1990.0, 2010.0], [silent] * 3
+    assert escs(none, turned)[2].source.name == "RPM"
+    assert escs(turned, [0.0, 2000.0, 2000.0])[2].source.name == "RawRPM"
+    assert escs(turned, none)[2].source.name == "RawRPM"
