@@ -318,6 +318,14 @@ def test_idle_for_longer_than_a_fast_descent_is_on_the_ground():
     assert flying(said, throttle=output)[0] == [0, 1, 2, 3, 4, 5, 6, 7]
 
 
+def test_outputs_at_idle_while_rotors_turn_and_driven_rotors_that_do_not_are_no_flight():
+    output, speeds = np.full((12, 2), 0.05), np.full((12, 2), 1000.0)
+    output[8:], speeds[8:] = 0.5, 50.0
+    assert flying(throttle=output, rotor_speed_rpm=speeds)[0] == []
+    said = reports("landed", [2.0], times=[0])
+    assert flying(said, throttle=output, rotor_speed_rpm=speeds)[0] == []
+
+
 def test_idle_rotors_stand_on_the_ground_whatever_the_landed_state_says():
     # Cruise is 1000 rpm; a tenth of its thrust is at 316.2 rpm.
     speeds = np.full((12, 2), 1000.0)
