@@ -17,6 +17,7 @@ another change is sought from there, one back to sound included.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -112,15 +113,16 @@ class RotorFaults:
                 test.restart()
             self._landed_s = math.nan
         least = BLOCK if len(self._rows) >= FEWEST_ROWS else LONGEST_BLOCK
-        whole = bool(self._rows) and not 0.0 <= time_s - self._begun_s < least - 0.01
+        whole = not begins and not 0.0 <= time_s - self._begun_s < least - 0.01
         if whole:
-            self._end(np.array(self._rows))
+            self._end(self._rows)
             self._rows = []
         if whole or begins:
             self._note(time_s)
-        if not self._rows:
             self._begun_s = time_s
-        self._rows.append(row)
+        # Between slow readings there are rows of other messages.
+        if math.isfinite(np.add.reduce(row[1 : 1 + len(self._modes)])):
+            self._rows.append(row)
         return whole
 
     def _note(self, time_s: float) -> None:
@@ -128,11 +130,14 @@ class RotorFaults:
         if current != (self.history[-1][1] if self.history else ()):
             self.history.append((time_s, current))
 
-    def _end(self, rows: Floats) -> None:
+    def _end(self, of_block: Sequence[Floats]) -> None:
         """A block of rows is whole."""
         rotors, self.tested = len(self._modes), {}
+        if len(of_block) < FEWEST_ROWS or not self._tests:
+            return
+        rows = np.array(of_block)
         long = rows[-1, 0] - rows[0, 0]
-        if len(rows) < FEWEST_ROWS or long <= 0.0 or not self._tests:
+        if long <= 0.0:
             return
         mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
         slope = (rows[-1] - rows[0])[1:] / long

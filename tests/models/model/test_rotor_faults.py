@@ -136,6 +136,13 @@ def test_slow_telemetry_names_the_rotor_too_and_no_sound_one(hertz):
         assert seen(track) == []
 
 
+def test_rows_of_other_messages_between_slow_readings_hide_nothing():
+    track = hover(1)
+    speeds = np.where((np.arange(900) % 10 == 0)[:, None], track.rotor_speed_rpm, np.nan)
+    (fault,) = seen(replace(track, rotor_speed_rpm=speeds), lost(1, 0.1))
+    assert (fault.kind, fault.rotor) == ("propeller", 1)
+
+
 def test_readings_two_seconds_apart_are_too_few_for_a_mean():
     assert seen(hover(0).rows(slice(None, None, 20)), lost(0, 0.3)) == []
 
