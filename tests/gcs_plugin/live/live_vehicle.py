@@ -27,6 +27,7 @@ class Vehicle:
         self.packer = dialect.MAVLink(None, srcSystem=system, srcComponent=1)
         self.clock_s = clock_s
         self.stamp_us = int(unix_s * SECOND)
+        self.height = 3.0
 
     def pack(self, message: object) -> bytes:
         data = bytes(message.pack(self.packer))  # type: ignore[attr-defined]
@@ -76,7 +77,8 @@ class Vehicle:
         """A tenth of a second of flight as frames: attitude, rotor speeds, and the rest."""
         self.clock_s += seconds
         self.stamp_us += round(seconds * SECOND)
-        parts = [self.attitude(), self.escs(rpm), self.speed(), self.tank(), self.place()]
+        parts = [self.attitude(), self.escs(rpm), self.speed(), self.tank()]
+        parts.append(self.place(self.height))
         if self.boot_ms % 1000 < 100:
             parts += [self.heartbeat(), self.landed()]
         return [as_frame(part, self.stamp_us) for part in parts]

@@ -12,6 +12,7 @@ from tests.gcs_plugin.logs.log_files import UlogWriter
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import AirframeError, LogError, ThrustMarginError
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.provenance import Meaning
 
 ROTORS = 4
 
@@ -271,7 +272,7 @@ def test_the_recorded_px4_flight_reads(measured_folder):
     assert np.nanmax(track.rotor_speed_rpm) == 3324
     assert track.duration == pytest.approx(31.0, abs=0.2)
     assert not track.reports("tank_kg")
-    assert not track.reports("airspeed")
+    assert track.source("airspeed").meaning is Meaning.GROUND_SPEED
     felt = np.median(np.linalg.norm(track.specific_force_frd, axis=1)[2:])
     assert felt == pytest.approx(9.8, abs=0.2)
 
