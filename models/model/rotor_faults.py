@@ -130,7 +130,7 @@ class RotorFaults:
         if current != (self.history[-1][1] if self.history else ()):
             self.history.append((time_s, current))
 
-    def _end(self, of_block: Sequence[Floats]) -> None:
+    def _end(self, of_block: Sequence[Floats] | Floats) -> None:
         """A block of rows is whole."""
         rotors, self.tested = len(self._modes), {}
         if len(of_block) < FEWEST_ROWS or not self._tests:

@@ -110,6 +110,11 @@ def recorded(folder: Path) -> list[dict]:
 @pytest.mark.slow
 def test_a_blocked_analysis_is_said_and_is_no_lost_telemetry(tmp_path):
     with flown(tmp_path) as (monitor, seen, sending):
+        # What kind each is, is heard once a second; from there on rows go on in one part.
+        heard = monitor.fleet.vehicles
+        until(lambda: len(heard) == 2 and all(w.telemetry.counts[0] for w in heard.values()))
+        newest = len(seen.newest)
+        until(lambda: {1, 2} <= {vehicle for vehicle, _ in seen.newest[newest:]})
         seen.hold.set()
         assert seen.held.wait(10.0)
         began_us = monitor.now_us()
