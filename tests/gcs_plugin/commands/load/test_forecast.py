@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.gcs_plugin.logs.log_files import with_rotor_speeds
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.mission.plan import write_plan
@@ -221,3 +222,13 @@ def test_an_airframe_that_the_last_flight_speaks_against_gets_no_verdict(
     assert "Largest fill unknown." in out
     assert "its last flight speaks against that: FRAME_CLASS 1" in out
     assert "TAKE OFF" not in page.read_text()
+
+
+def test_the_mission_of_a_flight_with_motors_in_another_order_may_not_take_off(
+    sitl_logs, tmp_path, capsys
+):
+    log = tmp_path / "swapped.tlog"
+    flown = sitl_logs / "campaign/v6_m16_q3.5.tlog"
+    log.write_bytes(with_rotor_speeds(flown, lambda speeds: speeds[:, [1, 0, 2, 3]]))
+    _, out, _ = said(capsys, log, "--fill", "8", "--airframe", "topxgun-f16-sitl")
+    assert out.startswith("DO NOT TAKE OFF WITH 8.0 kg (8.0 L): its motors are not in the airframe")
