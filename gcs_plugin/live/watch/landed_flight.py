@@ -72,16 +72,16 @@ class LandedFlights:
 def as_reported(
     tlog: bytes, model: RotorModel, settings: WatchSettings, *, system: int
 ) -> FlightAdvice | None:
-    """What `report` says of a vehicle's last flight in a .tlog; None where it cannot be read."""
-    given = settings.airframe_given
-    with tempfile.TemporaryDirectory(prefix="thrustmargin-") as folder:
-        file = Path(folder) / f"vehicle {system}.tlog"
-        file.write_bytes(tlog)
-        try:
-            stated = settings.as_of_a_file
+    """What `report` says of a vehicle's last flight in a .tlog; None where it cannot be read, or
+    not be written, as on a full disk."""
+    given, stated = settings.airframe_given, settings.as_of_a_file
+    try:
+        with tempfile.TemporaryDirectory(prefix="thrustmargin-") as folder:
+            file = Path(folder) / f"vehicle {system}.tlog"
+            file.write_bytes(tlog)
             flights = claimed_flights(file, model, given=given, vehicle=system, **stated)
-        except ThrustMarginError:
-            return None
+    except (ThrustMarginError, OSError):
+        return None
     log, claim = flights[-1]
     analysis = analyse(log.track, model, claim=replace(claim, source=settings.link))
     said = answer_log(log, analysis, settings.alarms.max_utilisation)

@@ -52,6 +52,7 @@ def in_background(pool: Executor) -> Later[Any]:
 
     def later(work: Callable[[], Any]) -> Callable[[], Any]:
         future = pool.submit(work)
-        return lambda: future.result() if future.done() else None
+        # Of what the end of listening cut off there is nothing to be had.
+        return lambda: future.result() if future.done() and not future.cancelled() else None
 
     return later

@@ -1,14 +1,20 @@
 """Where the flight that goes on begins: as a file of the same rows is divided."""
 
+import errno
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.live.live_vehicle import ROOT
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import SortieRows
+from thrustmargin.gcs_plugin.live.watch.landed_flight import as_reported
+from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings, in_background
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans
 from thrustmargin.models.flight import FlightTrack
@@ -83,3 +89,34 @@ def test_a_battery_that_is_lower_after_the_stay_is_the_same():
     track = day(tank=0.0, voltage=-2.0, down=DOWN)
     assert begins(track, armed=True) == 0.0
     assert begins(replace(track, voltage=track.voltage * np.nan), armed=True) == 0.0
+
+
+def test_what_the_end_of_listening_cuts_off_has_no_answer():
+    begun, go_on = Event(), Event()
+    pool = ThreadPoolExecutor(1)
+
+    def first() -> str:
+        begun.set()
+        assert go_on.wait(10.0)
+        return "landed"
+
+    later = in_background(pool)
+    running, waiting = later(first), later(lambda: "never")
+    assert begun.wait(10.0)
+    assert running() is None and waiting() is None
+    pool.shutdown(wait=False, cancel_futures=True)
+    assert waiting() is None
+    go_on.set()
+    pool.shutdown()
+    assert running() == "landed"
+
+
+def test_a_full_disk_leaves_a_flight_that_landed_with_what_was_said_so_far(monkeypatch):
+    tlog = (ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog").read_bytes()
+    assert as_reported(tlog, MODEL, WatchSettings(), system=1) is not None
+
+    def full(*_) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    assert as_reported(tlog, MODEL, WatchSettings(), system=1) is None
