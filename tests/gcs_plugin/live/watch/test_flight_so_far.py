@@ -103,7 +103,8 @@ def test_what_the_end_of_listening_cuts_off_has_no_answer():
     later = in_background(pool)
     running, waiting = later(first), later(lambda: "never")
     assert begun.wait(10.0)
-    assert running() is None and waiting() is None
+    assert running() is None
+    assert waiting() is None
     pool.shutdown(wait=False, cancel_futures=True)
     assert waiting() is None
     go_on.set()
