@@ -43,6 +43,9 @@ NOT_SOUGHT = (
     "not looked for in {long}: that takes the speed of every rotor, the airspeed and the load"
 )
 
+PEAK_S = 1.5  # s from reading to reading, from which the peak of a turn can lie between two
+_PEAKS = "readings come every {seconds} s: peaks between them are not seen"
+
 
 def headline(advice: Advice) -> str:
     """The answer in capitals, to be read first."""
@@ -229,8 +232,10 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
         found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
     if math.isfinite(use.lasting_most):
         found.append(("steady flight", _lasting(advice)))
-        if use.passing:
-            found.append(("turns and gusts", _passing(advice)))
+        seldom = say(_PEAKS, seconds=f"{use.step_s:.2g}") if use.step_s > PEAK_S else ""
+        passing = _passing(advice) if use.passing else ""
+        if words := "; ".join(filter(None, (passing, seldom))):
+            found.append(("turns and gusts", words))
     if math.isfinite(advice.battery.least_cell):
         least = number(advice.battery.least_cell, "V", 2)
         if FlightLevel.BATTERY in advice.levels:

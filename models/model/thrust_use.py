@@ -23,6 +23,7 @@ from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.physics.smoothing import known_median
 
 LASTING_S = 15  # s
 SPENT = 0.9  # of the largest thrust
@@ -39,6 +40,7 @@ class ThrustUse:
     lasting_above_s: float  # s with the lasting use above the limit
     above_s: float  # s above it in all
     known_s: float  # s in flight with a known use
+    step_s: float  # median s from one such row to the next
     peak: float
     passing: int  # times above the limit that passed
     passing_longest_s: float
@@ -82,6 +84,7 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         # Nothing flies for long with all outputs full: then they are read by a wrong range.
         spent = full & (length[full.all(axis=1)].sum() < 0.5 * length.sum())
     passed = _runs(over & ~lasting_above, length)
+    rows = np.isfinite(use).any(axis=1)
     top = int(np.nanargmax(most)) if known.any() else 0
     nothing = float("nan")
     return ThrustUse(
@@ -90,8 +93,9 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         lasting_high=float(max(most[top], min((most + up)[top], 1.0))) if known.any() else nothing,
         lasting_above_s=float(length[lasting_above].sum()),
         above_s=float(track.row_seconds[analysis.above_limit(limit)].sum()),
-        known_s=float(track.row_seconds[np.isfinite(use).any(axis=1)].sum()),
-        peak=float(np.nanmax(use)) if np.isfinite(use).any() else nothing,
+        known_s=float(track.row_seconds[rows].sum()),
+        step_s=known_median(np.diff(track.time_s[rows])),
+        peak=float(np.nanmax(use)) if rows.any() else nothing,
         passing=len(passed),
         passing_longest_s=max(passed, default=0.0),
         spent_s=float(length[spent.any(axis=1)].sum()),

@@ -27,6 +27,7 @@ USE = ThrustUse(
     lasting_above_s=162.2,
     above_s=172.0,
     known_s=200.0,
+    step_s=0.1,
     peak=0.733,
     passing=5,
     passing_longest_s=7.0,
@@ -226,6 +227,12 @@ def test_the_facts_say_how_much_and_how_long():
         "within the error"
     )
     assert "turns and gusts" not in dict(facts(near))
+    seldom = replace(near, use=replace(near.use, step_s=5.0))
+    unseen = "readings come every 5 s: peaks between them are not seen"
+    assert dict(facts(seldom))["turns and gusts"] == unseen
+    passed = replace(seldom, use=replace(seldom.use, passing=1))
+    assert dict(facts(passed))["turns and gusts"].endswith(f" at most; {unseen}")
+    assert "turns and gusts" not in dict(facts(replace(near, use=replace(near.use, step_s=1.0))))
     doubt = RotorLost(least=1.03, least_low=0.96, least_high=1.1)
     assert dict(facts(replace(ADVICE, lost=doubt)))["one rotor lost"] == (
         "cannot tell: the weight is within the error of what could be held (1.03 ×, 0.96 to 1.10)"

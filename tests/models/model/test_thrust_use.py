@@ -47,6 +47,13 @@ def test_a_turn_passes_and_a_climb_lasts():
     assert not found.surely_above[325]
 
 
+def test_how_far_apart_the_readings_are():
+    use = level(0.4)
+    assert thrust_use(flown(use), 0.5).step_s == pytest.approx(0.1)
+    use[np.arange(len(use)) % 50 != 0] = NAN
+    assert thrust_use(flown(use), 0.5).step_s == pytest.approx(5.0)
+
+
 def test_a_turn_passes_where_the_log_begins_or_ends_with_it_too():
     use = level(0.4)
     use[:60, 1] = use[-60:, 1] = 0.7  # 6 s, as long as a turn at a line end takes
