@@ -7,8 +7,10 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
+from dataclasses import replace
 from importlib import resources
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,8 +22,14 @@ from tests.gcs_plugin.peers.ports import free_port, free_udp_port
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
 from thrustmargin.gcs_plugin.link.playback import play
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
-from thrustmargin.gcs_plugin.live.live_monitor import MonitorStatus
-from thrustmargin.gcs_plugin.live.metrics.collector import COUNTS, FIGURES, LEVELS, part_of
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, MonitorStatus
+from thrustmargin.gcs_plugin.live.metrics.collector import (
+    COUNTS,
+    FIGURES,
+    LEVELS,
+    MonitorCollector,
+    part_of,
+)
 from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import LinkError
@@ -163,6 +171,66 @@ def test_the_dashboard_draws_what_there_is(flown):
     # A line that goes on over a gap would show a margin that nobody knows.
     lines = [p for p in dashboard["panels"] if "margin_ratio" in str(p) and p["type"] != "table"]
     assert all(not p["fieldConfig"]["defaults"]["custom"]["spanNulls"] for p in lines)
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory, sitl_logs):
+    """A monitor that has read 80 s of a flight, to its last row in the air."""
+    folder = tmp_path_factory.mktemp("watched")
+    log = first_part(sitl_logs / "campaign" / "v4_m10_q3.5.tlog", 80.0, folder)
+    with LiveMonitor(MODEL, MonitorSettings(urls=(str(log),))) as monitor:
+        monitor.wait(60.0)
+        yield monitor
+
+
+def figures(monitor: LiveMonitor, monkeypatch, **changed: Any) -> Samples:
+    """Its metrics with the newest analysis changed so."""
+    watch = monitor.fleet.vehicles[1]
+    assert watch.last is not None
+    of_now = replace(watch.last, analysis=replace(watch.last.analysis, **changed))
+    monkeypatch.setattr(watch, "last", of_now)
+    return {
+        family.name: [(sample.labels, sample.value) for sample in family.samples]
+        for family in MonitorCollector(monitor).collect()
+    }
+
+
+def test_each_figure_is_that_of_the_newest_row(watched, monkeypatch):
+    last = watched.fleet.vehicles[1].last
+    rows = last.analysis.track.time_s.size
+    assert last.analysis.track.flying.all()
+    use = np.linspace(0.7, 0.4, rows)[:, None] - np.array([0.0, 0.01, 0.02, 0.03])
+    found = figures(watched, monkeypatch, utilisation_predicted=use)
+    assert found["thrustmargin_margin_predicted_ratio"] == [({"vehicle": "1"}, pytest.approx(0.6))]
+    assert found["thrustmargin_flying"] == [({"vehicle": "1"}, 1.0)]
+    basis = [labels["basis"] for labels, _ in found["thrustmargin_margin_ratio"]]
+    assert basis == ["measured"] * 4
+    silent = last.analysis.utilisation.copy()
+    silent[-1] = np.nan
+    found = figures(watched, monkeypatch, utilisation=silent, utilisation_predicted=use)
+    now = [(labels["basis"], value) for labels, value in found["thrustmargin_margin_ratio"]]
+    assert now == [("predicted", pytest.approx(0.6 + 0.01 * rotor)) for rotor in range(4)]
+
+
+def test_on_the_ground_no_rotor_has_a_margin(watched, monkeypatch):
+    track = watched.fleet.vehicles[1].last.analysis.track
+    down = track.flying.copy()
+    down[-1] = False
+    found = figures(watched, monkeypatch, track=replace(track, flying=down))
+    assert found["thrustmargin_flying"] == [({"vehicle": "1"}, 0.0)]
+    assert found["thrustmargin_margin_ratio"] == found["thrustmargin_utilisation_ratio"] == []
+    up = ~down
+    found = figures(watched, monkeypatch, track=replace(track, flying=up))
+    assert found["thrustmargin_flying"] == [({"vehicle": "1"}, 1.0)]
+    assert len(found["thrustmargin_margin_ratio"]) == 4
+
+
+def test_an_aircraft_that_is_not_known_has_no_margin_and_says_so(watched, monkeypatch):
+    claim = replace(watched.fleet.vehicles[1].last.analysis.claim, withheld=("another aircraft",))
+    found = figures(watched, monkeypatch, claim=claim)
+    assert found["thrustmargin_margin_ratio"] == []
+    assert found["thrustmargin_verdict_withheld"] == [({"vehicle": "1"}, 1.0)]
+    assert found["thrustmargin_flying"] == [({"vehicle": "1"}, 1.0)]
 
 
 class Nothing:
