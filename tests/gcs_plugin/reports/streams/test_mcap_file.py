@@ -31,6 +31,7 @@ def written(tmp_path_factory) -> SimpleNamespace:
             assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
             held = topics.setdefault(channel.topic, [])
             held.append((message.log_time, json.loads(message.data)))
+        (said,) = reader.iter_metadata()
         schemas = {
             c.topic: reader.get_summary().schemas[c.schema_id]  # type: ignore[union-attr]
             for c in reader.get_summary().channels.values()  # type: ignore[union-attr]
@@ -38,10 +39,16 @@ def written(tmp_path_factory) -> SimpleNamespace:
     return SimpleNamespace(
         topics=topics,
         schemas=schemas,
+        metadata=said.metadata,
         layout=json.loads(layout.read_text("utf-8")),
         report=json.loads((folder / "r.json").read_text("utf-8"))["flights"][0],
         rows=list(csv.DictReader(io.StringIO((folder / "r.csv").read_text("utf-8")))),
     )
+
+
+def test_the_file_names_its_log_and_its_clock(written):
+    assert written.metadata["log"] == LOG.name
+    assert written.metadata["clock"] == "Unix"
 
 
 @pytest.mark.slow
@@ -80,6 +87,10 @@ def test_every_rotor_has_its_speeds_and_use_as_the_csv(written):
             theirs = [float(row[heading]) if row[heading] else None for row in written.rows]
             ours = [c["rotors"][rotor - 1][key] for _, c in written.topics["/rotors"]]
             assert ours == pytest.approx(theirs, abs=0.06)
+    heads = {
+        tuple((r["rotor"], r["name"]) for r in c["rotors"]) for _, c in written.topics["/rotors"]
+    }
+    assert heads == {((1, "front right"), (2, "rear left"), (3, "front left"), (4, "rear right"))}
 
 
 def test_the_position_is_in_degrees_and_dated(written):
