@@ -63,9 +63,15 @@ public static class Screen
             Color c = picture.GetPixel(x, 12);
             if (c.R + c.G + c.B > 60) filled++;
         }
+        int tall = 0; // bright rows near its left end, of 20
+        for (int y = 2; y < 22; y++)
+        {
+            Color c = picture.GetPixel(6, y);
+            if (c.R + c.G + c.B > 60) tall++;
+        }
         Color left = picture.GetPixel(6, 12), edge = picture.GetPixel(20, 2);
-        Console.WriteLine("{0}|{1}|{2}|{3},{4},{5}|{6},{7},{8}", now.First, now.Second, filled,
-            left.R, left.G, left.B, edge.R, edge.G, edge.B);
+        Console.WriteLine("{0}|{1}|{2}|{3}|{4},{5},{6}|{7},{8},{9}", now.First, now.Second, filled,
+            tall, left.R, left.G, left.B, edge.R, edge.G, edge.B);
     }
 
     public static void Main(string[] words)
@@ -82,6 +88,7 @@ public static class Screen
         plugin.Init();
         plugin.Loaded();
         plugin.Loop();
+        var before = link;
         string line;
         while ((line = Console.ReadLine()) != null)
         {
@@ -89,11 +96,17 @@ public static class Screen
             double at = double.Parse(part[1], CultureInfo.InvariantCulture);
             if (part[0] == "draw") Write(figures.Draw(at));
             else if (part[0] == "current") { link.MAV.sysid = (byte)at; Write(plugin.Current()); }
-            else if (part[0] == "packet")
+            else if (part[0] == "relink")
+            {
+                before = link;
+                link = plugin.Host.comPort = new MissionPlanner.MAVLinkInterface();
+                plugin.Loop();
+            }
+            else if (part[0] == "packet" || part[0] == "stray")
             {
                 var name = new byte[10];
                 System.Text.Encoding.ASCII.GetBytes(part[2]).CopyTo(name, 0);
-                link.Hear(new MAVLink.MAVLinkMessage { msgid = 251, sysid = (byte)at, compid = 25,
+                (part[0] == "stray" ? before : link).Hear(new MAVLink.MAVLinkMessage { msgid = 251, sysid = (byte)at, compid = 25,
                     data = new MAVLink.mavlink_named_value_float_t { name = name,
                         value = float.Parse(part[3], CultureInfo.InvariantCulture) } });
             }

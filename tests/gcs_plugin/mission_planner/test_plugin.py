@@ -40,6 +40,7 @@ class Drawn:
     first: str
     second: str
     filled: int  # bright columns of 200 in the bar
+    tall: int  # bright rows of 20 near its left end, two of them its outline
     left: str  # its colours
     edge: str
 
@@ -50,7 +51,7 @@ def drawn(screen: Path, *commands: str) -> list[Drawn]:
         ["mono", screen], input=told, capture_output=True, text=True, check=True, timeout=60
     )
     rows = [line.split("|") for line in done.stdout.splitlines()]
-    return [Drawn(a, b, int(n), left, edge) for a, b, n, left, edge in rows]
+    return [Drawn(a, b, int(n), int(m), left, edge) for a, b, n, m, left, edge in rows]
 
 
 def heard(at: float, **figures: float) -> list[str]:
@@ -63,7 +64,7 @@ LOW = heard(10.0, MARGIN=41.7, MARGIN_ROT=3, MARGIN_LIM=50, MARGIN_DO=2, MARGIN_
 def test_the_bar_shows_margin_rotor_action_and_age(screen: Path):
     (shown,) = drawn(screen, *LOW, "draw 11.2")
     assert (shown.first, shown.second) == ("Margin 41%, rotor 3", "fly gently  (1 s old)")
-    assert shown.left == RED
+    assert (shown.left, shown.tall) == (RED, 20)
     assert 83 <= shown.filled <= 83 + EDGES + 2  # 41.7 % of 200, its outline, the limit's mark
 
 
@@ -83,9 +84,22 @@ def test_an_old_value_has_no_bar_and_no_colour(screen: Path):
 
 
 def test_a_prediction_says_so_and_without_a_limit_nothing_is_judged(screen: Path):
-    (shown,) = drawn(screen, *heard(10, MARGIN_PRE=44), "draw 10.5")
+    (shown,) = drawn(screen, *heard(10, MARGIN_PRE=44, MARGIN_ROT=3), "draw 10.5")
     assert shown.first == "Predicted margin 44%"
-    assert shown.edge == GREY
+    assert (shown.edge, shown.tall) == (GREY, 10)  # a bar of 8 rows: nothing was measured
+
+
+def test_an_action_of_a_newer_sender_is_left_out(screen: Path):
+    last, beyond = drawn(
+        screen, *LOW, "take 10 MARGIN_DO 5", "draw 10.1", "take 10 MARGIN_DO 6", "draw 10.1"
+    )
+    assert last.second == "CONTROL LOST  (0 s old)"
+    assert beyond.second == "0 s old"
+
+
+def test_a_link_that_was_replaced_is_heard_no_more(screen: Path):
+    (shown,) = drawn(screen, "relink 0", "packet 1 MARGIN 60", "stray 1 MARGIN 90", "current 1")
+    assert shown.first == "Margin 60%"
 
 
 @pytest.mark.parametrize("value", ["NaN", "Infinity"])

@@ -47,7 +47,10 @@ def test_an_esc_that_is_silent_is_not_spoken_for():
     craft = sender()
     craft.look(9)
     craft.taken("floats")
+    craft.look(4)
     craft.now.rpm[2] = None
+    craft.look(6)
+    assert ("TM_RPM3", 2200.0) in craft.taken("floats")  # the mean of what it said
     craft.look(10)
     assert [name for name, _ in craft.taken("floats")] == ["TM_RPM4", "TM_RPM2", "TM_RPM1"]
 
