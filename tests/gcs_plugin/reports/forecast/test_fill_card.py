@@ -136,6 +136,20 @@ def test_a_gauge_comes_before_what_was_stated(made):
     assert craft.auth == "passed"
 
 
+def test_what_an_instrument_says_that_is_not_well_does_not_count(made):
+    craft = vehicle(made, refuse=True, TMG_GAUGE=1)
+    craft.now.volts[1], craft.now.percent[1], craft.now.healthy[1] = 1.0, 40, False
+    craft.look()
+    assert craft.auth == "Gauge gives no reading"
+    craft.now.healthy[1], craft.now.healthy[0] = True, False
+    craft.look()
+    assert craft.auth == "Battery gives no reading"
+
+
+def test_an_empty_tank_can_be_stated(made):
+    assert vehicle(made, TMG_FILL=0).taken("texts") == [(6, "Stated 0.0kg, most 8.0 (19C 54.5V)")]
+
+
 def test_in_the_air_it_says_once_what_stood_at_arming_and_then_keeps_quiet(made):
     craft = vehicle(made, TMG_FILL=9)
     craft.taken("texts")
