@@ -64,6 +64,16 @@ def test_rows_end_where_what_they_are_changes(after):
     assert found.rows[0].shape == (3, 12)
 
 
+def test_each_type_of_a_field_has_its_bytes():
+    ones = b"int8_t a;uint8_t b;bool c;char d;"
+    more = b"int16_t e;uint16_t f;int32_t g;uint32_t h;float i;int64_t j;uint64_t k;double l;"
+    form = message("F", b"a:uint64_t timestamp;" + ones + more)
+    rows = message("D", bytes(2) + b"\1" * 52) * 3  # 8, four of 1, 2, 2, 4, 4, 4, 8, 8, 8
+    found = whole_messages(px4_log()[:HEADER] + form + message("A", b"\0\0\0a") + rows, ("a",))
+    assert found.rows[0].tolist() == [[1] * 52] * 3
+    assert found.skipped == ()
+
+
 def test_rows_are_kept_without_the_padding_that_may_be_behind_them():
     form = message("F", b"a:uint64_t timestamp;float x;uint8_t[4] _padding0;")
     row = bytes(2) + b"\1" * 12

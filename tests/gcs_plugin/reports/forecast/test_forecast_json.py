@@ -1,6 +1,7 @@
 """The file of a forecast: numbers as they are, null for what is not known."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -23,6 +24,15 @@ def test_it_holds_the_numbers_of_the_forecast():
     assert first["litres"] == pytest.approx(made.needs.sorties[0].kg, abs=1e-5)
     peaks = [leg["utilisation_peak"] for leg in content["legs"]]
     assert content["utilisation"]["peak"] == pytest.approx(max(peaks), abs=1e-5)
+
+
+def test_area_and_time_of_a_sortie_are_those_of_its_lines():
+    made = forecast(plan_of(*TWO_LINES), shipped_model(), TakeOff(fill_kg=1.5, flow=0.04))
+    first, last = json.loads(json_text(replace(made, swath=5.0)))["sorties"]
+    # A line from 48.0005° to 48.0015° is 111.19 m long; 5 m wide it is 556 m².
+    assert first["hectares"] == last["hectares"] == pytest.approx(0.0556, abs=1e-4)
+    assert first["minutes"] + last["minutes"] == pytest.approx(made.flight.track.duration / 60)
+    assert json.loads(json_text(made))["sorties"][0]["hectares"] is None  # two lines show none
 
 
 def test_its_keys_are_those_that_others_read():

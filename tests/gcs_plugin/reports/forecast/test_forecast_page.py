@@ -2,7 +2,12 @@
 
 # pyright: reportArgumentType=false
 
+import base64
+import gzip
 import io
+import json
+import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -30,6 +35,29 @@ def test_the_answer_comes_before_the_chart_and_the_chart_before_what_was_assumed
     assert at == sorted(at)
     assert 'class="verdict under"' in page
     assert reason.split(",")[0].split()[0] in page
+
+
+def axes(made) -> dict[str, list[float] | None]:
+    """The vertical axes of the page's chart, each with its range."""
+    page = html_text(made, "field.plan")
+    (text,) = re.findall(r'<script type="application/gzip" id="figure-use">(.*?)</script>', page)
+    layout = json.loads(gzip.decompress(base64.b64decode(text)))["layout"]
+    return {name: of.get("range") for name, of in layout.items() if name.startswith("yaxis")}
+
+
+def test_the_chart_shows_all_of_use_tank_and_battery(made):
+    shown = axes(made)
+    assert shown.keys() == {"yaxis", "yaxis2", "yaxis3"}
+    low, high = shown["yaxis"] or (0.0, 0.0)
+    assert low == 0.0
+    assert 96.0 < high < 140.0  # %, of a peak of 96
+    low, high = shown["yaxis2"] or (0.0, 0.0)
+    assert low == 0.0
+    assert 3.0 < high < 4.0  # kg, of a fill of 3
+    track = made.flight.track
+    unknown = replace(track, voltage=np.full(track.time_s.size, np.nan))
+    without = axes(replace(made, flight=replace(made.flight, track=unknown)))
+    assert without.keys() == {"yaxis", "yaxis2"}
 
 
 def test_a_name_of_a_file_is_text(made):
