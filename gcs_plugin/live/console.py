@@ -211,6 +211,7 @@ def _any(values: np.ndarray) -> bool:
 def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
     """The link and the recording in words; `page`: the 3D page is shown."""
     lines = [words.behind_words(status.behind_s, page=page)] if status.behind_s else []
+    lines = [words.CUT_OFF] if status.cut_off else lines
     lost = {name: getattr(status, name) for name in words.LOST}
     lines.append(words.messages_words(status.frames, lost, status.refused_why))
     recorder = status.recorder

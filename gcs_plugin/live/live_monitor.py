@@ -76,6 +76,7 @@ class MonitorStatus:
     kernel_drops: int
     compute_drops: int
     behind_s: float  # s since what waits to be analysed came; 0 when that is not worth a word
+    cut_off: bool  # it ended before all that came was analysed
     recorder: RecorderStatus | None
 
 
@@ -111,7 +112,7 @@ class LiveMonitor:
         self._stop = threading.Event()
         self._newest_us = 0
         self._taken_us: int | None = None  # when the oldest frame of the running round came
-        self._was_behind = False
+        self._was_behind = self._cut_off = False
         self.failure: BaseException | None = None
         self.listener = Listener(
             settings.urls,
@@ -160,13 +161,17 @@ class LiveMonitor:
         self.check()
         return {n: w.last for n, w in self.fleet.vehicles.items() if w.last is not None}
 
-    def close(self) -> None:
-        """Stop listening, compute what has come, and finish the files."""
+    def close(self, patience: float | None = None) -> None:
+        """Stop listening, compute what has come, and finish the files.
+
+        With a `patience` no longer than so many s: what is not analysed by then is recorded alone.
+        """
         self.listener.close()
         self._queue.close()
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(patience)
+        self._cut_off = self._thread.is_alive()
         self._beside.shutdown(wait=False, cancel_futures=True)
         if self.recorder is not None:
             self.recorder.close()
@@ -196,6 +201,7 @@ class LiveMonitor:
             kernel_drops=sum(link.transport.kernel_drops for link in links),
             compute_drops=self._queue.dropped,
             behind_s=self._behind_s(),
+            cut_off=self._cut_off,
             recorder=None if self.recorder is None else self.recorder.status(),
         )
 
@@ -244,7 +250,8 @@ class LiveMonitor:
                 if pause > 0.0 and not self.listener.finished:
                     self._stop.wait(pause)
         except BaseException as error:
-            self.failure = error
+            if not self._cut_off:
+                self.failure = error
 
     def _round(self, frames: list[Frame]) -> None:
         if self.live:
@@ -304,6 +311,8 @@ class LiveMonitor:
             self._event(vehicle, event, round(event.time_s * 1e6))
 
     def _publish(self, update: Update) -> None:
+        if self._cut_off:
+            raise SystemExit  # of this thread alone
         if self.recorder is not None and tabulates():
             rows = sample_batch(update, slice(update.unsettled, None))
             settled = update.settled - update.unsettled

@@ -75,6 +75,7 @@ NO_SAMPLES = (
 )
 HEARD, WATCHED_AGAIN, RECORDING_AGAIN = "heard", "watched again", "recording again"
 NOT_BEHIND = "no longer behind"
+CUT_OFF = "ended before all that came was analysed: the answer is without the rest"
 ON_GROUND, NO_VERDICT, OLD = "on ground", "NO VERDICT", "OLD"
 #: Columns of the terminal's table, and the line below it.
 BY_THRUST, EMPTY_IN, IF_FULL = "by thrust", "empty in", "if full"

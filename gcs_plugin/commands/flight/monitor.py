@@ -31,6 +31,7 @@ from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, require
 
 LOOK_FOR = 5.0  # s until the places where nothing was heard are listed
+PATIENCE = 3.0  # s that its end waits for what came and is not yet analysed
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.console import EventPrinter
@@ -255,7 +256,7 @@ def monitor(
             pilot_bar.stop()
         if served is not None:
             served.close()
-        live.close()
+        live.close(PATIENCE)
         if watch is not None:
             watch.close()
         if page is not None:

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, spacing
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.view.live.live_heard import Heard
 
 #: s here, to be quick; rotor speeds are missed a second earlier. A busy machine may keep a sender
@@ -160,6 +161,39 @@ def test_real_silence_is_said_in_time_also_just_after_a_blocked_analysis(tmp_pat
         assert seen.named("telemetry") == []  # nobody could
         seen.release.set()
         until(lambda: sorted(seen.named("telemetry")) == [(1, True), (2, True)], 2.0)
+
+
+class BlockedBetween(Blocked):
+    """Held up in a row of vehicle 1, behind which one of vehicle 2 waits."""
+
+    def on_update(self, update: Update) -> None:
+        super().on_update(update)
+        if update.vehicle == 2:
+            self.hold.set()
+
+
+def test_its_end_waits_no_longer_than_asked_and_says_what_is_left_out(tmp_path):
+    seen = BlockedBetween()
+    settings = MonitorSettings(urls=("udpin:127.0.0.1:0",), record=tmp_path)
+    monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
+    monitor.start()
+    sending = Sending(monitor.listener.links[0].transport.address)  # type: ignore[attr-defined]
+    assert seen.held.wait(20.0)
+    before = monitor.status().frames
+    until(lambda: monitor.status().frames > before + 100)
+    sending.silence()
+    updates, began = len(seen.newest), time.monotonic()
+    monitor.close(0.3)
+    assert time.monotonic() - began < 5.0
+    assert status_lines(monitor.status())[0] == (
+        "ended before all that came was analysed: the answer is without the rest"
+    )
+    seen.release.set()
+    time.sleep(0.5)
+    monitor.check()
+    assert len(seen.newest) == updates
+    kept = list(stamped_frames(recording_in(tmp_path) / "telemetry.tlog"))
+    assert len(kept) == monitor.status().frames
 
 
 def test_silence_is_said_within_its_time(tmp_path):
