@@ -1,6 +1,7 @@
 """Container and service start a command line that the program has, for wheels that it builds."""
 
 import json
+import os
 import re
 import shlex
 import shutil
@@ -16,15 +17,42 @@ DOCKERFILE = (FILES / "Dockerfile").read_text("utf-8")
 SERVICE = (FILES / "thrustmargin.service").read_text("utf-8")
 
 
+def of_container(name: str) -> list[str]:
+    return json.loads(re.search(rf"^{name} (\[.*\])$", DOCKERFILE, re.M)[1])  # type: ignore[index]
+
+
 def started() -> dict[str, list[str]]:
     """The words after `thrustmargin` of both."""
-    entry, more = (
-        json.loads(re.search(rf"^{name} (\[.*\])$", DOCKERFILE, re.M)[1])  # type: ignore[index]
-        for name in ("ENTRYPOINT", "CMD")
-    )
     unit = shlex.split(re.search(r"^ExecStart=(.*)$", SERVICE, re.M)[1])  # type: ignore[index]
-    assert (entry[0], Path(unit[0]).name) == ("thrustmargin", "thrustmargin")
-    return {"container": [*entry[1:], *more], "service": unit[1:]}
+    assert Path(unit[0]).name == "thrustmargin"
+    assert of_container("ENTRYPOINT")[2].count('thrustmargin monitor "$@"') == 2
+    return {"container": ["monitor", *of_container("CMD")], "service": unit[1:]}
+
+
+@pytest.mark.skipif(
+    shutil.which("setpriv") is None or os.getuid() != 0, reason="needs root, as in a container"
+)
+def test_a_folder_of_the_host_can_be_recorded_to_by_who_is_not_root(tmp_path: Path):
+    """The container's start, with the user `nobody` and a program that says who it is."""
+    for folder in (tmp_path, *tmp_path.parents[:2]):
+        folder.chmod(0o755)
+    program, held = tmp_path / "thrustmargin", tmp_path / "recordings"
+    held.mkdir(0o755)
+    program.write_text(f'#!/bin/sh\nid -un; echo "$@"; touch {held}/new && echo written\n')
+    program.chmod(0o755)
+    shell, option, script, name = of_container("ENTRYPOINT")
+    script = script.replace("/recordings", str(held)).replace("chown thrustmargin", "chown nobody")
+    script = script.replace("uid=thrustmargin", "uid=nobody").replace(
+        "gid=thrustmargin", "gid=nogroup"
+    )
+    done = subprocess.run(
+        [shell, option, script, name, "--bar", "8090"],
+        env={"PATH": f"{tmp_path}:/usr/bin:/bin:/usr/sbin"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == ["nobody", "monitor --bar 8090", "written"]
 
 
 @pytest.mark.slow
