@@ -9,7 +9,6 @@ from thrustmargin.gcs_plugin.wording import alarm_words as words
 
 #: MAV_SEVERITY
 CRITICAL, WARNING, NOTICE = 2, 4, 5
-#: Alarms that come before all others, in this order.
 #: Names of alarms, the gravest first: a part that is bad, control, battery, thrust, then the load,
 #: then what an instrument says. Of one severity they are listed so.
 GRAVEST_FIRST = (

@@ -17,7 +17,7 @@ from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent, AlarmState
-from thrustmargin.gcs_plugin.live.announce import Announcer
+from thrustmargin.gcs_plugin.live.announce import Announcer, what_to_do
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
@@ -258,6 +258,17 @@ def test_only_what_asks_for_something_now_is_spoken(alarm: Alarm, severities: li
     """Raised, not to be confirmed, over."""
     said = said_of(alarm, 1, AlarmState.UNCONFIRMED, AlarmState.CLEARED)
     assert [severity for severity, _ in said] == severities
+
+
+def test_what_to_do_is_that_of_the_gravest_alarm_that_is_confirmed():
+    rotor = Alarm("rotor", 2, CRITICAL, "Rotor 2: 12% less thrust: land", 0.0)
+    margin = Alarm("margin", None, WARNING, "Thrust margin 41% below 50%: rotor 2", 0.0)
+    near = replace(margin, severity=5)
+    unsure = replace(rotor, state=AlarmState.UNCONFIRMED)
+    land, less = what_to_do([margin, rotor])["MARGIN_DO"], what_to_do([margin])["MARGIN_DO"]
+    assert (land, 0 < less < land) == (4.0, True)  # ASKED[4] is "land"
+    assert what_to_do([unsure, margin])["MARGIN_DO"] == less
+    assert what_to_do([unsure, near])["MARGIN_DO"] == what_to_do([])["MARGIN_DO"] == 0.0
 
 
 def test_nothing_is_said_in_the_name_of_a_silent_vehicle_until_it_returns():
