@@ -57,5 +57,9 @@ def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
                 os.fsync(folder)
             finally:
                 os.close(folder)
+    except OSError as error:
+        if error.filename is None:  # a full disk does not say of which file
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+        raise
     finally:
         draft.unlink(missing_ok=True)

@@ -52,6 +52,7 @@ def in_background(pool: Executor) -> Later[Any]:
 
     def later(work: Callable[[], Any]) -> Callable[[], Any]:
         future = pool.submit(work)
-        return lambda: future.result() if future.done() else None
+        # At the end of the monitor what was not begun is cancelled, which is done too.
+        return lambda: future.result() if future.done() and not future.cancelled() else None
 
     return later

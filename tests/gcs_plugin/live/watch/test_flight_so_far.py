@@ -1,6 +1,8 @@
 """Where the flight that goes on begins: as a file of the same rows is divided."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import SortieRows
+from thrustmargin.gcs_plugin.live.watch.watch_settings import in_background
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans
 from thrustmargin.models.flight import FlightTrack
@@ -83,3 +86,15 @@ def test_a_battery_that_is_lower_after_the_stay_is_the_same():
     track = day(tank=0.0, voltage=-2.0, down=DOWN)
     assert begins(track, armed=True) == 0.0
     assert begins(replace(track, voltage=track.voltage * np.nan), armed=True) == 0.0
+
+
+def test_what_the_monitor_ends_before_it_is_begun_is_never_found():
+    """Two aircraft land as it is stopped: the second's answer still waits for the first's."""
+    held = Event()
+    with ThreadPoolExecutor(1) as pool:
+        later = in_background(pool)
+        first, second = later(held.wait), later(lambda: "found")
+        pool.shutdown(wait=False, cancel_futures=True)
+        held.set()
+    assert second() is None
+    assert first() is True
