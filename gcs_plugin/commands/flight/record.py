@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.record.applied import Liquid
     from thrustmargin.gcs_plugin.reports.record.job_record import Entry
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.analysis import FlightAnalysis
 
 
@@ -160,6 +161,7 @@ def record(
     console = Terminal(stderr=True, soft_wrap=True)
     asked = Chosen(model=model, airframe=airframe, reading=reading)
     flights, _, unread = analysed_flights(logs, asked, console)
+    flights, left_out = counted_once(flights)
     sorties = [log for _, log in flights]
     done = applied(sorties, swath)
     amounts = liquids(flights)
@@ -179,14 +181,18 @@ def record(
     rules = [one for name, one in job_rules().items() if not rule or name in rule]
     if sys.stdin.isatty():
         for name in fields_asked(rules):
-            if name not in fields and (answer := _answer(name)):
-                fields[name] = Entry(value=answer, source=EntrySource.TERMINAL)
+            if name in fields or not (answer := _answer(name)):
+                continue
+            fields[name] = Entry(value=answer, source=EntrySource.TERMINAL)
+            if name == "rate":
+                fields |= of_product(answer, area_ha)
     made = JobRecord(
         made_utc=utc_text(),
         fields=fields,
         liquid=tuple(amounts),
         rules=tuple(rules),
         logs=tuple(log.name for log in sorties),
+        left_out=(*left_out, *unread),
         finished=_finished(fields),
     )
     out.mkdir(parents=True, exist_ok=True)
@@ -196,6 +202,8 @@ def record(
         screen.print(f"liquid {words}")
     for words in missing_words(data["rules"]):
         screen.print(f"missing: {words}")
+    for one in left_out:
+        screen.print(f"left out: {one.name}: {one.reason}")
     for log in unread:
         console.print(f"not read: {log.name}: {log.reason}")
     if done is not None and done.ground is not None and not makes_shapefiles():
@@ -214,6 +222,27 @@ def zone_of(name: str | None) -> tzinfo | None:
         return zoneinfo.ZoneInfo(name)
     except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError) as error:
         raise UsageError(f"--zone {name!r:.40} is none; give one such as Europe/Berlin") from error
+
+
+def counted_once(
+    flights: list[tuple[FlightAnalysis, FlightLog]],
+) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
+    """The flights, each by one log, and what is left out: other logs of it, and other vehicles."""
+    from thrustmargin.gcs_plugin.reports.record.same_flight import each_once
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.record_words import other_vehicles, same_flight
+
+    logs = [log for _, log in flights]
+    kept, left = [], {}
+    for flight, log, stands in zip(flights, logs, each_once(logs), strict=True):
+        if stands is not None:
+            left[log.name] = UnusedLog(name=log.name, reason=same_flight(logs[stands].name))
+            continue
+        kept.append(flight)
+        if others := [one for one in log.vehicles if one != log.vehicle]:
+            reason = other_vehicles(log.vehicle, others)
+            left[log.path.name] = UnusedLog(name=log.path.name, reason=reason)
+    return kept, list(left.values())
 
 
 def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
@@ -292,12 +321,20 @@ def _stated_fields(
 
 
 def _answer(name: str) -> str:
+    from thrustmargin.gcs_plugin.reports.record.job_record import of_product
     from thrustmargin.gcs_plugin.wording.record_words import TITLES
 
-    try:
-        return input(f"{TITLES[name]} (Enter: not known): ").strip()
-    except EOFError:
-        return ""
+    while True:
+        try:
+            answer = input(f"{TITLES[name]} (Enter: not known): ").strip()
+            if answer and name == "rate":
+                of_product(answer, None)
+        except EOFError:
+            return ""
+        except DataError as error:  # asked again: what was answered before is not lost
+            Terminal(soft_wrap=True).print(str(error))
+            continue
+        return answer
 
 
 def _finished(fields: dict[str, Entry]) -> datetime | None:

@@ -134,9 +134,11 @@ def _moments(track: FlightTrack, pump: Floats) -> tuple[float | None, ...]:
     """Unix time of the first and the last row with the pump on; nothing where it never was."""
     on = np.flatnonzero(pump > 0.5)
     start = track.start_unix_s
-    return tuple(
-        None if start is None else start + float(track.time_s[row]) for row in on[[0, -1]]
-    ) if on.size else ()
+    return (
+        tuple(None if start is None else start + float(track.time_s[row]) for row in on[[0, -1]])
+        if on.size
+        else ()
+    )
 
 
 def _spans(track: FlightTrack, plan: Floats, pump: Floats) -> tuple[float, float]:
@@ -217,7 +219,7 @@ def cut_at_date_line(shape: Any) -> Any:
     """A geometry in degrees whose longitudes may go beyond 180°, with each part on its own side, as
     RFC 7946 wants it."""
     west, _, east, _ = shape.bounds
-    if -180.0 <= west and east <= 180.0:
+    if west >= -180.0 and east <= 180.0:
         return shape
     parts = []
     for turn in (-360.0, 0.0, 360.0):
