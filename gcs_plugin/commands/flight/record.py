@@ -87,6 +87,7 @@ class JobStatement:
 
 Statement = Annotated[JobStatement, tyro.conf.OmitArgPrefixes]
 NOTHING = JobStatement()
+LONGEST = 1000  # letters of a field: a row of the table on paper
 _WEATHER = ("wind", "temperature", "humidity", "inversion")
 
 
@@ -152,6 +153,7 @@ def record(
     if swath is not None and not 0.1 <= swath <= 100.0:
         raise UsageError(f"--swath {swath:g} m is not between 0.1 and 100 m")
     local = zone_of(zone)
+    given = _stated_fields(stated, reading.air_temperature_c, weather_source)
     if stated.rate is not None:
         of_product(stated.rate, None)  # before any work is done
     logs = require_logs(logs)
@@ -177,7 +179,7 @@ def record(
         fields |= of_field(outline, done)
         of_file = EntrySource.FILE
         fields["field"] = Entry(value=outline.name, source=of_file, detail="option --field")
-    fields |= _stated_fields(stated, reading.air_temperature_c, weather_source)
+    fields |= given
     rules = [one for name, one in job_rules().items() if not rule or name in rule]
     if sys.stdin.isatty():
         for name in fields_asked(rules):
@@ -313,7 +315,10 @@ def _stated_fields(
             continue
         source = sources[weather] if name in _WEATHER else EntrySource.OPTION
         option = f"option --{name.replace('_', '-')}".replace("--temp", "--air-temp")
-        made[name] = Entry(value=value.strip(), source=source, detail=option)
+        if len(value) > LONGEST:
+            raise UsageError(f"{option} has {len(value)} letters; at most {LONGEST} can be printed")
+        unit = "°C" if name == "temperature" else ""
+        made[name] = Entry(value=value.strip(), unit=unit, source=source, detail=option)
     for name in ("aircraft_registration", "aircraft_serial"):
         if name in made:  # a mark comes before a number
             made.setdefault("aircraft", made[name])
@@ -326,7 +331,7 @@ def _answer(name: str) -> str:
 
     while True:
         try:
-            answer = input(f"{TITLES[name]} (Enter: not known): ").strip()
+            answer = input(f"{TITLES[name]} (Enter: not known): ").strip()[:LONGEST]
             if answer and name == "rate":
                 of_product(answer, None)
         except EOFError:

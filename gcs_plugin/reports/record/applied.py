@@ -29,7 +29,8 @@ AGREE_SHARE = 0.1
 LONGEST_PAUSE = 2.0
 #: Share of the time with the pump on that may have no place before the area is a part alone.
 LOST_SHARE = 0.01
-_REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
+#: Of a tank level: a gauge says it.
+REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -232,7 +233,7 @@ def cut_at_date_line(shape: Any) -> Any:
 def by_gauge(track: FlightTrack) -> Liquid | None:
     """What the level fell by in the air; None where no gauge reports it, or it rose."""
     source = track.source("tank_kg")
-    if source.kind not in _REPORTED:
+    if source.kind not in REPORTED:
         return None
     fall, _ = _fall(track)
     return Liquid(by="gauge", kg=fall, within_kg=0.0, source=source.words) if fall >= 0.0 else None

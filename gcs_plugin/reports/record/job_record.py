@@ -167,8 +167,9 @@ def from_logs(
             found[name] = _of_log(value=utc_text(when), detail=words)
             stamp = local.isoformat(timespec="seconds")
             found[f"{name}_local"] = Entry(value=stamp, source=at, detail=whose)
-        day = first.astimezone(zone).date().isoformat()
-        found["date"] = _of_log(value=day, detail=f"of start_local; {words}")
+        days = [when.astimezone(zone).date().isoformat() for when in (first, last)]
+        day = " to ".join(dict.fromkeys(days))
+        found["date"] = _of_log(value=day, detail=f"of start_local and finish_local; {words}")
     if done is not None and np.isfinite(done.area):
         how = "spacing of the lines" if done.swath_from_lines else "option --swath"
         kind = EntrySource.LOG if done.swath_from_lines else EntrySource.OPTION

@@ -6,13 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.reports.record.applied import REPORTED
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.flight import FlightTrack, Floats, Origin
 
-CLOCKS_APART = 60.0  # s, by which the clocks of autopilot and ground may differ
+CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ
 STEP = 0.5  # s
 #: m within which it is the same aircraft: a GPS reads so, and no two fly so close.
 SAME_PLACE = 3.0
+#: Share of a rotor's speed, and kg in the tank, by which two logs of one flight may differ. Flights
+#: that simulators make at once are at one place too.
+SAME_SPEED, SAME_TANK = 0.01, 0.2
 
 
 def each_once(logs: Sequence[FlightLog]) -> list[int | None]:
@@ -51,7 +55,32 @@ def _same(one: FlightLog, other: FlightLog) -> bool:
     here = _places(first, first.origin, times)
     shifts = np.arange(-CLOCKS_APART, CLOCKS_APART + STEP, STEP)
     apart = [np.hypot(*(here - _places(second, first.origin, times + s)).T) for s in shifts]
-    return any(np.nanmedian(a) < SAME_PLACE for a in apart if np.isfinite(a).any())
+    met = any(np.nanmedian(a) < SAME_PLACE for a in apart if np.isfinite(a).any())
+    return met and _read_alike(first, second, (begin, end))
+
+
+def _read_alike(first: FlightTrack, second: FlightTrack, within: tuple[float, float]) -> bool:
+    """Whether rotor speeds, and gauges where both have one, are alike in the air at Unix times."""
+    speeds, tanks = [], []
+    for track in (first, second):
+        unix_s = track.time_s + (track.start_unix_s or 0.0)
+        rows = track.flying & (unix_s >= within[0]) & (unix_s <= within[1])
+        speeds.append(_medians(track.rotor_speed_rpm[rows]))
+        gauge = track.source("tank_kg").kind in REPORTED
+        tanks.append(_medians(track.tank_kg[rows, None]) if gauge else np.array([np.nan]))
+    if speeds[0].shape != speeds[1].shape:
+        return False
+    # What one of them does not report tells nothing.
+    far = np.abs(speeds[0] - speeds[1]) > SAME_SPEED * np.maximum(*speeds)
+    return not (far.any() or (np.abs(tanks[0] - tanks[1]) > SAME_TANK).any())
+
+
+def _medians(rows: Floats) -> Floats:
+    """Median of each column; NaN of one without a number."""
+    known = np.isfinite(rows).any(axis=0)
+    made = np.full(rows.shape[1], np.nan)
+    made[known] = np.nanmedian(rows[:, known], axis=0)
+    return made
 
 
 def _places(track: FlightTrack, origin: Origin, unix_s: Floats) -> Floats:

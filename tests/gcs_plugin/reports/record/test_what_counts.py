@@ -4,6 +4,7 @@ import errno
 import io
 import json
 from dataclasses import replace
+from datetime import UTC
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,12 @@ def test_flights_are_the_same_at_one_time_at_one_place():
     north = log().track.position_ned + np.array([20.0, 0.0, 0.0])
     assert each_once([log(), with_track(position_ned=north)]) == [None, None]
     assert each_once([log(), with_track(start_unix_s=start + 3600.0)]) == [None, None]
-    assert each_once([log(), with_track(start_unix_s=start + 40.0)]) == [None, 0]
+    assert each_once([log(), with_track(start_unix_s=start + 40.0)]) == [None, None]
+    assert each_once([log(), with_track(start_unix_s=start + 4.0)]) == [None, 0]
+    # Simulators fly one route at once: what else is read tells them apart.
+    fuller = with_track(tank_kg=log().track.tank_kg + 0.5)
+    faster = with_track(rotor_speed_rpm=log().track.rotor_speed_rpm * [1.0, 1.02, 1.0, 1.0])
+    assert each_once([log(), fuller, faster]) == [None, None, None]
     # The one that knows more stands, whichever comes first.
     assert each_once([without_place(30.0), log(), log()]) == [1, None, 1]
     undated = with_track(start_unix_s=None)
@@ -149,6 +155,22 @@ def test_a_dose_is_read_in_one_way_or_not_at_all():
     for rate in ("1,500 ml/ha", "0 L/ha", "\uff11.5 L/ha", "9" * 400 + " L/ha", "1.5 L/ac/ha"):
         with pytest.raises(DataError, match="--rate"):
             of_product(rate, 2.0)
+
+
+def test_a_field_that_no_page_could_hold_is_refused(tmp_path, capsys):
+    words = ["record", str(LOG), "--rule", "us", "--out", str(tmp_path / "job"), "--product"]
+    assert run([*words, "x" * 1001]) == 2
+    assert "--product has 1001 letters" in capsys.readouterr().err
+    assert run([*words, "x" * 1000]) == 0
+
+
+def test_a_job_of_two_days_has_both_dates():
+    day = 86_400.0
+    start = log().track.start_unix_s
+    assert start is not None
+    logs = [log(), with_track(start_unix_s=start + 2 * day)]
+    found = from_logs(logs, applied(logs, 5.0), UTC)
+    assert found["date"].value == "2026-11-21 to 2026-11-23"
 
 
 class Terminal(io.StringIO):
