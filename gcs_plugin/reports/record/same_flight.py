@@ -70,7 +70,7 @@ def _read_alike(first: FlightTrack, second: FlightTrack, within: tuple[float, fl
         tanks.append(_medians(track.tank_kg[rows, None]) if gauge else np.array([np.nan]))
     if speeds[0].shape != speeds[1].shape:
         return False
-    # What one of them does not report tells nothing.
+    # NaN, which one of them does not report, is never far.
     far = np.abs(speeds[0] - speeds[1]) > SAME_SPEED * np.maximum(*speeds)
     return not (far.any() or (np.abs(tanks[0] - tanks[1]) > SAME_TANK).any())
 

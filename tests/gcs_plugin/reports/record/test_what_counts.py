@@ -68,7 +68,7 @@ def test_flights_are_the_same_at_one_time_at_one_place():
     assert each_once([log(), with_track(start_unix_s=start + 3600.0)]) == [None, None]
     assert each_once([log(), with_track(start_unix_s=start + 40.0)]) == [None, None]
     assert each_once([log(), with_track(start_unix_s=start + 4.0)]) == [None, 0]
-    # Simulators fly one route at once: what else is read tells them apart.
+    # Simulators fly one route at once: what else is read distinguishes them.
     fuller = with_track(tank_kg=log().track.tank_kg + 0.5)
     faster = with_track(rotor_speed_rpm=log().track.rotor_speed_rpm * [1.0, 1.02, 1.0, 1.0])
     assert each_once([log(), fuller, faster]) == [None, None, None]
