@@ -45,6 +45,7 @@ class _Server(ThreadingHTTPServer):
     """
 
     daemon_threads = True
+    request_queue_size = 2 * MOST
 
     def __init__(self, *args: Any) -> None:
         self._room = threading.BoundedSemaphore(MOST)
