@@ -229,22 +229,23 @@ def zone_of(name: str | None) -> tzinfo | None:
 def counted_once(
     flights: list[tuple[FlightAnalysis, FlightLog]],
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
-    """The flights, each by one log, and what is left out: other logs of it, and other vehicles."""
+    """The flights, each by one log, and what is left out: other logs of it, other vehicles, and
+    stretches without a flight or that cannot be read."""
     from thrustmargin.gcs_plugin.reports.record.same_flight import each_once
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.record_words import other_vehicles, same_flight
 
     logs = [log for _, log in flights]
-    kept, left = [], {}
+    kept, left = [], []
     for flight, log, stands in zip(flights, logs, each_once(logs), strict=True):
         if stands is not None:
-            left[log.name] = UnusedLog(name=log.name, reason=same_flight(logs[stands].name))
+            left.append(UnusedLog(name=log.name, reason=same_flight(logs[stands].name)))
             continue
         kept.append(flight)
-        if others := [one for one in log.vehicles if one != log.vehicle]:
-            reason = other_vehicles(log.vehicle, others)
-            left[log.path.name] = UnusedLog(name=log.path.name, reason=reason)
-    return kept, list(left.values())
+        others = [one for one in log.vehicles if one != log.vehicle]
+        reasons = (other_vehicles(log.vehicle, others),) if others else ()
+        left += [UnusedLog(name=log.path.name, reason=r) for r in (*reasons, *log.unflown)]
+    return kept, list(dict.fromkeys(left))
 
 
 def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:

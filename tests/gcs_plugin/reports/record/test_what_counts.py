@@ -234,6 +234,15 @@ def test_other_vehicles_of_a_log_are_left_out_by_name():
     assert "vehicle 1, 7 of the log: vehicle 2 is read" in left[0].reason
 
 
+def test_flights_of_a_table_that_are_not_read_are_named(tmp_path):
+    table, out = tmp_path / "two.csv", tmp_path / "out"
+    assert run(["report", str(LOG), str(LOG), "--out", str(tmp_path / "two.html")]) == 0
+    assert run(["record", str(table), "--out", str(out), "--rule", "us"]) == 0
+    (left,) = json.loads((out / "record.json").read_text("utf-8"))["left_out"]
+    assert left["name"] == "two.csv"
+    assert left["reason"].startswith("2 flights in the file: the first is read")
+
+
 def test_logs_that_cannot_be_read_are_named(tmp_path):
     (tmp_path / "broken.tlog").write_bytes(b"no log")
     out = tmp_path / "out"
