@@ -48,7 +48,14 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
-from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, FlyingBy, Origin
+from thrustmargin.models.flight import (
+    TRACK_CHANNELS,
+    FlightTrack,
+    Floats,
+    FlyingBy,
+    Origin,
+    known_date,
+)
 from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
@@ -67,7 +74,6 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
 }
 _ROTOR = re.compile(r"(rotor_speed_rpm|throttle)_([1-9][0-9]?)")
 _WITH_UNIT = re.compile(r"(\w+) \[(.*)\]")  # a heading of a margin report's CSV
-_LATEST = 1e11  # s of Unix time
 _SHOWN = 50  # rows by which the decimal sign is known
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(e[-+]?[0-9]+)?", re.IGNORECASE)
 _NULLS = {"", "-", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A"}
@@ -308,7 +314,6 @@ def _track(
         raise LogError(f"{path.name}: no column but time_s is known; docs/tables.md has the names")
     flying, name = found.get("flying"), about.get("name")
     start = about.get("start_unix_s")
-    known_start = isinstance(start, int | float) and abs(start) < _LATEST
     written = about.get("notes")
     written = written if isinstance(written, list) else []
     notes = (*(clean(n) for n in written if isinstance(n, str)), *notes)
@@ -321,7 +326,7 @@ def _track(
         flying=np.ones(time_s.size, dtype=np.bool_) if flying is None else flying > 0.5,
         flying_by=FlyingBy.NOT_KNOWN if flying is None else FlyingBy.GIVEN,
         origin=_origin(path, about.get("origin")),
-        start_unix_s=float(start) if known_start and start is not None else None,
+        start_unix_s=known_date(start) if isinstance(start, int | float) else None,
         sources=sources | written_sources(path, about.get("sources")),
         notes=notes,
         **channels,

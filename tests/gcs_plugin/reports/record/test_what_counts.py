@@ -4,7 +4,7 @@ import errno
 import io
 import json
 from dataclasses import replace
-from datetime import UTC
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,8 @@ import shapely.geometry
 from tests.gcs_plugin.reports.margin.report_flight import LOG, log, model
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.record import counted_once
+from thrustmargin.gcs_plugin.mavlink.frame import frame_of
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
 from thrustmargin.gcs_plugin.reports.record.applied import applied, cut_at_date_line
 from thrustmargin.gcs_plugin.reports.record.job_record import from_logs, of_field, of_product
@@ -171,6 +173,22 @@ def test_a_job_of_two_days_has_both_dates():
     logs = [log(), with_track(start_unix_s=start + 2 * day)]
     found = from_logs(logs, applied(logs, 5.0), UTC)
     assert found["date"].value == "2026-11-21 to 2026-11-23"
+
+
+@pytest.mark.parametrize(("year", "known"), [(1970, False), (2026, True), (2101, False)])
+def test_a_clock_that_nobody_set_gives_no_date(year, known, tmp_path):
+    """Stamps of a ground station whose clock was reset, of a log without the time by GPS."""
+    shift_us = round((datetime(year, 3, 1, tzinfo=UTC).timestamp() - 1_795_228_092.0) * 1e6)
+    frames = [
+        (stamp_us + shift_us).to_bytes(8, "big") + data
+        for stamp_us, data in stamped_frames(LOG)
+        if (frame := frame_of(data)) is not None and frame.id != 2  # SYSTEM_TIME
+    ]
+    (tmp_path / "x.tlog").write_bytes(b"".join(frames))
+    words = ["record", str(tmp_path / "x.tlog"), "--out", str(tmp_path / "out"), "--rule", "us"]
+    assert run(words) == 0
+    fields = json.loads((tmp_path / "out" / "record.json").read_text("utf-8"))["fields"]
+    assert ("date" in fields, "start" in fields) == (known, known)
 
 
 class Terminal(io.StringIO):
