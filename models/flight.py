@@ -124,6 +124,15 @@ class Origin:
         return np.stack(pymap3d.geodetic2ned(latitude, longitude, altitude, *here), axis=-1)
 
 
+#: Unix times that the date of a flight can have, 2000 to 2100; a clock that nobody set has others.
+DATES = (946_684_800.0, 4_102_444_800.0)
+
+
+def known_date(unix_s: float | None) -> float | None:
+    """The Unix time, s; None where it is not known, or no flight can be then."""
+    return unix_s if unix_s is not None and DATES[0] <= unix_s < DATES[1] else None
+
+
 class FlyingBy(StrEnum):
     """What decided which rows of a flight are off the ground."""
 

@@ -57,5 +57,10 @@ def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
                 os.fsync(folder)
             finally:
                 os.close(folder)
+    except OSError as error:
+        # A full disk does not say of which file, a folder that is read-only names the draft.
+        if error.filename in (None, str(draft), draft):
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+        raise
     finally:
         draft.unlink(missing_ok=True)

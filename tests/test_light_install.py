@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -159,3 +160,10 @@ def test_the_demo_needs_no_log_and_no_folder(ran: dict[str, Done]):
     ended = ran[" ".join(["demo", *VIEW])]
     assert ended.code == 0, ended.errors
     assert (ended.folder / "report.html").exists()
+
+
+def test_windows_gets_the_time_zones_that_it_has_not():
+    """`record --zone` would refuse every zone there."""
+    wanted = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    (zones,) = [one for one in wanted if one.startswith("tzdata")]
+    assert zones.partition(";")[2].strip() == "sys_platform == 'win32'"

@@ -56,6 +56,11 @@ QUIET = 1.5  # s of a vehicle's silence from which nothing is sent for it
 INFO = 6  # MAV_SEVERITY that no ground station speaks
 EXPLAINED_EVERY = 300.0  # s between two texts that say what these are
 WAITING = 8
+#: Letters that some stations show as two others, and what is written for them.
+PLAIN = (
+    *(("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("Ä", "Ae"), ("Ö", "Oe"), ("Ü", "Ue"), ("ß", "ss")),
+    *(("°", " deg"), ("±", "+-"), ("×", "x"), ("–", "-")),
+)
 LONGEST = 50  # bytes of a STATUSTEXT
 
 
@@ -192,9 +197,9 @@ class Announcer(Subscriber):
 
 def plain(text: str) -> str:
     """The text as ground stations show it: no letters but those of English."""
-    for letter, written in (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("Ü", "Ue"), ("ß", "ss")):
+    for letter, written in PLAIN:
         text = text.replace(letter, written)
-    return text
+    return text.encode("ascii", "replace").decode()
 
 
 def figures(update: Update) -> dict[str, float]:

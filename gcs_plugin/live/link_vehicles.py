@@ -12,7 +12,12 @@ from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.watch.watch_settings import Later, WatchSettings, when_asked
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
-from thrustmargin.gcs_plugin.mavlink.who_sends import GROUND_STATION, HEARTBEAT, NO_AUTOPILOT
+from thrustmargin.gcs_plugin.mavlink.who_sends import (
+    GROUND_STATION,
+    HEARTBEAT,
+    NO_AUTOPILOT,
+    of_vehicles,
+)
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STATIONS = (0, 255)  # system ids that are never vehicles
@@ -64,13 +69,11 @@ class Fleet:
     def take(self, frames: Sequence[Frame]) -> None:
         """Frames in the order in which they came, of any sender."""
         for frame in frames:
+            if frame.verified and frame.id == HEARTBEAT and not self._of_vehicle(frame):
+                continue
             if frame.system in self._stations:
                 if frame.verified and frame.id in OF_MISSION:
                     self._overhear(frame)
-                continue
-            if frame.verified and frame.id == HEARTBEAT and _is_station(frame):
-                self._stations.add(frame.system)
-                self._watches.pop(frame.system, None)
                 continue
             watch = self._watches.get(frame.system)
             if watch is None:
@@ -103,6 +106,26 @@ class Fleet:
         """Check every link at a time of the ground's clock."""
         return [(n, e) for n, w in self.vehicles.items() for e in w.tick(now_us)]
 
+    def _of_vehicle(self, frame: Frame) -> bool:
+        """False for the heartbeat of a ground station, whose system is then one.
+
+        A program on board, or a station, may have the vehicle's own id: what has an autopilot is a
+        vehicle, whichever heartbeat comes first.
+        """
+        columns = fields(frame)
+        if columns is None:
+            return True
+        if of_vehicles(columns)[0] and frame.system not in STATIONS:
+            self._stations.discard(frame.system)
+        kind, autopilot = int(columns["type"][0]), int(columns["autopilot"][0])
+        if kind != GROUND_STATION or autopilot != NO_AUTOPILOT:
+            return True
+        watch = self._watches.get(frame.system)
+        if watch is None or not watch.vehicle:
+            self._stations.add(frame.system)
+            self._watches.pop(frame.system, None)
+        return False
+
     def _overhear(self, frame: Frame) -> None:
         columns = fields(frame)
         if columns is not None:
@@ -125,12 +148,3 @@ class Subscriber:
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """After each round, whether or not there was anything new."""
-
-
-def _is_station(frame: Frame) -> bool:
-    columns = fields(frame)
-    return (
-        columns is not None
-        and int(columns["type"][0]) == GROUND_STATION
-        and int(columns["autopilot"][0]) == NO_AUTOPILOT
-    )

@@ -26,6 +26,7 @@ from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import LinkError
 
+MOST = 32  # requests at once
 FRESH = 3.0  # s for which figures are shown as live
 FILES = "thrustmargin.gcs_plugin"
 
@@ -35,6 +36,32 @@ class _Shown:
     figures: dict[str, float]
     answer: FlightAnswer | None
     stamp_us: int  # ground's clock when the row's report came
+
+
+class _Server(ThreadingHTTPServer):
+    """A thread a request, of which there are MOST at once: others are hung up on.
+
+    Else whoever reaches the port could take the threads and files that the monitor needs.
+    """
+
+    daemon_threads = True
+    request_queue_size = 2 * MOST
+
+    def __init__(self, *args: Any) -> None:
+        self._room = threading.BoundedSemaphore(MOST)
+        super().__init__(*args)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        if self._room.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._room.release()
 
 
 class PilotBar(Subscriber):
@@ -65,12 +92,11 @@ class PilotBar(Subscriber):
     def start(self) -> None:
         """Open the port and answer, on threads of its own."""
         try:
-            self._server = ThreadingHTTPServer(self._address, _handler(self.answer))
+            self._server = _Server(self._address, _handler(self.answer))
         except (OSError, OverflowError) as error:
             raise LinkError(
                 f"--bar {self._address[1]} cannot be opened: {error}; give another port"
             ) from error
-        self._server.daemon_threads = True
         threading.Thread(target=self._server.serve_forever, name="bar", daemon=True).start()
 
     def stop(self) -> None:

@@ -48,7 +48,14 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
-from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, FlyingBy, Origin
+from thrustmargin.models.flight import (
+    TRACK_CHANNELS,
+    FlightTrack,
+    Floats,
+    FlyingBy,
+    Origin,
+    known_date,
+)
 from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
@@ -67,7 +74,6 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
 }
 _ROTOR = re.compile(r"(rotor_speed_rpm|throttle)_([1-9][0-9]?)")
 _WITH_UNIT = re.compile(r"(\w+) \[(.*)\]")  # a heading of a margin report's CSV
-_LATEST = 1e11  # s of Unix time
 _SHOWN = 50  # rows by which the decimal sign is known
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(e[-+]?[0-9]+)?", re.IGNORECASE)
 _NULLS = {"", "-", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A"}
@@ -85,7 +91,7 @@ def _likeness(begins: Beginning) -> float:
 
 def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog, ...]:
     craft = options.airframe
-    track = read_csv(path, rotor_count=0 if craft is None else craft.rotor_count)
+    track, unread = _read_first(path, 0 if craft is None else craft.rotor_count)
     if craft is not None and track.rotor_count != craft.rotor_count:
         raise AirframeError(
             f"{path.name}: columns of {track.rotor_count} rotors, but airframe {craft.name} has "
@@ -98,7 +104,7 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog
         track = replace(track, flying=off.flying, flying_by=off.by)
     track = stated_track(track, options)
     log = log_of_track(track, path, path.stat().st_size, craft)
-    return (replace(log, other_units=tuple(unlike)),)
+    return (replace(log, other_units=tuple(unlike), unflown=unread),)
 
 
 FORMAT = LogFormat(
@@ -116,6 +122,11 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
 
     Raises LogError naming the column or row that is wrong.
     """
+    return _read_first(path, rotor_count)[0]
+
+
+def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[str, ...]]:
+    """As `read_csv`, and what is said of the file's other flights."""
     comments, names, body, separator = _parts(decoded(path.read_bytes()))
     stated = stated_columns(path, unit_of_column)
     if "time_s" not in stated and "time_s" not in names:
@@ -145,9 +156,10 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
         notes.append(f"{torn} torn row(s) are left out")
     if unused:
         notes.append(clean(f"columns not used: {', '.join(unused)[:200]}"))
+    unread: tuple[str, ...] = ()
     if "flight_number" in found:
-        found = _first_flight(found, notes)
-    return _track(path, found, notes, about, rotor_count)
+        found, unread = _first_flight(found)
+    return _track(path, found, (*notes, *unread), about, rotor_count), unread
 
 
 def _known(name: str) -> bool:
@@ -247,16 +259,17 @@ def _about(comments: Sequence[str], path: Path) -> dict[str, Any]:
     return about
 
 
-def _first_flight(found: Mapping[str, Floats], notes: list[str]) -> dict[str, Floats]:
-    """The rows of the first flight of a report of several, which is said in a note."""
+def _first_flight(found: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[str, ...]]:
+    """The rows of the first flight of a report of several, and that there are others."""
     numbers = found["flight_number"]
     first = numbers == numbers[0] if numbers.size else numbers == numbers
-    others = np.unique(numbers[~first])
-    if others.size:
-        notes.append(f"{others.size + 1} flights in the file: the first is read, the others not")
+    count, unread = 1 + np.unique(numbers[~first]).size, ()
+    if count > 1:
+        unread = (f"{count} flights in the file: the first is read, the others not",)
     kept = {name: values[first] for name, values in found.items() if name != "flight_number"}
     # Columns that only another flight fills, of a channel or of a rotor that this one has not.
-    return {n: values for n, values in kept.items() if n == "time_s" or np.isfinite(values).any()}
+    some = {n: values for n, values in kept.items() if n == "time_s" or np.isfinite(values).any()}
+    return some, unread
 
 
 def _track(
@@ -301,7 +314,6 @@ def _track(
         raise LogError(f"{path.name}: no column but time_s is known; docs/tables.md has the names")
     flying, name = found.get("flying"), about.get("name")
     start = about.get("start_unix_s")
-    known_start = isinstance(start, int | float) and abs(start) < _LATEST
     written = about.get("notes")
     written = written if isinstance(written, list) else []
     notes = (*(clean(n) for n in written if isinstance(n, str)), *notes)
@@ -314,7 +326,7 @@ def _track(
         flying=np.ones(time_s.size, dtype=np.bool_) if flying is None else flying > 0.5,
         flying_by=FlyingBy.NOT_KNOWN if flying is None else FlyingBy.GIVEN,
         origin=_origin(path, about.get("origin")),
-        start_unix_s=float(start) if known_start and start is not None else None,
+        start_unix_s=known_date(start) if isinstance(start, int | float) else None,
         sources=sources | written_sources(path, about.get("sources")),
         notes=notes,
         **channels,

@@ -45,13 +45,19 @@ namespace ThrustMargin
 
         private readonly Dictionary<string, double> values = new Dictionary<string, double>();
         private readonly Dictionary<string, double> times = new Dictionary<string, double>();
+        private readonly HashSet<string> gone = new HashSet<string>(); // NaN came: no longer known
 
         public void Take(string name, double value, double now)
         {
             if (!name.StartsWith("MARGIN", StringComparison.Ordinal)) return;
-            if (double.IsNaN(value) || double.IsInfinity(value)) return;
             lock (values)
             {
+                if (double.IsNaN(value) || double.IsInfinity(value))
+                {
+                    gone.Add(name);
+                    return;
+                }
+                gone.Remove(name);
                 values[name] = value;
                 times[name] = now;
             }
@@ -65,7 +71,7 @@ namespace ThrustMargin
         /// The value if it is live, else NaN.
         private double Now(string name, double now)
         {
-            return Age(name, now) <= Live ? values[name] : double.NaN;
+            return Age(name, now) <= Live && !gone.Contains(name) ? values[name] : double.NaN;
         }
 
         public Picture Draw(double now)

@@ -53,7 +53,14 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     tank_levels,
 )
 from thrustmargin.models.checks.held import HeldSoFar
-from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, FlyingBy
+from thrustmargin.models.flight import (
+    TRACK_CHANNELS,
+    Bools,
+    FlightTrack,
+    Floats,
+    FlyingBy,
+    known_date,
+)
 from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
@@ -216,7 +223,7 @@ def flight_rows(
         name=name,
         time_s=clock_s - start_s,
         rotor_count=motors.rotor_count,
-        start_unix_s=None if unix_minus_clock is None else unix_minus_clock + start_s,
+        start_unix_s=known_date(None if unix_minus_clock is None else unix_minus_clock + start_s),
         flying=flying,
         flying_by=flying_by,
         origin=None if zero is None else zero.origin,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from thrustmargin.gcs_plugin.wording.numbers import number
@@ -42,6 +42,7 @@ TITLES: Mapping[str, str] = {
     "start_local": "start, local",
     "finish_local": "finish, local",
     "area": "area treated",
+    "area_at_least": "area treated, at least",
     "field_area": "area of the field",
     "area_outside_field": "treated outside the field",
     "swath": "swath",
@@ -58,6 +59,21 @@ NO_SHAPEFILE = (
     "no shapefile: pyshp is not installed; run: pip install 'thrustmargin[field]'. The GeoJSON has "
     "the same ground"
 )
+
+
+#: Heading of the logs and vehicles that are no part of the record.
+LEFT_OUT = "Not in this record"
+
+
+def same_flight(name: str) -> str:
+    """Why a log is left out that is of the same flight as the log `name`."""
+    return f"the same flight as {name}, which counts once"
+
+
+def other_vehicles(chosen: int, others: Sequence[int]) -> str:
+    """Why vehicles of a log are left out."""
+    ids = ", ".join(map(str, others))
+    return f"vehicle {ids} of the log: vehicle {chosen} is read; --vehicle chooses another"
 
 
 def liquid_words(

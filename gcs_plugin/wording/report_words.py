@@ -324,3 +324,9 @@ def command(contact: FirstContact) -> str:
     """The line that makes the airframe file once its capitals are replaced by numbers."""
     options = " ".join(option for option, _ in option_words(contact.asked))
     return f"thrustmargin airframe new --from {contact.log} {options}"
+
+
+def boxes(box: str, letters: Sequence[str]) -> str:
+    """What the boxes on paper stand for."""
+    codes = ", ".join(f"U+{ord(letter):04X}" for letter in letters)
+    return f"{box}: letters that cannot be printed here ({codes}); the other files have them"

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.record.applied import Liquid
     from thrustmargin.gcs_plugin.reports.record.job_record import Entry
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.analysis import FlightAnalysis
 
 
@@ -86,6 +87,7 @@ class JobStatement:
 
 Statement = Annotated[JobStatement, tyro.conf.OmitArgPrefixes]
 NOTHING = JobStatement()
+LONGEST = 1000  # letters of a field: a row of the table on paper
 _WEATHER = ("wind", "temperature", "humidity", "inversion")
 
 
@@ -151,6 +153,7 @@ def record(
     if swath is not None and not 0.1 <= swath <= 100.0:
         raise UsageError(f"--swath {swath:g} m is not between 0.1 and 100 m")
     local = zone_of(zone)
+    given = _stated_fields(stated, reading.air_temperature_c, weather_source)
     if stated.rate is not None:
         of_product(stated.rate, None)  # before any work is done
     logs = require_logs(logs)
@@ -160,6 +163,7 @@ def record(
     console = Terminal(stderr=True, soft_wrap=True)
     asked = Chosen(model=model, airframe=airframe, reading=reading)
     flights, _, unread = analysed_flights(logs, asked, console)
+    flights, left_out = counted_once(flights)
     sorties = [log for _, log in flights]
     done = applied(sorties, swath)
     amounts = liquids(flights)
@@ -175,18 +179,22 @@ def record(
         fields |= of_field(outline, done)
         of_file = EntrySource.FILE
         fields["field"] = Entry(value=outline.name, source=of_file, detail="option --field")
-    fields |= _stated_fields(stated, reading.air_temperature_c, weather_source)
+    fields |= given
     rules = [one for name, one in job_rules().items() if not rule or name in rule]
     if sys.stdin.isatty():
         for name in fields_asked(rules):
-            if name not in fields and (answer := _answer(name)):
-                fields[name] = Entry(value=answer, source=EntrySource.TERMINAL)
+            if name in fields or not (answer := _answer(name)):
+                continue
+            fields[name] = Entry(value=answer, source=EntrySource.TERMINAL)
+            if name == "rate":
+                fields |= of_product(answer, area_ha)
     made = JobRecord(
         made_utc=utc_text(),
         fields=fields,
         liquid=tuple(amounts),
         rules=tuple(rules),
         logs=tuple(log.name for log in sorties),
+        left_out=(*left_out, *unread),
         finished=_finished(fields),
     )
     out.mkdir(parents=True, exist_ok=True)
@@ -196,6 +204,8 @@ def record(
         screen.print(f"liquid {words}")
     for words in missing_words(data["rules"]):
         screen.print(f"missing: {words}")
+    for one in left_out:
+        screen.print(f"left out: {one.name}: {one.reason}")
     for log in unread:
         console.print(f"not read: {log.name}: {log.reason}")
     if done is not None and done.ground is not None and not makes_shapefiles():
@@ -214,6 +224,28 @@ def zone_of(name: str | None) -> tzinfo | None:
         return zoneinfo.ZoneInfo(name)
     except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError) as error:
         raise UsageError(f"--zone {name!r:.40} is none; give one such as Europe/Berlin") from error
+
+
+def counted_once(
+    flights: list[tuple[FlightAnalysis, FlightLog]],
+) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
+    """The flights, each by one log, and what is left out: other logs of it, other vehicles, and
+    stretches without a flight or that cannot be read."""
+    from thrustmargin.gcs_plugin.reports.record.same_flight import each_once
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.record_words import other_vehicles, same_flight
+
+    logs = [log for _, log in flights]
+    kept, left = [], []
+    for flight, log, stands in zip(flights, logs, each_once(logs), strict=True):
+        if stands is not None:
+            left.append(UnusedLog(name=log.name, reason=same_flight(logs[stands].name)))
+            continue
+        kept.append(flight)
+        others = [one for one in log.vehicles if one != log.vehicle]
+        reasons = (other_vehicles(log.vehicle, others),) if others else ()
+        left += [UnusedLog(name=log.path.name, reason=r) for r in (*reasons, *log.unflown)]
+    return kept, list(dict.fromkeys(left))
 
 
 def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
@@ -284,7 +316,10 @@ def _stated_fields(
             continue
         source = sources[weather] if name in _WEATHER else EntrySource.OPTION
         option = f"option --{name.replace('_', '-')}".replace("--temp", "--air-temp")
-        made[name] = Entry(value=value.strip(), source=source, detail=option)
+        if len(value) > LONGEST:
+            raise UsageError(f"{option} has {len(value)} letters; at most {LONGEST} can be printed")
+        unit = "°C" if name == "temperature" else ""
+        made[name] = Entry(value=value.strip(), unit=unit, source=source, detail=option)
     for name in ("aircraft_registration", "aircraft_serial"):
         if name in made:  # a mark comes before a number
             made.setdefault("aircraft", made[name])
@@ -292,12 +327,20 @@ def _stated_fields(
 
 
 def _answer(name: str) -> str:
+    from thrustmargin.gcs_plugin.reports.record.job_record import of_product
     from thrustmargin.gcs_plugin.wording.record_words import TITLES
 
-    try:
-        return input(f"{TITLES[name]} (Enter: not known): ").strip()
-    except EOFError:
-        return ""
+    while True:
+        try:
+            answer = input(f"{TITLES[name]} (Enter: not known): ").strip()[:LONGEST]
+            if answer and name == "rate":
+                of_product(answer, None)
+        except EOFError:
+            return ""
+        except DataError as error:  # asked again: what was answered before is not lost
+            Terminal(soft_wrap=True).print(str(error))
+            continue
+        return answer
 
 
 def _finished(fields: dict[str, Entry]) -> datetime | None:

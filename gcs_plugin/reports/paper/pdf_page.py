@@ -16,6 +16,7 @@ from lxml.html import HtmlElement, document_fromstring
 from thrustmargin.gcs_plugin.reports.paper.canvas import PIXEL, PdfCanvas, with_fonts
 from thrustmargin.gcs_plugin.reports.paper.drawn_figure import draw, size
 from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure
+from thrustmargin.gcs_plugin.wording.report_words import boxes
 
 MARGIN = 12.0  # mm
 TILES = 4  # beside each other
@@ -32,6 +33,7 @@ LEVELS = {
     ),
     "unknown": ((68, 68, 68), (255, 255, 255)),
 }
+BOX = "\N{WHITE SQUARE}"  # in the place of a letter that cannot be printed
 SILENT = {"script", "style", "noscript", "title"}
 
 
@@ -54,8 +56,23 @@ def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) 
     `brief` leaves out what is of class "detail", and lets one flight follow another on a page.
     """
     paper = _Paper(figures, brief)
-    paper.block(document_fromstring(html))
+    paper.block(document_fromstring(_printable(html, paper.pdf)))
     return bytes(paper.pdf.output())
+
+
+def _printable(html: str, pdf: FPDF) -> str:
+    """The page with a box for each letter that the fonts have not, and what the boxes stand for.
+
+    A name that lacks letters must not look whole.
+    """
+    cmaps = [getattr(font, "cmap", {}) for font in pdf.fonts.values()]
+    lacking = {c for c in set(html) if not c.isspace() and any(ord(c) not in m for m in cmaps)}
+    if not lacking:
+        return html
+    boxed = html.translate({ord(letter): BOX for letter in lacking})
+    end = boxed.rfind("</body>")
+    end = len(boxed) if end < 0 else end
+    return f"{boxed[:end]}<p>{boxes(BOX, sorted(lacking))}</p>{boxed[end:]}"
 
 
 class _Paper:

@@ -27,7 +27,10 @@ END_ROWS = 10
 AGREE_SHARE = 0.1
 #: s between two rows beyond which the way from the one to the other is not known.
 LONGEST_PAUSE = 2.0
-_REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
+#: Share of the time with the pump on that may have no place before the area is a part alone.
+LOST_SHARE = 0.01
+#: Of a tank level: a gauge says it.
+REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,12 +51,20 @@ class Applied:
 
     passes: tuple[Pass, ...]
     ground: shapely.MultiPolygon | None  # degrees, of all passes; None without swath or place
+    inside: tuple[float, float] | None  # latitude, longitude of a point of the ground
     area: float
     swath: float  # m
     swath_from_lines: bool  # the spacing of neighbouring lines, nobody stated it
     pump: Provenance  # what says that the pump was on
-    start_unix_s: float | None  # of the first pass, the end of the last
+    start_unix_s: float | None  # of the first moment with the pump on, the end of the last
     end_unix_s: float | None
+    sprayed_s: float  # with the pump on, or with nothing that says whether it was
+    lost_s: float  # of these, without a place, or in a pause of the log
+
+    @property
+    def whole(self) -> bool:
+        """Whether the area is that of all that was sprayed, and not of a part alone."""
+        return self.lost_s <= LOST_SHARE * self.sprayed_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,27 +96,62 @@ def applied(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
         for run in held
     ]
     positions = np.concatenate([np.empty((0, 3)), *stretches])
-    field = sprayed_field(positions, np.ones(len(positions)), swath_width=swath)
-    if field is None:
+    if not any(np.any(pump > 0.5) for pump in pumps):
         return None
-    width = field.swath_width
+    field = sprayed_field(positions, np.ones(len(positions)), swath_width=swath)
+    width = float("nan") if field is None else field.swath_width
     passes = [
         one
         for number, (track, plan, held) in enumerate(zip(tracks, plans, runs, strict=True), 1)
         for one in _passes(number, track, plan, held, width, origin)
     ]
-    times = [t for p in passes for t in (p.start_unix_s, p.end_unix_s) if t is not None]
-    dated = len(times) == 2 * len(passes) and bool(times)
+    moments = [_moments(*one) for one in zip(tracks, pumps, strict=True)]
+    times = [t for first_last in moments for t in first_last]
+    dated = [t for t in times if t is not None]
+    spans = [_spans(*one) for one in zip(tracks, plans, pumps, strict=True)]
+    ground, inside = None, None
+    if field is not None and origin and np.isfinite(width):
+        ground = _degrees(field.ground, origin)
+        if not field.ground.is_empty:
+            point = _degrees(field.ground.representative_point(), origin)
+            inside = (point.y, (point.x + 180.0) % 360.0 - 180.0)
+    common = field is not None and (placed or len(logs) == 1)
     return Applied(
         passes=tuple(passes),
-        ground=_degrees(field.ground, origin) if origin and np.isfinite(width) else None,
-        area=field.area if placed or len(logs) == 1 else float("nan"),
+        ground=ground,
+        inside=inside,
+        area=field.area if field is not None and common else float("nan"),
         swath=width,
         swath_from_lines=swath is None,
         pump=tracks[0].source("spraying"),
-        start_unix_s=min(times) if dated else None,
-        end_unix_s=max(times) if dated else None,
+        start_unix_s=min(dated) if len(dated) == len(times) else None,
+        end_unix_s=max(dated) if len(dated) == len(times) else None,
+        sprayed_s=sum(sprayed for sprayed, _ in spans),
+        lost_s=sum(lost for _, lost in spans),
     )
+
+
+def _moments(track: FlightTrack, pump: Floats) -> tuple[float | None, ...]:
+    """Unix time of the first and the last row with the pump on; nothing where it never was."""
+    on = np.flatnonzero(pump > 0.5)
+    start = track.start_unix_s
+    return (
+        tuple(None if start is None else start + float(track.time_s[row]) for row in on[[0, -1]])
+        if on.size
+        else ()
+    )
+
+
+def _spans(track: FlightTrack, plan: Floats, pump: Floats) -> tuple[float, float]:
+    """s with the pump on, or with nothing in the air that says whether it was; and those of them
+    whose ground is not known."""
+    long = np.diff(track.time_s)
+    on, known = pump > 0.5, np.all(np.isfinite(plan), axis=1)
+    unsaid = np.isnan(pump) & track.flying
+    paused = (long > LONGEST_PAUSE) & (on[:-1] | on[1:])
+    placed = on[:-1] & known[:-1] & known[1:] & ~paused
+    lost = paused | (on[:-1] & ~placed) | (unsaid[:-1] & track.flying[1:])
+    return float(long[placed | lost].sum()), float(long[lost].sum())
 
 
 def _on_plane(track: FlightTrack, origin: Origin | None) -> Floats:
@@ -156,18 +202,38 @@ def _passes(
 
 
 def _degrees(geometry: Any, origin: Origin) -> Any:
-    """A geometry of (north, east) in m as one of (longitude, latitude) in degrees."""
+    """A geometry of (north, east) in m as one of (longitude, latitude) in degrees.
+
+    Longitudes go on beyond 180° from an origin before the date line, so that no shape is torn.
+    """
 
     def degrees(points: Floats) -> Floats:
-        return origin.geodetic(np.column_stack([points, np.zeros(len(points))]))[:, [1, 0]]
+        places = origin.geodetic(np.column_stack([points, np.zeros(len(points))]))[:, [1, 0]]
+        zero = origin.longitude_deg
+        places[:, 0] = zero + (places[:, 0] - zero + 180.0) % 360.0 - 180.0
+        return places
 
     return shapely.transform(geometry, degrees)
+
+
+def cut_at_date_line(shape: Any) -> Any:
+    """A geometry in degrees whose longitudes may go beyond 180°, with each part on its own side, as
+    RFC 7946 wants it."""
+    west, _, east, _ = shape.bounds
+    if west >= -180.0 and east <= 180.0:
+        return shape
+    parts = []
+    for turn in (-360.0, 0.0, 360.0):
+        part = shapely.intersection(shape, shapely.box(turn - 180.0, -90.0, turn + 180.0, 90.0))
+        moved = shapely.transform(part, lambda xy, turn=turn: xy - np.array([turn, 0.0]))
+        parts += [p for p in shapely.get_parts(moved) if p.geom_type == "Polygon"]
+    return shapely.MultiPolygon(parts)
 
 
 def by_gauge(track: FlightTrack) -> Liquid | None:
     """What the level fell by in the air; None where no gauge reports it, or it rose."""
     source = track.source("tank_kg")
-    if source.kind not in _REPORTED:
+    if source.kind not in REPORTED:
         return None
     fall, _ = _fall(track)
     return Liquid(by="gauge", kg=fall, within_kg=0.0, source=source.words) if fall >= 0.0 else None

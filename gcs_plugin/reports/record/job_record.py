@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.record.applied import Applied, Liquid, differences
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.reports.shared.written import utc_text
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
@@ -117,6 +118,7 @@ class JobRecord:
     liquid: tuple[Liquid, ...]
     rules: tuple[JobRule, ...]
     logs: tuple[str, ...]
+    left_out: tuple[UnusedLog, ...] = ()  # logs and vehicles that are no part of it, and why
     finished: datetime | None
 
     def as_json(self) -> dict[str, Any]:
@@ -126,6 +128,7 @@ class JobRecord:
             "made_utc": self.made_utc,
             "version": software_version(),
             "logs": list(self.logs),
+            "left_out": to_json_values(self.left_out),
             "fields": {name: to_json_values(entry) for name, entry in self.fields.items()},
             "liquid": {
                 "estimates": to_json_values(self.liquid),
@@ -164,18 +167,22 @@ def from_logs(
             found[name] = _of_log(value=utc_text(when), detail=words)
             stamp = local.isoformat(timespec="seconds")
             found[f"{name}_local"] = Entry(value=stamp, source=at, detail=whose)
-        day = first.astimezone(zone).date().isoformat()
-        found["date"] = _of_log(value=day, detail=f"of start_local; {words}")
+        days = [when.astimezone(zone).date().isoformat() for when in (first, last)]
+        day = " to ".join(dict.fromkeys(days))
+        found["date"] = _of_log(value=day, detail=f"of start_local and finish_local; {words}")
     if done is not None and np.isfinite(done.area):
         how = "spacing of the lines" if done.swath_from_lines else "option --swath"
         kind = EntrySource.LOG if done.swath_from_lines else EntrySource.OPTION
         found["swath"] = Entry(value=done.swath, unit="m", source=kind, detail=how)
         how = "track with the pump on by the swath; overlaps count once"
-        found["area"] = _computed(value=done.area / HECTARE, unit="ha", detail=how)
-    if done is not None and done.ground is not None and not done.ground.is_empty:
-        middle = done.ground.representative_point()
+        name = "area"
+        if not done.whole:
+            name, lost = "area_at_least", f"{done.lost_s:.0f} of {done.sprayed_s:.0f} s"
+            how += f"; no place or no word of the pump is known of {lost}"
+        found[name] = _computed(value=done.area / HECTARE, unit="ha", detail=how)
+    if done is not None and done.inside is not None:
         found["location"] = _of_log(
-            value=f"{middle.y:.6f}, {middle.x:.6f}",
+            value="{:.6f}, {:.6f}".format(*done.inside),
             unit="° latitude, longitude, WGS 84",
             detail="a point of the area treated; its outline: applied.geojson",
         )
@@ -223,7 +230,10 @@ def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
 
 
 def of_field(outline: FieldOutline, done: Applied | None) -> dict[str, Entry]:
-    """What the field's file adds: its name and area, and how much of it was treated."""
+    """What the field's file adds: its area, and how much was treated outside.
+
+    Raises DataError where nothing in it was treated: it is then another field.
+    """
     detail = outline.name
     found = {
         "field_area": Entry(
@@ -232,28 +242,42 @@ def of_field(outline: FieldOutline, done: Applied | None) -> dict[str, Entry]:
     }
     if done is not None and done.ground is not None:
         ground = outline.plane.to_plane(done.ground)
+        if not ground.is_empty and not ground.intersects(outline.area):
+            raise DataError(
+                f"--field {outline.name}: nothing in it was sprayed; give the field of this job"
+            )
         outside = ground.difference(outline.area).area / HECTARE
         how = "outline of the area treated, less the field"
         found["area_outside_field"] = _computed(value=outside, unit="ha", detail=how)
     return found
 
 
-#: A dose: a number, then L, ml, kg or g a hectare.
-DOSE = re.compile(r"\s*(\d+(?:[.,]\d+)?)\s*(L|l|ml|mL|kg|g)\s*/\s*ha\s*")
+ACRE = 4046.8564224  # m²
+#: A dose: a number without a mark between thousands, a unit, and the area.
+DOSE = re.compile(
+    r"\s*([0-9]{1,6}(?:[.,][0-9]{1,6})?)\s*(L|l|ml|mL|kg|g|gal|qt|pt|fl oz|lb|oz)\s*/"
+    r"\s*(ha|ac|acre)\s*"
+)
+THOUSANDS = re.compile(r"\s*[1-9][0-9]{0,2},[0-9]{3}[^0-9]")
 
 
 def of_product(rate: str, area_ha: float | None) -> dict[str, Entry]:
     """How much of the product the stated dose makes on the area treated.
 
-    Raises DataError where the dose is none.
+    Raises DataError where the dose is none, or can be read as two.
     """
     found = DOSE.fullmatch(rate)
-    if found is None:
-        raise DataError(f"--rate {rate!r:.40} is no dose; give one such as 1.5 L/ha or 0.2 kg/ha")
+    if found is None or not (dose := float(found[1].replace(",", "."))) > 0.0:
+        raise DataError(f"--rate {rate!r:.40} is no dose; give one such as 1.5 L/ha or 8 fl oz/ac")
+    if THOUSANDS.match(rate):
+        raise DataError(
+            f"--rate {rate!r:.40}: is its comma between thousands? Write it without, or with a "
+            "point for a fraction"
+        )
     if area_ha is None:
         return {}
-    amount = float(found[1].replace(",", ".")) * area_ha
-    detail = "dose as stated by the area treated"
+    amount = dose * (area_ha if found[3] == "ha" else area_ha * HECTARE / ACRE)
+    detail = f"{dose:g} {found[2]}/{found[3]} as stated, by the area treated"
     return {"product_quantity": _computed(value=amount, unit=found[2], detail=detail)}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,15 @@ import shapely.geometry
 from markupsafe import escape
 
 from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
-from thrustmargin.gcs_plugin.reports.record.applied import Applied, Pass
+from thrustmargin.gcs_plugin.reports.record.applied import Applied, Pass, cut_at_date_line
 from thrustmargin.gcs_plugin.reports.record.job_record import JobRecord
 from thrustmargin.gcs_plugin.reports.shared import written
-from thrustmargin.gcs_plugin.wording.record_words import TITLES, liquid_words, missing_words
+from thrustmargin.gcs_plugin.wording.record_words import (
+    LEFT_OUT,
+    TITLES,
+    liquid_words,
+    missing_words,
+)
 from thrustmargin.models.whole_file import whole_file
 
 #: WGS 84 as a .prj states it; what GIS programs expect beside a shapefile.
@@ -25,10 +31,19 @@ WGS84 = (
 )
 
 
+#: All files that a record can have; those of an earlier one must not stay beside it.
+NAMES = (
+    *(f"record.{ending}" for ending in ("json", "csv", "pdf")),
+    *(f"applied.{ending}" for ending in ("geojson", "shp", "shx", "dbf", "prj")),
+)
+
+
 def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[Path]:
     """Write record.json, .csv and .pdf, and applied.geojson, .shp, .shx, .dbf and .prj where there
-    is a swath and a place; the last four where pyshp is installed. Returns the files. Raises
-    OSError."""
+    is a swath and a place; the last four where pyshp is installed. Returns the files.
+
+    They replace those of an earlier record when all are written, and not before. Raises OSError.
+    """
     contents = {
         "record.json": written.json_text(record.as_json()).encode("utf-8", "replace"),
         "record.csv": csv_text(record).encode("utf-8", "replace"),
@@ -37,9 +52,11 @@ def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[
     if done is not None and done.ground is not None:
         contents["applied.geojson"] = written.json_text(geojson(done)).encode()
         contents |= shapefile(done) if makes_shapefiles() else {}
-    for name, data in contents.items():
-        with whole_file(folder / name) as draft:
-            draft.write_bytes(data)
+    with ExitStack() as files:
+        for name, data in contents.items():
+            files.enter_context(whole_file(folder / name)).write_bytes(data)
+    for name in set(NAMES) - contents.keys():
+        (folder / name).unlink(missing_ok=True)
     return [folder / name for name in contents]
 
 
@@ -55,7 +72,8 @@ def csv_text(record: JobRecord) -> str:
         for item in rule["missing"]
         for name in item["fields"]
     ]
-    return written.csv_text(("field", "value", "unit", "source", "detail"), known + missing)
+    left = [("log", one.name, "", "left out", one.reason) for one in record.left_out]
+    return written.csv_text(("field", "value", "unit", "source", "detail"), known + left + missing)
 
 
 def html_text(record: JobRecord) -> str:
@@ -69,10 +87,12 @@ def html_text(record: JobRecord) -> str:
     amounts = liquid_words(data["liquid"]["estimates"], data["liquid"]["differences"])
     liquid = "".join(f"<li>{escape(words)}</li>" for words in amounts)
     missing = "".join(f"<li>{escape(words)}</li>" for words in missing_words(data["rules"]))
+    left = "".join(f"<li>{escape(f'{one.name}: {one.reason}')}</li>" for one in record.left_out)
+    left = left and f"<h2>{LEFT_OUT}</h2><ul>{left}</ul>"
     return (
         "<h1>Record of a spraying job</h1>"
         f"<p>made {escape(record.made_utc)}, of {escape(', '.join(record.logs))}</p>"
-        "<h2>Fields</h2><table><tr><th>field</th><th>value</th><th>from</th></tr>"
+        f"{left}<h2>Fields</h2><table><tr><th>field</th><th>value</th><th>from</th></tr>"
         f"{rows}</table><h2>Liquid</h2><ul>{liquid}</ul>"
         f"<h2>What rules ask for and nothing says</h2><ul>{missing}</ul>"
     )
@@ -95,7 +115,12 @@ def _of_pass(number: int, one: Pass) -> dict[str, Any]:
 
 def geojson(done: Applied) -> dict[str, Any]:
     """The area treated as one feature, and each pass as another; RFC 7946, WGS 84."""
-    area = {"part": "area", "area_ha": done.area / 1e4, "swath_m": done.swath}
+    area = {
+        "part": "area",
+        "area_ha": done.area / 1e4,
+        "whole": done.whole,
+        "swath_m": done.swath,
+    }
     shapes = [({"part": "pass", **_of_pass(n, p)}, p.strip) for n, p in enumerate(done.passes, 1)]
     return {
         "type": "FeatureCollection",
@@ -104,7 +129,9 @@ def geojson(done: Applied) -> dict[str, Any]:
                 "type": "Feature",
                 "properties": properties,
                 # Outlines run as the standard wants them.
-                "geometry": shapely.geometry.mapping(shapely.orient_polygons(shape)),
+                "geometry": shapely.geometry.mapping(
+                    shapely.orient_polygons(cut_at_date_line(shape))
+                ),
             }
             for properties, shape in [(area, done.ground), *shapes]
             if shape is not None and not shape.is_empty
@@ -135,7 +162,7 @@ def shapefile(done: Applied) -> dict[str, bytes]:
         writer.field(name, kind, *size)
     for number, one in enumerate(done.passes, 1):
         if one.strip is not None and not one.strip.is_empty:
-            writer.shape(shapely.geometry.mapping(one.strip))
+            writer.shape(shapely.geometry.mapping(cut_at_date_line(one.strip)))
             writer.record(*_of_pass(number, one).values())
     writer.close()
     contents = {f"applied.{ending}": part.getvalue() for ending, part in parts.items()}

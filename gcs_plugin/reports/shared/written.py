@@ -32,6 +32,10 @@ def _rounded(value: Any, digits: int) -> Any:
     return float(f"{value:.{digits}g}") if isinstance(value, float) else value
 
 
+#: With which a spreadsheet lets a formula begin; the wide ones in some countries.
+FORMULA = tuple("=+-@\t\r\uff1d\uff0b\uff0d\uff20")
+
+
 def csv_text(heads: Iterable[Any], rows: Iterable[Iterable[Any]]) -> str:
     """Rows under their heads; no text begins as a formula of a spreadsheet."""
     out = io.StringIO()
@@ -39,7 +43,7 @@ def csv_text(heads: Iterable[Any], rows: Iterable[Iterable[Any]]) -> str:
     writer.writerow(heads)
     for row in rows:
         writer.writerow(
-            f"'{cell}" if isinstance(cell, str) and cell[:1] in ("=", "+", "-", "@") else cell
+            f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
             for cell in row
         )
     return out.getvalue()

@@ -142,8 +142,9 @@ class SortieClock:
     unix: bool
 
     def stamp_ns(self, time_s: float) -> int:
-        """ns of a time in s from the sortie's first row; what is before 0 is at 0."""
-        return max(round((self.start_s + time_s) * 1e9), 0)
+        """ns of a time in s from the sortie's first row; what is before 0 is at 0, and what is
+        beyond the 64 bits of the format at their end."""
+        return min(max(round((self.start_s + time_s) * 1e9), 0), 2**64 - 1)
 
 
 def sortie_clock(log: FlightLog) -> SortieClock:

@@ -17,7 +17,7 @@ from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent, AlarmState
-from thrustmargin.gcs_plugin.live.announce import Announcer, what_to_do
+from thrustmargin.gcs_plugin.live.announce import Announcer, plain, what_to_do
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
@@ -329,3 +329,15 @@ def test_a_figure_that_is_no_longer_known_becomes_none():
     none = last()
     assert np.isnan(none["MARGIN_PRE"])
     assert none["MARGIN_LIM"] == 50.0
+
+
+@pytest.mark.parametrize(
+    ("text", "sent"),
+    [
+        ("CONTROL LOST: turning at 120°/s", "CONTROL LOST: turning at 120 deg/s"),
+        ("Schub über 50 %: Äste ± 1", "Schub ueber 50 %: Aeste +- 1"),
+        ("鱼 1", "? 1"),
+    ],
+)
+def test_a_text_has_letters_that_every_station_shows(text, sent):
+    assert plain(text) == sent

@@ -1,6 +1,7 @@
 """Who is a vehicle on a live link, and what becomes of copies and of a second autopilot."""
 
 import numpy as np
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, as_frame
@@ -50,6 +51,25 @@ def test_radios_gimbals_and_silent_senders_are_no_vehicles():
     # Before the first heartbeat of all, in its first second, nobody has said what he is.
     assert {u.vehicle for u in updates if u.clock_s[-1] > 101.5} == {1}
     assert {number for number, _ in fleet.tick(craft[-1].stamp_us + 60_000_000)} == {1}
+
+
+@pytest.mark.parametrize("first_us", [-1, 1, 30_000_000])
+def test_a_ground_station_with_the_vehicles_own_id_does_not_hide_it(first_us):
+    """As of a program on board that was given the vehicle's id, heard before it or behind it."""
+    station = dialect.MAVLink(None, srcSystem=1, srcComponent=190)
+    craft = flight(Vehicle(1))
+    beats = [
+        as_frame(
+            dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(station),
+            craft[0].stamp_us + first_us + n * 1_000_000,
+        )
+        for n in range(5)
+    ]
+    alone, updates = watched(craft)
+    fleet, beside = watched(in_time(craft, beats))
+    assert list(fleet.vehicles) == list(alone.vehicles) == [1]
+    rows = [sum(u.clock_s[u.first :].size for u in made) for made in (updates, beside)]
+    assert rows[1] >= rows[0] - 12 > 80  # what came before its first heartbeat may be lost
 
 
 def test_where_nobody_says_what_he_is_the_flight_is_shown():

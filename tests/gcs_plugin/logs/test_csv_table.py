@@ -59,7 +59,7 @@ def test_any_track_reads_back_to_the_last_digit(tmp_path_factory, data, rotors, 
         rotor_count=rotors,
         flying=data.draw(arrays.arrays(np.bool_, rows)),
         origin=Origin(latitude_deg=36.65, longitude_deg=116.9, altitude=5.0),
-        start_unix_s=data.draw(st.none() | st.floats(0, 2e9)),
+        start_unix_s=data.draw(st.none() | st.floats(1e9, 4e9)),
         sources={"tank_kg": sent('a, "quoted" source, µ')},
         **given_channels,
     )
@@ -211,6 +211,20 @@ def test_a_heading_may_have_our_unit_behind_it_and_no_other(tmp_path):
     np.testing.assert_array_equal(track.flying, [True, False])
     assert not track.reports("current")
     assert "columns not used: current [mA]" in track.notes
+
+
+@pytest.mark.parametrize(
+    ("start", "known"),
+    [
+        *((word, None) for word in ("-9e10", "0", "true", "946684799", "4102444800", "1e300")),
+        ("946684800", 946_684_800.0),  # the year 2000
+        ("4102444799", 4_102_444_799.0),
+    ],
+)
+def test_a_date_that_no_flight_has_is_none(tmp_path, start, known):
+    path = tmp_path / "t.csv"
+    path.write_text(f'# {{"start_unix_s": {start}}}\ntime_s,airspeed\n0,1\n1,2\n')
+    assert read_csv(path).start_unix_s == known
 
 
 def test_columns_that_only_another_flight_of_the_file_fills_are_none_of_the_first(tmp_path):

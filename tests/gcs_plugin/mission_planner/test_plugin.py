@@ -103,9 +103,15 @@ def test_a_link_that_was_replaced_is_heard_no_more(screen: Path):
 
 
 @pytest.mark.parametrize("value", ["NaN", "Infinity"])
-def test_what_is_no_number_is_no_news(screen: Path, value: str):
-    (shown,) = drawn(screen, *LOW, f"take 12.5 MARGIN {value}", "draw 12.6")
-    assert shown.second.endswith("(2 s old)")
+def test_what_is_no_number_is_no_longer_known_at_once(screen: Path, value: str):
+    lost, again = drawn(
+        screen, *LOW, f"take 11 MARGIN {value}", "draw 11.1", "take 12 MARGIN 60", "draw 12.1"
+    )
+    assert lost.first == "Predicted margin 44%"
+    assert again.first == "Margin 60%, rotor 3"
+    (unknown,) = drawn(screen, *heard(10, MARGIN=41), f"take 11 MARGIN {value}", "draw 11.5")
+    assert (unknown.first, unknown.second) == ("Margin unknown", "was 41%, 1 s ago")
+    assert (unknown.filled, unknown.left) == (EDGES, BLACK)
 
 
 def test_packets_of_the_vehicle_that_is_shown_reach_the_bar(screen: Path):
