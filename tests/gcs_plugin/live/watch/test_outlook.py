@@ -8,9 +8,11 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.live.monitored import MODEL
 from thrustmargin.gcs_plugin.live.console import minutes, percent
+from thrustmargin.gcs_plugin.live.watch.outlook import recorded_seconds_to_empty
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.wording.alarm_words import margin_words
+from thrustmargin.models.flight import FlightTrack
 
 
 class Tank(Vehicle):
@@ -44,6 +46,27 @@ def test_a_gauge_that_only_trembles_says_nothing_of_when_the_tank_is_empty(seed)
 
 def test_a_gauge_that_falls_says_when():
     assert to_empty(0.05, 0.05) == pytest.approx(7.0 / 0.05, rel=0.25)
+
+
+def recorded(error: float | None = None) -> FlightTrack:
+    """60 s in which the tank falls from 10 kg by 0.05 kg/s, known at 10 Hz."""
+    time_s = np.arange(0.0, 60.0, 0.1)
+    errors = {} if error is None else {"tank_kg": np.full(time_s.size, error)}
+    return FlightTrack.of(
+        name="x",
+        time_s=time_s,
+        rotor_count=4,
+        tank_kg=10.0 - 0.05 * time_s,
+        standard_errors=errors,
+    )
+
+
+def test_a_recorded_tank_is_empty_when_its_fall_goes_on():
+    assert recorded_seconds_to_empty(recorded(), 400) == pytest.approx(8.0 / 0.05)  # at 40 s
+    assert math.isnan(recorded_seconds_to_empty(recorded(), 50))  # 5 s show no fall
+    # By thrust: in the window it falls by 1 to 2 kg, which 0.1 kg leaves sure, and 2 kg does not.
+    assert recorded_seconds_to_empty(recorded(0.1), 400) == pytest.approx(160.0)
+    assert math.isnan(recorded_seconds_to_empty(recorded(2.0), 400))
 
 
 def test_longer_than_a_flight_is_no_time():
