@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, Debounce
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmSettings, Debounce
 from thrustmargin.gcs_plugin.live.alarms.alarm_checks import RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import faulty
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
@@ -563,3 +563,18 @@ def test_a_silent_esc_raises_no_stopped_rotor_and_lost_speeds_leave_it_unconfirm
     landed = replace(track, flying=np.zeros(900, dtype=bool))
     assert flown(part(landed, 500, 600), alarms) == []
     assert ("stopped", 3) in alarms.listed
+
+
+def test_a_fault_that_stands_takes_its_size_from_the_report_of_its_flight():
+    alarms = Alarms()
+    for rotor, text in (
+        (2, "Rotor 2 makes >9% less thrust: prop? land"),
+        (3, "Rotor 3 makes >5% less thrust: prop? land"),
+    ):
+        alarms.listed["rotor", rotor] = Alarm("rotor", rotor, CRITICAL, text, 10.0)
+    found = RotorFault(kind="propeller", rotor=1, size=0.12, lower=0.11, upper=0.13)
+    unsure = replace(found, rotor=2, rotors=(2, 3))
+    alarms.restate([found, unsure], ("", "", "", ""))
+    assert alarms.listed["rotor", 2].text == "Rotor 2 makes 12% (11-13) less thrust: prop? land"
+    assert alarms.listed["rotor", 3].text == "Rotor 3 makes >5% less thrust: prop? land"
+    assert alarms.listed["rotor", 2].since_s == 10.0
