@@ -12,7 +12,7 @@ from thrustmargin.models.identification.sets.discrepancy import hats
 
 @pytest.fixture(scope="module")
 def problem():
-    return assemble(curve_model(), made_flights(4))
+    return assemble(curve_model(), made_flights(4, duration=90.0))
 
 
 def rms(values) -> float:
