@@ -111,7 +111,7 @@ def test_means_are_those_of_the_rows():
 
 @pytest.mark.parametrize("effect", [e for e in CATALOGUE if not e.begins], ids=lambda e: e.key)
 def test_derivatives_are_the_slope_of_the_prediction(effect):
-    flights = made_flights(2)
+    flights = made_flights(2, duration=30.0)
     space = search_space(curve_model(), flights, [effect])
     if not space.candidates:
         pytest.skip("made flights lack a channel of it")
