@@ -5,14 +5,15 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from types import SimpleNamespace
 
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
-from thrustmargin.gcs_plugin.link.listener import Listener, SteadyClock
+from thrustmargin.gcs_plugin.link.listener import Link, Listener, SteadyClock
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
-from thrustmargin.gcs_plugin.link.transport import parse_url
+from thrustmargin.gcs_plugin.link.transport import Chunk, parse_url
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import LinkError
 
@@ -71,6 +72,18 @@ def test_udp_frames_arrive_whole_in_order_and_stamped():
             vehicle.sendto(data, (LOOPBACK, port_of(listener)))
         assert heard.wait(len(sent)) == sent
         assert all(before - 1 < f.stamp_us * 1e-6 < time.time() + 1 for f in heard.frames)
+
+
+def test_of_more_than_256_senders_the_first_ones_unfinished_frame_is_forgotten():
+    """Else whoever sends from ever new ports would fill the memory."""
+    (whole,) = messages(5)[:1]
+    for others, heard in ((255, 1), (256, 0)):
+        link = Link("udpin:127.0.0.1:0", 0, SimpleNamespace(datagrams=False))  # type: ignore[arg-type]
+        first = ("10.0.0.1", 1)
+        link.frames(Chunk(whole[:7], first, 0), 0)
+        for port in range(others):
+            link.frames(Chunk(b"", ("10.0.0.2", port), 0), 0)
+        assert len(link.frames(Chunk(whole[7:], first, 0), 0)[0]) == heard
 
 
 def test_a_listener_sends_nothing_of_its_own():

@@ -444,6 +444,22 @@ def test_a_battery_that_collapses_is_an_alarm_of_its_own_and_one_not_reported_is
         assert [e for e in found if e[2] == "battery"] == []
 
 
+@pytest.mark.parametrize(("cell", "clears"), [(3.15, False), (3.25, True)])
+def test_a_battery_is_sound_again_from_a_fifth_of_a_volt_above_3_volts_a_cell(cell, clears):
+    volts = 14 * np.repeat([3.8, 2.9, cell], [100, 100, 400])
+    events = [e for e in watched(replace(hover(), voltage=volts)) if e[2] == "battery"]
+    assert [e[1] for e in events] == [True, False][: 1 + clears]
+
+
+@pytest.mark.parametrize(("pause", "times"), [(55, 2), (65, 1)])
+def test_an_alarm_that_comes_again_within_a_minute_is_the_same_one(pause, times):
+    # Low for ten seconds; cleared five seconds later, it is low again so many seconds after that.
+    volts = 14 * np.repeat([3.8, 2.9, 3.8, 2.9], [100, 100, 50 + 10 * pause, 50])
+    alarms = Alarms()
+    watched(replace(hover(volts.size / 10), voltage=volts), alarms)
+    assert alarms.listed["battery", None].times == times
+
+
 def test_a_fault_of_one_of_several_rotors_names_none_and_says_which_it_may_be():
     fault = RotorFault(kind="propeller", rotor=5, size=0.3, lower=0.25, upper=0.4, rotors=(3, 5))
     analysis = analyse(hover(0.1), MODEL)
