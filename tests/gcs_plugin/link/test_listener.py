@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
+from thrustmargin.gcs_plugin.link import sockets
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Link, Listener, SteadyClock
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
@@ -212,6 +213,22 @@ def test_answers_go_to_where_the_vehicle_was_heard():
         one.settimeout(0.3)
         with pytest.raises(TimeoutError):
             one.recv(100)
+
+
+def test_a_peer_is_answered_for_a_minute_after_it_was_heard(monkeypatch):
+    now = [1000.0]
+    monkeypatch.setattr(sockets, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    with closing(open_transport(f"udpin:{LOOPBACK}:0")) as ours, closing(udp()) as peer:
+        peer.sendto(b"heard", ours.address)  # type: ignore[attr-defined]
+        assert ours.receive(5.0)
+        now[0] += 59.0
+        ours.send(b"within")
+        assert peer.recv(99) == b"within"
+        now[0] += 2.0
+        ours.send(b"later")
+        peer.settimeout(0.1)
+        with pytest.raises(TimeoutError):
+            peer.recv(99)
 
 
 def test_a_refused_frame_is_counted_and_not_given_on_but_forwarded():
