@@ -209,8 +209,8 @@ def test_what_the_extra_batteries_are_is_said_every_five_minutes():
     sent, fleet, vehicle = Sent(), Fleet(MODEL), Vehicle()
     announcer = Announcer(Sender(sent), battery=True)  # type: ignore[arg-type]
     fleet.take([f for _ in range(20) for f in vehicle.tick()])
-    for _ in range(70):
-        fleet.take(vehicle.tick(10.0))
+    for _ in range(14):
+        fleet.take(vehicle.tick(50.0))
         fleet.updates()
         announcer.on_round(fleet, vehicle.stamp_us)
     said = [text for _, text in texts(sent) if "batter" in text.lower()]
