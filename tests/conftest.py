@@ -42,6 +42,7 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
+@pytest.hookimpl(trylast=True)  # after pytest has looked once, among what is new
 def pytest_unconfigure() -> None:
     gc.unfreeze()  # libraries count at the end what nobody has freed
     gc.enable()

@@ -25,7 +25,7 @@ def made_flight(
     *,
     tank_kg: float = 12.0,
     speed: float = 4.0,
-    duration: float = 90.0,
+    duration: float = 60.0,
     hidden_mass: float = 0.0,
     loss: float = 0.0,
     rotor: int = 0,

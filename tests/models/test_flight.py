@@ -64,5 +64,26 @@ def test_standard_errors_go_with_the_rows_and_have_the_shape_of_their_channel():
         FlightTrack.of(name="x", time_s=TIME_S, rotor_count=4, standard_errors={"throttle": error})
 
 
-def test_a_tank_level_of_minus_one_is_not_known():
-    assert -1.0 < TRACK_CHANNELS["tank_kg"].low < 0.0
+def test_a_report_is_used_for_so_long_and_believed_within_so_much():
+    """Seconds, then the range: of every channel, in its unit."""
+    limits = {name: (each.max_age, each.low, each.high) for name, each in TRACK_CHANNELS.items()}
+    assert limits == {
+        "position_ned": (1.0, -1e6, 1e6),
+        "velocity_ned": (1.0, -200.0, 200.0),
+        "attitude": (0.5, -7.0, 7.0),
+        "asked_attitude": (1.0, -7.0, 7.0),
+        "angular_rate_frd": (0.5, -100.0, 100.0),
+        "specific_force_frd": (0.5, -500.0, 500.0),
+        "airspeed": (1.0, 0.0, 200.0),
+        "wind_ned": (5.0, -100.0, 100.0),
+        "tank_kg": (3.0, -0.5, 1000.0),  # -1 is "not known" to many senders
+        "rotor_speed_rpm": (0.5, -1e5, 1e5),
+        "throttle": (0.5, 0.0, 1.0),
+        "voltage": (3.0, 0.0, 1000.0),
+        "current": (3.0, -2000.0, 5000.0),
+        "pressure": (5.0, 1e4, 1.2e5),
+        "temperature": (5.0, 180.0, 420.0),
+        "altitude": (1.0, -1000.0, 3e4),
+        "height_agl": (1.0, -1000.0, 1e4),
+        "spraying": (2.0, 0.0, 1.0),
+    }

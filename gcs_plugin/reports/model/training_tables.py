@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from thrustmargin.gcs_plugin.reports.shared.written import grid
 from thrustmargin.gcs_plugin.wording import actions
@@ -214,7 +214,7 @@ def odd_flights(shown: records.GoodFlights) -> list[str]:
         if rest.size < FEWEST_OTHERS:
             continue
         spread = np.std(rest, ddof=1) * np.sqrt(1.0 + 1.0 / rest.size)
-        limit = student.ppf(1.0 - ODD / logs.size, rest.size - 1) * spread
+        limit = stdtrit(rest.size - 1, 1.0 - ODD / logs.size) * spread
         if logs[k] - rest.mean() > limit:
             off, usual = (_percent(v / shown.mean_speed_rpm) for v in (rmse, np.exp(rest.mean())))
             sentences.append(

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Floats
@@ -47,18 +48,24 @@ def floor_rpm(
         fold = problem.flight % MOST_FOLDS
     else:
         fold = problem.block * FIFTHS // (problem.block[-1] + 1)
-    columns, modes = _columns(parts), wanted[0]
-    gram, cross = columns.T @ columns, columns.T @ np.concatenate(wanted)
+    columns, modes, every = _columns(parts), wanted[0], np.concatenate(wanted)
+    scored = [np.flatnonzero(fold == k) for k in np.unique(fold)]
+    sums = [_sums(columns[rows], every[rows]) for rows in (*scored, slice(fold.size, None))]
+    gram, cross = (sum(one) for one in zip(*sums, strict=True))
     left = np.zeros((RIDGES.size, modes.shape[1]))
-    for k in np.unique(fold):
-        rows = np.flatnonzero(fold == k)
-        own, new = columns[rows], modes[rows]
-        rest, along = gram - own.T @ own, cross - own.T @ new
+    for rows, (own, along) in zip(scored, sums, strict=False):  # the last are of flights beside
+        rest = gram - own
         for i, ridge in enumerate(RIDGES * columns.shape[0]):
-            weights = np.linalg.solve(rest + ridge * np.eye(gram.shape[0]), along)
-            left[i] += np.sum((new - own @ weights) ** 2, axis=0)
+            system = cho_factor(rest + ridge * np.eye(len(rest)), check_finite=False)
+            weights = cho_solve(system, cross - along, check_finite=False)
+            left[i] += np.sum((modes[rows] - columns[rows] @ weights) ** 2, axis=0)
     least = np.minimum(left.min(axis=0), np.sum(modes**2, axis=0))
     return float(np.sqrt(least.sum() / modes.size))
+
+
+def _sums(columns: Floats, wanted: Floats) -> tuple[Floats, Floats]:
+    """Of the products of some rows' columns, with each other and with what is wanted of them."""
+    return columns.T @ columns, columns.T @ wanted
 
 
 def _columns(parts: Sequence[Channels]) -> Floats:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.certainty import ERRORS
@@ -23,7 +23,7 @@ from thrustmargin.models.identification.certainty import ERRORS
 FALSE_ENTRIES = 0.01  # wanted of one aircraft in one season
 LEAST_FLIGHTS, LEAST_LINE = 3, 5  # in a segment; on a line
 WILD, AROUND = 3.0, 5  # errors beyond which a flight is drawn in to its neighbours' median; flights
-QUARTILE = float(norm.ppf(0.75))  # standard deviations of the median absolute deviation
+QUARTILE = float(ndtri(0.75))  # standard deviations of the median absolute deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ def penalty_of(flights: int, series: int = 1, false_entries: float = FALSE_ENTRI
     """The least gain of an entry, in squared standard errors, for a rate of false ones over all
     `series` of one season: steps and slopes from every flight on are tried (Bonferroni)."""
     tried = 2 * max(flights, 1) * max(series, 1)
-    return float(norm.isf(false_entries / tried / 2.0) ** 2)
+    return float(ndtri(false_entries / tried / 2.0) ** 2)
 
 
 def spread_beyond(values: Floats, errors: Floats) -> float:

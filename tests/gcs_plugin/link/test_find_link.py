@@ -5,12 +5,14 @@ import os
 import socket
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
+from thrustmargin.gcs_plugin.link import find_link
 from thrustmargin.gcs_plugin.link.find_link import USUAL, LinkFinder
 from thrustmargin.gcs_plugin.wording.live_words import tried_words
 
@@ -70,6 +72,26 @@ def test_a_simulator_by_tcp_is_found_though_it_starts_later(monkeypatch):
     thread.start()
     assert LinkFinder((url,), list).find(8.0) == url
     thread.join()
+
+
+def test_every_two_seconds_ports_are_tried_and_each_rate_has_three(monkeypatch):
+    """By a clock that only what waits moves on."""
+    now, opened = [0.0], []
+
+    def wait(seconds: float) -> list:
+        now[0] += seconds
+        return []
+
+    def opening(url: str):
+        opened.append((round(now[0], 1), url))
+        return SimpleNamespace(receive=wait, close=lambda: None)
+
+    clock = SimpleNamespace(monotonic=lambda: now[0], sleep=wait)
+    monkeypatch.setattr(find_link, "time", clock)
+    monkeypatch.setattr(find_link, "open_transport", opening)
+    assert LinkFinder((), lambda: ["/dev/radio"]).find(9.9) is None
+    usb, radio = "/dev/radio,115200", "/dev/radio,57600"
+    assert opened == [(0.0, usb), (4.0, radio), (6.0, usb)]
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo terminals here")

@@ -5,14 +5,16 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from types import SimpleNamespace
 
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
+from thrustmargin.gcs_plugin.link import sockets
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
-from thrustmargin.gcs_plugin.link.listener import Listener, SteadyClock
+from thrustmargin.gcs_plugin.link.listener import Link, Listener, SteadyClock
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
-from thrustmargin.gcs_plugin.link.transport import parse_url
+from thrustmargin.gcs_plugin.link.transport import Chunk, parse_url
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import LinkError
 
@@ -71,6 +73,18 @@ def test_udp_frames_arrive_whole_in_order_and_stamped():
             vehicle.sendto(data, (LOOPBACK, port_of(listener)))
         assert heard.wait(len(sent)) == sent
         assert all(before - 1 < f.stamp_us * 1e-6 < time.time() + 1 for f in heard.frames)
+
+
+def test_of_more_than_256_senders_the_first_ones_unfinished_frame_is_forgotten():
+    """Else whoever sends from ever new ports would fill the memory."""
+    (whole,) = messages(5)[:1]
+    for others, heard in ((255, 1), (256, 0)):
+        link = Link("udpin:127.0.0.1:0", 0, SimpleNamespace(datagrams=False))  # type: ignore[arg-type]
+        first = ("10.0.0.1", 1)
+        link.frames(Chunk(whole[:7], first, 0), 0)
+        for port in range(others):
+            link.frames(Chunk(b"", ("10.0.0.2", port), 0), 0)
+        assert len(link.frames(Chunk(whole[7:], first, 0), 0)[0]) == heard
 
 
 def test_a_listener_sends_nothing_of_its_own():
@@ -199,6 +213,22 @@ def test_answers_go_to_where_the_vehicle_was_heard():
         one.settimeout(0.3)
         with pytest.raises(TimeoutError):
             one.recv(100)
+
+
+def test_a_peer_is_answered_for_a_minute_after_it_was_heard(monkeypatch):
+    now = [1000.0]
+    monkeypatch.setattr(sockets, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    with closing(open_transport(f"udpin:{LOOPBACK}:0")) as ours, closing(udp()) as peer:
+        peer.sendto(b"heard", ours.address)  # type: ignore[attr-defined]
+        assert ours.receive(5.0)
+        now[0] += 59.0
+        ours.send(b"within")
+        assert peer.recv(99) == b"within"
+        now[0] += 2.0
+        ours.send(b"later")
+        peer.settimeout(0.1)
+        with pytest.raises(TimeoutError):
+            peer.recv(99)
 
 
 def test_a_refused_frame_is_counted_and_not_given_on_but_forwarded():

@@ -205,6 +205,19 @@ def test_what_still_stands_is_said_again_every_half_minute():
     assert texts(sent) == [(WARNING, alarm.text)] + [(6, alarm.text)] * 3
 
 
+def test_what_the_extra_batteries_are_is_said_every_five_minutes():
+    sent, fleet, vehicle = Sent(), Fleet(MODEL), Vehicle()
+    announcer = Announcer(Sender(sent), battery=True)  # type: ignore[arg-type]
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    for _ in range(14):
+        fleet.take(vehicle.tick(50.0))
+        fleet.updates()
+        announcer.on_round(fleet, vehicle.stamp_us)
+    said = [text for _, text in texts(sent) if "batter" in text.lower()]
+    assert len(said) == 3
+    assert len(set(said)) == 1
+
+
 def test_a_critical_alarm_is_spoken_again_every_half_minute():
     said = said_of(Alarm("rotor", 2, CRITICAL, "Rotor 2: 12% less thrust: land", 0.0), 70)
     assert said == [(2, "Rotor 2: 12% less thrust: land")] * 3

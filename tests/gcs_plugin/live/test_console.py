@@ -36,7 +36,7 @@ WARNING = 4
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 
 
-def flown(rpm: int = 1700, seconds: float = 8.0) -> tuple[Fleet, Vehicle]:
+def flown(rpm: int = 1700, seconds: float = 3.0) -> tuple[Fleet, Vehicle]:
     fleet, vehicle = Fleet(MODEL), Vehicle(3)
     for _ in range(round(seconds * 10)):
         fleet.take(vehicle.tick(rpm=(rpm,) * 4))
@@ -175,7 +175,7 @@ def printed(monitor: LiveMonitor, width: int = 160) -> str:
 
 def test_the_screen_names_alarms_problems_and_the_tanks_source(monitor):
     assert "no vehicle heard yet on udpin:127.0.0.1:0" in printed(monitor)
-    fleet, vehicle = flown(rpm=2300)
+    fleet, vehicle = flown(rpm=2300, seconds=8.0)
     vehicle.stamp_us = monitor.now_us()
     fleet.take(vehicle.tick(rpm=(2300,) * 4))
     fleet.updates()

@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import checksum_rows
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 
+PADDING = 512  # bytes behind the data that a scan may look at
 _FMT_COLUMNS = "Type,Length,Name,Format,Columns"
 DAY_US = 260_000_000  # more than any recorded flight lasts
 
@@ -27,7 +28,7 @@ def _write(data: np.ndarray, at: np.ndarray, values: np.ndarray, kind: str) -> N
 
 def long_bin(path: Path, times: int) -> bytes:
     """The DataFlash log `times` over, each later than the one before, as one long flight."""
-    data, size = read_bytes(path, dataflash_scan.PADDING)
+    data, size = read_bytes(path, PADDING)
     found = dataflash_scan.scan(data, size)
     end = int(found.start[-1]) + found.formats[int(found.type[-1])].length
     timed = np.zeros(256, dtype=bool)
@@ -53,7 +54,7 @@ def later_flight(path: Path, later_us: int, *, first_stamp_us: int | None = None
 
     The ground's stamps are later by as much, or begin with `first_stamp_us`.
     """
-    data, size = read_bytes(path, frames.PADDING)
+    data, size = read_bytes(path, PADDING)
     found = frames.scan(data, size)
     stamps = frames.gather(data, found.start - 8, 8).view(">u8").ravel()
     first = int(stamps[0]) + later_us if first_stamp_us is None else first_stamp_us
@@ -93,9 +94,9 @@ def reseal(data: np.ndarray, start: np.ndarray, crc_extra: int) -> None:
 
 def frames_of(path: Path) -> list[bytes]:
     """The stamped frames of a telemetry log, one bytes object each."""
-    data, size = read_bytes(path, frames.PADDING)
+    data, size = read_bytes(path, PADDING)
     found = frames.scan(data, size)
-    edges = [*(found.start - frames.STAMP).tolist(), size]
+    edges = [*(found.start - 8).tolist(), size]
     return [data[a:b].tobytes() for a, b in pairwise(edges)]
 
 
@@ -233,7 +234,7 @@ class DataFlashWriter:
 
 def with_rotor_speeds(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> bytes:
     """The telemetry log with the speeds (n, 4) of ESC_TELEMETRY_1_TO_4 as `change` makes them."""
-    data, size = read_bytes(path, frames.PADDING)
+    data, size = read_bytes(path, PADDING)
     data = data.copy()
     found = frames.scan(data, size)
     layout = next(m for m in layouts().values() if m.name == "ESC_TELEMETRY_1_TO_4")
@@ -251,7 +252,7 @@ def with_rotor_speeds(path: Path, change: Callable[[np.ndarray], np.ndarray]) ->
 
 def other_flight(path: Path, *, later_us: int, system: int) -> bytes:
     """The telemetry log as one of another day and another vehicle, checksums made anew."""
-    data, size = read_bytes(path, frames.PADDING)
+    data, size = read_bytes(path, PADDING)
     found = frames.scan(data, size)
     stamps = frames.gather(data, found.start - 8, 8).view(">u8").ravel()
     _write(data, found.start - 8, stamps + np.uint64(later_us), ">u8")

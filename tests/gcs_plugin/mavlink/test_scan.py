@@ -25,15 +25,17 @@ from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import _without_overlap, read_bytes
 from thrustmargin.models.errors import LogError
 
+PADDING = 512  # bytes behind the data that a scan may look at
+
 
 def scanned(data: bytes) -> frames.Frames:
-    padded = np.frombuffer(data + bytes(frames.PADDING), dtype=np.uint8)
+    padded = np.frombuffer(data + bytes(PADDING), dtype=np.uint8)
     return frames.scan(padded, len(data))
 
 
 @pytest.mark.slow
 def test_every_field_of_every_message_equals_pymavlinks():
-    data, size = read_bytes(FLIGHT, frames.PADDING)
+    data, size = read_bytes(FLIGHT, PADDING)
     found = frames.scan(data, size)
     known = layouts()
     tables, order = {}, []
@@ -58,7 +60,7 @@ def test_every_field_of_every_message_equals_pymavlinks():
 
 
 def test_stamps_and_senders_equal_pymavlinks():
-    data, size = read_bytes(FLIGHT, frames.PADDING)
+    data, size = read_bytes(FLIGHT, PADDING)
     found = frames.scan(data, size)
     log = mavutil.mavlink_connection(str(FLIGHT), dialect="ardupilotmega")
     theirs = []

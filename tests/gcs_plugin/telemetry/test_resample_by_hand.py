@@ -31,7 +31,6 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     collected,
 )
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.provenance import Meaning
 
 #: As the code has them, written down by hand: a change there is to be seen here.
@@ -98,8 +97,7 @@ def test_nothing_reported_is_nothing_known():
 
 
 def test_limits_of_what_can_be_true_can_themselves():
-    limit = TRACK_CHANNELS["voltage"]
-    values = np.array([limit.low, limit.high, limit.low - 0.1, limit.high + 0.1, np.inf, NAN])
+    values = np.array([0.0, 1000.0, -0.1, 1000.1, np.inf, NAN])
     np.testing.assert_array_equal(np.isnan(plausible("voltage", values)), [0, 0, 1, 1, 1, 1])
     half = np.array([[1.0, 2.0, 3.0], [1.0, NAN, 3.0]])
     assert known_rows(half).tolist() == [True, False]

@@ -60,9 +60,8 @@ def is_found_and_undone(flown: FlightTrack, places: tuple[int, ...]) -> None:
     assert order.places == places
 
 
-@pytest.mark.parametrize("places", [(1, 0, 2, 3), (0, 1, 3, 2), (2, 3, 1, 0)])
-def test_an_exchange_of_motors_is_found_and_undone(recorded, places):
-    is_found_and_undone(recorded, places)
+def test_an_exchange_of_motors_is_found_and_undone(recorded):
+    is_found_and_undone(recorded, (2, 3, 1, 0))
 
 
 def test_every_exchange_of_motors_is_found_and_undone():

@@ -19,7 +19,7 @@ from thrustmargin.models.model.rotor_model import physics_model
 def told(change) -> FlightTrack:
     """A minute and a half at 10 Hz with other readings (T, 4) of rotor speeds in whole rpm, of
     which one in twenty is as the one before by chance."""
-    track = made_flight(1)
+    track = made_flight(1, duration=90.0)
     return replace(track, rotor_speed_rpm=change(track.rotor_speed_rpm))
 
 
@@ -59,7 +59,7 @@ def test_what_is_slow_or_coarse_is_said_and_all_of_it_is_used(tmp_path, change, 
     track = told(change)
     assert (words in resolution_words(track)) if words else resolution_words(track) == ""
     assert check_motor_order(track, F16).verdict != "differs"
-    whole = assemble(physics_model(F16), [made_flight(1)]).measured_rpm.shape[0]
+    whole = assemble(physics_model(F16), [made_flight(1, duration=90.0)]).measured_rpm.shape[0]
     write_csv(track, tmp_path / "slow.csv")
     log = read_log(tmp_path / "slow.csv", airframe=F16)
     assert assemble(physics_model(F16), [log.track]).measured_rpm.shape[0] > 0.98 * whole

@@ -14,7 +14,9 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
-from thrustmargin.models.physics.atmosphere import G0
+
+G0 = 9.80665  # m/s²
+
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 USUAL_ARM = 0.9595439

@@ -11,8 +11,11 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import G0, isa_density
+from thrustmargin.models.physics.atmosphere import isa_density
 from thrustmargin.models.physics.margin import ceiling, hover_use
+
+G0 = 9.80665  # m/s²
+
 
 SITL = load_airframe("topxgun-f16-sitl")
 MODEL = physics_model(SITL)

@@ -9,7 +9,9 @@ from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.network.network import RotorNetwork
 from thrustmargin.models.network.validity import TrainingDomain
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import G0
+
+G0 = 9.80665  # m/s²
+
 
 F16 = load_airframe("topxgun-f16")
 

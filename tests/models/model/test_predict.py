@@ -13,8 +13,11 @@ from thrustmargin.models.model.predict import Basis, predict
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import G0, track_air
+from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.thrust import thrust_from_speed
+
+G0 = 9.80665  # m/s²
+
 
 F16 = load_airframe("topxgun-f16-sitl")
 SEA_LEVEL = 1.224

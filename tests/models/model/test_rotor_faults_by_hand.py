@@ -11,7 +11,7 @@ from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.fault_test import FAULT_SIZES, FaultTest
+from thrustmargin.models.model.fault_test import FaultTest
 from thrustmargin.models.model.rotor_faults import (
     RotorFaults,
     _motor_test,
@@ -26,6 +26,7 @@ from thrustmargin.models.physics.airframe import load_airframe
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 LIKE_A_TURN = 4.451019506160833
+FAULT_SIZES = 0.03 * 1.06 ** np.arange(52)
 
 G0 = 9.80665
 F16 = load_airframe("topxgun-f16-sitl")

@@ -11,9 +11,11 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.allocation import mixer
-from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.flight_phases import hover_rows
 from thrustmargin.models.physics.thrust_fits import fit_hover
+
+G0 = 9.80665  # m/s²
+
 
 ROOT = Path(__file__).resolve().parents[3]
 F16 = load_airframe("topxgun-f16")

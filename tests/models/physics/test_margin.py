@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
 from thrustmargin.models.physics.allocation import holdable
-from thrustmargin.models.physics.atmosphere import G0, isa_density
+from thrustmargin.models.physics.atmosphere import isa_density
 from thrustmargin.models.physics.margin import (
     ceiling,
     hover_use,
@@ -22,6 +22,9 @@ from thrustmargin.models.physics.margin import (
     utilisation,
     weight,
 )
+
+G0 = 9.80665  # m/s²
+
 
 SHIPPED = airframe_names()
 F16 = load_airframe("topxgun-f16")

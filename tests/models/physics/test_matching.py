@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
-from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.matching import match_airframe, same_aircraft
+
+G0 = 9.80665  # m/s²
+
 
 SHIPPED = airframe_names()
 F16 = load_airframe("topxgun-f16")

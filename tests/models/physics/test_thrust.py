@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.thrust import (
-    COEFFICIENT_RANGES,
     blade_coefficient,
     dimensionless_coefficient,
     fit_thrust_curve,
@@ -19,6 +18,14 @@ from thrustmargin.models.physics.thrust import (
 )
 
 PROPELLER_36115 = {"pitch": 0.292, "diameter": 0.914, "blades": 2}
+#: As the paper prints them below equation 3.
+COEFFICIENT_RANGES = {
+    "aspect_ratio": (5.0, 8.0),
+    "downwash_correction": (0.85, 0.95),
+    "blade_area_correction": (0.7, 0.9),
+    "mean_radius_ratio": (0.4, 0.7),
+    "zero_lift_angle": (-np.pi / 36.0, 0.0),
+}
 
 
 def table7_points():

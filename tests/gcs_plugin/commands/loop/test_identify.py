@@ -1,12 +1,11 @@
 """`thrustmargin identify` as a user runs it: answer, JSON, model file, and what it refuses."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
 import time
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -55,28 +54,21 @@ def done(worn_logs, tmp_path_factory):
     """One run with every output, one of them in place of a file: (folder, printed, told)."""
     folder = tmp_path_factory.mktemp("out")
     (folder / "new.safetensors").write_bytes(b"precious")
-    process = subprocess.run(
-        [
-            *(
-                sys.executable,
-                "-c",
-                "from thrustmargin.gcs_plugin.cli import main; main()",
-                "identify",
-            ),
-            *worn_logs[:4],
-            *("--held-out", worn_logs[4], "--airframe", F16.name),
-            *("--out", str(folder / "new.safetensors"), "--json", str(folder / "found.json")),
-            *("--html", str(folder / "found.html"), "--next-flight", str(folder / "next.plan")),
-            "--force",
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=Path(__file__).resolve().parents[4],
-        env={**os.environ, "COLUMNS": "80", "OMP_NUM_THREADS": "1"},
-    )
-    assert process.returncode == 0, process.stderr
-    return folder, process.stdout, process.stderr
+    words = [
+        *worn_logs[:4],
+        *("--held-out", worn_logs[4], "--airframe", F16.name),
+        *("--out", str(folder / "new.safetensors"), "--json", str(folder / "found.json")),
+        *("--html", str(folder / "found.html"), "--next-flight", str(folder / "next.plan")),
+        "--force",
+    ]
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        redirect_stdout(StringIO()) as printed,
+        redirect_stderr(StringIO()) as told,
+    ):
+        patch.setenv("COLUMNS", "80")
+        assert run(["identify", *words]) == 0
+    return folder, printed.getvalue(), told.getvalue()
 
 
 def doubtful_run(worn_logs: list[str], folder: Path) -> tuple[int, str, dict]:

@@ -50,8 +50,8 @@ def test_tracks_come_back_as_they_were_in_their_order(tmp_path):
 
 
 def test_a_search_holds_one_flight_at_a_time_and_answers_as_from_memory(tmp_path):
-    tracks, model = made_flights(3, loss=0.08, duration=60.0), curve_model()
-    few = table(["rotor_degradation", "extra_mass"])
+    tracks, model = made_flights(3, loss=0.08, duration=30.0), curve_model()
+    few = table(["rotor_degradation"])
     aside = on_disk(tmp_path, tracks, Counted)
     gc.freeze()  # what other tests have left is not looked through again and again
     found = identify_checked(aside, model, catalogue=few)

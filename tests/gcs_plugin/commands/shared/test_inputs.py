@@ -90,7 +90,7 @@ def test_a_file_that_keeps_the_name_of_the_shipped_airframe_is_not_ignored(tmp_p
 
 @pytest.mark.parametrize("lost", [True, False])
 def test_what_follows_a_loss_of_control_is_not_learnt_from_and_that_is_said(tmp_path, lost):
-    track = made_flight(0)
+    track = made_flight(0, duration=90.0)
     attitude = track.attitude.copy()
     if lost:
         attitude[track.time_s >= 60.0, 0] = np.radians(120.0)
@@ -109,7 +109,7 @@ def test_what_follows_a_loss_of_control_is_not_learnt_from_and_that_is_said(tmp_
 
 @pytest.mark.parametrize("given", [True, False])
 def test_a_log_without_a_flight_says_so_and_asks_for_no_airframe(tmp_path, given):
-    track = made_flight(0)
+    track = made_flight(0, duration=90.0)
     still = replace(track, flying=np.zeros(track.time_s.size, dtype=bool))
     write_csv(still, tmp_path / "bench.csv")
     unused, console = [], Console(file=io.StringIO())

@@ -36,10 +36,13 @@ ASKED = {"report": ".html", "train": ".safetensors"}
 #: what a command wants before its options, where the input tried is an option
 BEFORE = {"match": [], "airframe": [], "fetch": ["udpin:127.0.0.1:1"]}
 ALL = [(c, i, o, e) for c, inputs, outputs in CASES for i in inputs for o, e in outputs]
+LINKS = ("name", "./name", "symlink", "hard link")
+#: All kinds of a name for one, and for each of the others one kind.
+TRIED = [(*ALL[0], link) for link in LINKS]
+TRIED += [(*one, LINKS[k % len(LINKS)]) for k, one in enumerate(ALL[1:])]
 
 
-@pytest.mark.parametrize("link", ["name", "./name", "symlink", "hard link"])
-@pytest.mark.parametrize(("command", "option", "output", "ending"), ALL)
+@pytest.mark.parametrize(("command", "option", "output", "ending", "link"), TRIED)
 def test_an_output_on_an_input_is_refused_at_once(
     tmp_path, monkeypatch, capsys, command, option, output, ending, link
 ):

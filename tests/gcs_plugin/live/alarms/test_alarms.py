@@ -98,19 +98,17 @@ def test_a_margin_that_dips_for_a_moment_or_hovers_at_the_limit_does_not_chatter
     assert len([e for e in watched(with_rotors(track, noise)) if e[2] == "margin"]) <= 1
 
 
-@pytest.mark.parametrize("rotor", [1, 2, 3, 4])
-def test_a_propeller_that_loses_a_tenth_is_named_within_ten_seconds(sitl_logs, rotor):
+@pytest.mark.parametrize(("rotor", "onset"), [(1, 60.0), (2, 100.0), (3, 140.0), (4, 60.0)])
+def test_a_propeller_that_loses_a_tenth_is_named_within_ten_seconds(sitl_logs, rotor, onset):
     track = read_log(
         sitl_logs / "campaign" / "v4_m10_q2.5.tlog", airframe=AIRFRAME, sampling="hold"
     ).track
-    for onset in (60.0, 100.0, 140.0):
-        # The autopilot holds the thrust, so that the rotor turns faster by 1/sqrt(1 - loss).
-        factor = np.ones((track.time_s.size, 4))
-        factor[track.time_s >= onset, rotor - 1] = 1 / math.sqrt(0.9)
-        named = [e for e in watched(with_rotors(track, factor)) if e[1] and e[2] == "rotor"]
-        assert [e[3] for e in named[:1]] == [rotor]
-        assert 0.0 < named[0][0] - onset < 10.0
-        assert len(named) == 1
+    # The autopilot holds the thrust, so that the rotor turns faster by 1/sqrt(1 - loss).
+    factor = np.ones((track.time_s.size, 4))
+    factor[track.time_s >= onset, rotor - 1] = 1 / math.sqrt(0.9)
+    named = [e for e in watched(with_rotors(track, factor)) if e[1] and e[2] == "rotor"]
+    assert [e[3] for e in named] == [rotor]
+    assert 0.0 < named[0][0] - onset < 10.0
 
 
 def test_the_recorded_onset_names_rotor_3_and_the_flight_without_it_none(sitl_logs):
@@ -444,6 +442,22 @@ def test_a_battery_that_collapses_is_an_alarm_of_its_own_and_one_not_reported_is
         volts = np.where(np.arange(600) < 300, 54.6, unknown)
         found = watched(replace(hover(), voltage=volts))
         assert [e for e in found if e[2] == "battery"] == []
+
+
+@pytest.mark.parametrize(("cell", "clears"), [(3.15, False), (3.25, True)])
+def test_a_battery_is_sound_again_from_a_fifth_of_a_volt_above_3_volts_a_cell(cell, clears):
+    volts = 14 * np.repeat([3.8, 2.9, cell], [100, 100, 400])
+    events = [e for e in watched(replace(hover(), voltage=volts)) if e[2] == "battery"]
+    assert [e[1] for e in events] == [True, False][: 1 + clears]
+
+
+@pytest.mark.parametrize(("pause", "times"), [(55, 2), (65, 1)])
+def test_an_alarm_that_comes_again_within_a_minute_is_the_same_one(pause, times):
+    # Low for ten seconds; cleared five seconds later, it is low again so many seconds after that.
+    volts = 14 * np.repeat([3.8, 2.9, 3.8, 2.9], [100, 100, 50 + 10 * pause, 50])
+    alarms = Alarms()
+    watched(replace(hover(volts.size / 10), voltage=volts), alarms)
+    assert alarms.listed["battery", None].times == times
 
 
 def test_a_fault_of_one_of_several_rotors_names_none_and_says_which_it_may_be():

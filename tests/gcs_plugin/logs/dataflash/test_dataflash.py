@@ -26,6 +26,7 @@ from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import Meaning
 
 ROOT = Path(__file__).resolve().parents[4]
+PADDING = 512  # bytes behind the data that a scan may look at
 FLIGHT = ROOT / "sitl_logs/formats/v4_m10_q2.5.BIN"
 TWIN = ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog"
 WHOLE = FLIGHT.read_bytes()
@@ -34,7 +35,7 @@ PART = WHOLE[:400_000]
 
 
 def scanned(data: bytes) -> dataflash_scan.FoundMessages:
-    padded = np.frombuffer(data + bytes(dataflash_scan.PADDING), dtype=np.uint8)
+    padded = np.frombuffer(data + bytes(PADDING), dtype=np.uint8)
     return dataflash_scan.scan(padded, len(data))
 
 
@@ -56,7 +57,7 @@ def both():
 @pytest.mark.slow
 def test_every_message_and_field_equals_pymavlinks(tmp_path):
     quarter = written(tmp_path, WHOLE[: len(WHOLE) // 4])  # it has every message; pymavlink is slow
-    data, size = read_bytes(quarter, dataflash_scan.PADDING)
+    data, size = read_bytes(quarter, PADDING)
     found = dataflash_scan.scan(data, size)
     tables = {}
     for number, form in found.formats.items():
@@ -211,7 +212,7 @@ def test_flipped_bytes_cost_at_most_the_messages_at_their_sides(flips):
     for place, change in flips:
         data[place] ^= change
     hit = FOUND.start[np.searchsorted(FOUND.start, [p for p, _ in flips], side="right") - 1]
-    described = {PART[at + 3] for at in hit if PART[at + 2] == dataflash_scan.FMT_TYPE}
+    described = {PART[at + 3] for at in hit if PART[at + 2] == 0x80}
     unread = int(np.count_nonzero(np.isin(FOUND.type, list(described))))
     lost = FOUND.start.size - scanned(bytes(data)).start.size
     assert lost <= 3 * len(flips) + 2 * unread

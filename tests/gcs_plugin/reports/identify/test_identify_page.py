@@ -45,7 +45,7 @@ HOSTILE = "</script><img src=x onerror=alert(1)>\u2028{{ 7*7 }}&amp;\"'.tlog"
 @pytest.fixture(scope="module")
 def result() -> Result:
     """Three flights with a worn rotor, one of them held out, one log with a hostile name."""
-    flights = made_flights(3, loss=0.08)
+    flights = made_flights(3, loss=0.08, duration=90.0)
     flights[1] = replace(flights[1], name=HOSTILE)
     found = identify(
         flights[:2],

@@ -18,9 +18,11 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, with_bad_part
-from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.smoothing import known_least, known_mean, known_median, known_most
 from thrustmargin.models.scores import Estimate
+
+G0 = 9.80665  # m/s²
+
 
 NAN = float("nan")
 ROWS = 10

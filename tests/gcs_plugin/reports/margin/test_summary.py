@@ -14,7 +14,9 @@ from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import G0
+
+G0 = 9.80665  # m/s²
+
 
 APART_S = 6.0  # s between moments that are shown
 

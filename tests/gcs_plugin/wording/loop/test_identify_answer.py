@@ -54,7 +54,7 @@ def weak(rotor: int) -> Term:
 def worn() -> Identification:
     """Three flights with a worn rotor 1."""
     return identify(
-        made_flights(3, loss=0.08),
+        made_flights(3, loss=0.08, duration=90.0),
         curve_model(),
         catalogue=table(["rotor_degradation"]),
     )

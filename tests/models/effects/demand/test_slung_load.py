@@ -20,7 +20,9 @@ from thrustmargin.models.identification.rows.row_fit import fit_rows, half_width
 from thrustmargin.models.model.predict import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import G0
+
+G0 = 9.80665  # m/s²
+
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 LENGTHS = 82

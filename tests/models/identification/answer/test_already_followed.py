@@ -17,7 +17,9 @@ from thrustmargin.models.identification.answer.already_followed import (
 )
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.physics.atmosphere import G0
+
+G0 = 9.80665  # m/s²
+
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 LEVEL_ERROR = np.radians(0.5)

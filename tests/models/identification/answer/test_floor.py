@@ -12,7 +12,7 @@ from thrustmargin.models.identification.sets.discrepancy import hats
 
 @pytest.fixture(scope="module")
 def problem():
-    return assemble(curve_model(), made_flights(4))
+    return assemble(curve_model(), made_flights(4, duration=90.0))
 
 
 def rms(values) -> float:
@@ -56,7 +56,7 @@ def test_the_floor_is_never_above_what_is_left(problem):
         assert floor_rpm(problem, left * size) <= rms(left * size)
 
 
-@pytest.mark.parametrize("flights", [2, 3, 1])
+@pytest.mark.parametrize("flights", [2, 1])
 def test_it_is_ridge_regression_with_each_flight_or_fifth_left_out(flights):
     of = assemble(curve_model(), made_flights(flights, duration=60.0))
     residual = np.random.default_rng(6).normal(size=of.measured_rpm.shape)

@@ -94,7 +94,7 @@ def test_the_json_of_an_effect_has_its_values_units_and_intervals():
 
 
 def test_a_flight_may_be_given_alone_as_a_track_or_as_a_log_that_was_read():
-    (track,) = made_flights(1, hidden_mass=2.0)
+    (track,) = made_flights(1, hidden_mass=2.0, duration=30.0)
     heavier = table(["extra_mass"])
     found = [
         repr(identify(flights, curve_model(), catalogue=heavier))

@@ -86,7 +86,7 @@ def fitted(tracks, keys, known_rpm: Floats | float = 0.0):
 
 
 def test_what_stays_takes_the_place_of_a_like_effect_that_goes():
-    tracks = [with_weight_forward(t, 0.003) for t in made_flights(3)]
+    tracks = [with_weight_forward(t, 0.003) for t in made_flights(3, duration=90.0)]
     problem, whole = fitted(tracks, ("cg_offset", "cg_offset:tank"))
     tank = whole.held[1]
     sums = held_at_absent(whole, [tank])

@@ -122,7 +122,7 @@ def test_drag_tilts_the_aircraft_into_the_wind():
 
 
 def test_flights_that_never_left_the_ground_bound_nothing():
-    track = replace(made_flight(1), flying=np.zeros(900, dtype=np.bool_))
+    track = replace(made_flight(1), flying=np.zeros(600, dtype=np.bool_))
     with pytest.raises(DataError, match="in flight"):
         FlownLimits.of([track])
 

@@ -22,9 +22,11 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.reduced import reduce_flights
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.network.records import GoodFlights
-from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import ForwardFlight
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
+
+G0 = 9.80665  # m/s²
+
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 EFFECT_PRIOR = 0.02

@@ -196,8 +196,8 @@ def test_what_a_rotors_loss_from_the_beginning_says_far_better_is_no_step(monkey
 
 def test_of_more_than_24_flights_no_moment_of_a_single_one_is_looked_for():
     for count, of_one in ((24, True), (25, False)):
-        search = searched([25.0] * count)
-        when = (search.reduced.channels.time_s >= 12.0) & (search.reduced.flight == 3)
+        search = searched([20.0] * count)
+        when = (search.reduced.channels.time_s >= 10.0) & (search.reduced.flight == 3)
         found = steps(search, loss_of(search, 1, 0.1, when))
         assert any(one.term.effect.variant == IN_ONE for one in found) == of_one
         others = {IN_EACH, SINCE, UNTIL}  # these by flights
@@ -221,7 +221,7 @@ def test_a_loss_in_some_flights_in_a_row_is_dated_between_flights(first, stop):
 
 
 def test_a_loss_from_the_sixteenth_of_thirty_flights_on_is_found_between_them():
-    search = searched([25.0] * 30)
+    search = searched([20.0] * 30)
     place = search.reduced.flight
     best = steps(search, loss_of(search, 1, 0.05, place >= 15))[0]
     assert (best.term.rotor, best.term.effect.variant) == (1, SINCE)

@@ -24,7 +24,6 @@ from thrustmargin.models.model.inferred.load_inference import (
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.network.training_rows import gather
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
-from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import (
     Provenance,
@@ -33,6 +32,9 @@ from thrustmargin.models.provenance import (
     SourceKind,
     stated,
 )
+
+G0 = 9.80665  # m/s²
+
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 NINETY = 1.645
