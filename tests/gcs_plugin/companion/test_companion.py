@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -32,11 +33,17 @@ def started() -> dict[str, list[str]]:
 @pytest.mark.skipif(
     shutil.which("setpriv") is None or os.getuid() != 0, reason="needs root, as in a container"
 )
-def test_a_folder_of_the_host_can_be_recorded_to_by_who_is_not_root(tmp_path: Path):
+def test_a_folder_of_the_host_can_be_recorded_to_by_who_is_not_root():
     """The container's start, with the user `nobody` and a program that says who it is."""
-    for folder in (tmp_path, *tmp_path.parents[:2]):
-        folder.chmod(0o755)
-    program, held = tmp_path / "thrustmargin", tmp_path / "recordings"
+    with TemporaryDirectory() as name:
+        said = container_start(Path(name))
+    assert said == ["nobody", "monitor --bar 8090", "written"]
+
+
+def container_start(folder: Path) -> list[str]:
+    """What that program says, in a folder that anybody may enter."""
+    folder.chmod(0o755)
+    program, held = folder / "thrustmargin", folder / "recordings"
     held.mkdir(0o755)
     program.write_text(f'#!/bin/sh\nid -un; echo "$@"; touch {held}/new && echo written\n')
     program.chmod(0o755)
@@ -47,12 +54,12 @@ def test_a_folder_of_the_host_can_be_recorded_to_by_who_is_not_root(tmp_path: Pa
     )
     done = subprocess.run(
         [shell, option, script, name, "--bar", "8090"],
-        env={"PATH": f"{tmp_path}:/usr/bin:/bin:/usr/sbin"},
+        env={"PATH": f"{folder}:/usr/bin:/bin:/usr/sbin"},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert done.stdout.splitlines() == ["nobody", "monitor --bar 8090", "written"]
+    return done.stdout.splitlines()
 
 
 @pytest.mark.slow
