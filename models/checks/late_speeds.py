@@ -62,7 +62,7 @@ def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
         _quick(np.interp(grid, time_s[known], c[known]), step) for c in (squares, upward)
     )
     furthest = min(round(REACH / step), grid.size - FEWEST_ROWS)
-    if furthest < 0:
+    if furthest < 1:
         return empty, empty, empty
     rows = np.arange(-furthest, furthest + 1)
     found = np.array([_alike(together[max(k, 0) :], felt[max(-k, 0) :]) for k in rows])

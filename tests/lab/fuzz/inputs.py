@@ -12,6 +12,7 @@ from typing import Any
 
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.logs.test_ulog import px4_log
+from tests.lab.fuzz.live_link import watched
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 from thrustmargin.gcs_plugin.link.signing import read_signing_key
@@ -73,6 +74,9 @@ def kinds() -> Iterator[tuple[str, Kind]]:
     """Name -> each kind."""
     tlog = (ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog").read_bytes()
     yield "tlog", Kind(".tlog", tlog[:90_000], False, _flown, 10)
+    for name, given in (("live", True), ("live_own", False)):
+        flown = tlog[60_000:170_000]
+        yield name, Kind(".tlog", flown, False, partial(watched, model=F16, given=given), 20)
     binary = (ROOT / "sitl_logs/formats/v4_m10_q2.5.BIN").read_bytes()
     yield "bin", Kind(".BIN", binary[:150_000], False, _flown, 10)
     yield "ulg", Kind(".ulg", px4_log(), False, _flown, 10)

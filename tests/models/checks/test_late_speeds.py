@@ -39,6 +39,11 @@ def flight(late: float = 0.0, *, noise: float = 0.3, rows: int = ROWS, step: flo
     )
 
 
+@pytest.mark.parametrize("rows", range(98, 104))
+def test_a_flight_of_hardly_more_rows_than_are_needed_shows_no_delay(rows):
+    assert late_speeds(flight(rows=rows)) is None
+
+
 @pytest.mark.parametrize("late", [0.0, 1.0, 1.4, -1.4])
 def test_one_clock_and_a_delay_that_the_fit_finds_are_no_matter(late):
     delay_s, correlation, likelihood = delays(flight(late))
