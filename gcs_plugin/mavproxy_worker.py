@@ -145,6 +145,7 @@ class MarginWorker:
         from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
         from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
         from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings, in_background
+        from thrustmargin.gcs_plugin.wording.live_words import not_read_again
 
         options = self.options
         path = None if options.model is None else Path(options.model)
@@ -155,7 +156,10 @@ class MarginWorker:
                 **reading_keywords(options),
             ),
             heard_us=self.heard_us,
-            later=in_background(ThreadPoolExecutor(1, thread_name_prefix="margin-landed")),
+            later=in_background(
+                ThreadPoolExecutor(1, thread_name_prefix="margin-landed"),
+                lambda error: self.messages.append((True, f"margin: {not_read_again(error)}")),
+            ),
         )
         while not self._stop.wait(PERIOD):
             self._take(fleet)

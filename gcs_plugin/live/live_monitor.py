@@ -37,6 +37,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.live_words import (
     NOT_BEHIND,
     behind_words,
+    not_read_again,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -131,7 +132,7 @@ class LiveMonitor:
                 watch = replace(watch, link=str(self.recorder.telemetry))
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="landed")
         if self.live:
-            later = in_background(self._beside)
+            later = in_background(self._beside, self._not_read_again)
             self.fleet = Fleet(model, watch, heard_us=self.listener.heard_us, later=later)
         else:  # all may have been read before any is analysed, and it waits
             self.fleet = Fleet(model, watch)
@@ -327,6 +328,9 @@ class LiveMonitor:
             self._event(update.vehicle, event, int(update.stamp_us[row]))
         for subscriber in self.subscribers:
             subscriber.on_update(update)
+
+    def _not_read_again(self, error: BaseException) -> None:
+        self._events.note(self.now_us(), None, "note", not_read_again(error))
 
     def acknowledge(self, vehicle: int, alarm: Alarm) -> None:
         """Record that the pilot knows of an alarm; callable from any thread."""

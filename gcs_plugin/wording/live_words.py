@@ -103,6 +103,12 @@ def behind_words(behind_s: float, *, page: bool = False) -> str:
     return f"{BEHIND} {behind_s:.0f} s behind: {helps} helps"
 
 
+def not_read_again(error: BaseException) -> str:
+    """That the whole of a flight that is over was not read, by an error of this program."""
+    why = f"{type(error).__name__}: {error}"
+    return f"the last flight cannot be read as a whole: its answer is that of the flight ({why})"
+
+
 def of_vehicle(number: int, words: str) -> str:
     return f"vehicle {number}: {words}"
 

@@ -3,6 +3,7 @@ what takes long is worked out."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -47,12 +48,28 @@ def when_asked(work: Callable[[], Found | None]) -> Callable[[], Found | None]:
     return cache(work)
 
 
-def in_background(pool: Executor) -> Later[Any]:
-    """Done beside what comes in: of a link, which does not wait."""
+def in_background(pool: Executor, failed: Callable[[BaseException], None]) -> Later[Any]:
+    """Done beside what comes in: of a link, which does not wait.
+
+    What cannot be found for an error of its own is not found; `failed` hears of it once.
+    """
 
     def later(work: Callable[[], Any]) -> Callable[[], Any]:
         future = pool.submit(work)
-        # Of what the end of listening cut off there is nothing to be had.
-        return lambda: future.result() if future.done() and not future.cancelled() else None
+        heard = threading.Event()
+
+        def found() -> Any:
+            # Of what the end of listening cut off there is nothing to be had.
+            if not future.done() or future.cancelled():
+                return None
+            error = future.exception()
+            if error is None:
+                return future.result()
+            if not heard.is_set():
+                heard.set()
+                failed(error)
+            return None
+
+        return found
 
     return later

@@ -100,7 +100,7 @@ def test_what_the_end_of_listening_cuts_off_has_no_answer():
         assert go_on.wait(10.0)
         return "landed"
 
-    later = in_background(pool)
+    later = in_background(pool, pytest.fail)  # type: ignore[arg-type]
     running, waiting = later(first), later(lambda: "never")
     assert begun.wait(10.0)
     assert running() is None
@@ -110,6 +110,15 @@ def test_what_the_end_of_listening_cuts_off_has_no_answer():
     go_on.set()
     pool.shutdown()
     assert running() == "landed"
+
+
+def test_a_flight_that_cannot_be_read_for_an_error_keeps_what_was_said_and_it_is_noted_once():
+    noted: list[BaseException] = []
+    with ThreadPoolExecutor(1) as pool:
+        later = in_background(pool, noted.append)
+        broken, sound = later(lambda: [][0]), later(lambda: "landed")
+    assert (broken(), broken(), sound()) == (None, None, "landed")
+    assert [type(error) for error in noted] == [IndexError]
 
 
 def test_a_full_disk_leaves_a_flight_that_landed_with_what_was_said_so_far(monkeypatch):
