@@ -3,9 +3,8 @@ what takes long is worked out."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, TypeVar
@@ -51,24 +50,21 @@ def when_asked(work: Callable[[], Found | None]) -> Callable[[], Found | None]:
 def in_background(pool: Executor, failed: Callable[[BaseException], None]) -> Later[Any]:
     """Done beside what comes in: of a link, which does not wait.
 
-    What cannot be found for an error of its own is not found; `failed` hears of it once.
+    What cannot be found for an error of its own is not found; `failed` hears of it.
     """
+
+    def heard(future: Future[Any]) -> None:
+        # Of what the end of listening cut off there is nothing to be had.
+        if not future.cancelled() and (error := future.exception()) is not None:
+            failed(error)
 
     def later(work: Callable[[], Any]) -> Callable[[], Any]:
         future = pool.submit(work)
-        heard = threading.Event()
+        future.add_done_callback(heard)
 
         def found() -> Any:
-            # Of what the end of listening cut off there is nothing to be had.
-            if not future.done() or future.cancelled():
-                return None
-            error = future.exception()
-            if error is None:
-                return future.result()
-            if not heard.is_set():
-                heard.set()
-                failed(error)
-            return None
+            known = future.done() and not future.cancelled() and future.exception() is None
+            return future.result() if known else None
 
         return found
 
