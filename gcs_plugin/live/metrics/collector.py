@@ -1,4 +1,4 @@
-"""The monitor's newest figures as Prometheus metrics, made when they are asked for.
+"""The monitor's newest figures as Prometheus metrics, made when this computer asks for them.
 
 A figure that is unknown or old is left out, so that no series goes on with a value of the past;
 the ages stay, and say why. Alarms stand until there is evidence to the contrary, as everywhere.
@@ -10,11 +10,13 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
+from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
+from thrustmargin.gcs_plugin.live.small_server import SmallServer
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 
@@ -57,6 +59,30 @@ COUNTS = {
     "compute_drops": "Frames that the analysis dropped",
 }
 PREFIX = "thrustmargin_"
+HOST = "127.0.0.1"
+#: Of Prometheus' text format, which every version of it reads.
+TEXT = "text/plain; version=0.0.4; charset=utf-8"
+
+
+class MetricsServer(SmallServer):
+    """Serves one collector's metrics until `close`; `port` 0 takes any free one.
+
+    Raises LinkError when the port cannot be opened.
+    """
+
+    def __init__(self, collector: Collector, port: int) -> None:
+        registry = CollectorRegistry(auto_describe=False)
+        registry.register(collector)
+
+        def answer(path: str) -> tuple[str, bytes] | None:
+            return (TEXT, generate_latest(registry)) if path == "/metrics" else None
+
+        super().__init__(answer, "--metrics", (HOST, port), for_all=False)
+
+    @property
+    def url(self) -> str:
+        """Where the metrics are."""
+        return f"http://{HOST}:{self.port}/metrics"
 
 
 class MonitorCollector(Collector):

@@ -27,10 +27,10 @@ from thrustmargin.gcs_plugin.live.metrics.collector import (
     COUNTS,
     FIGURES,
     LEVELS,
+    MetricsServer,
     MonitorCollector,
     part_of,
 )
-from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.analysis import analyse
