@@ -137,9 +137,7 @@ def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric
     """How old everything is, and what is lost on the way."""
     silent = [((n,), w.silent(now_us)) for n, w in watches.items()]
     yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
-    rows = [
-        ((n,), age_s(update, now_us)) for n, w in watches.items() if (update := w.last) is not None
-    ]
+    rows = [((n,), w.last.age_s(now_us)) for n, w in watches.items() if w.last is not None]
     words = "Age of the newest figures; old ones are left out"
     yield _gauge("figures_age_seconds", words, rows, ("vehicle",))
     fields = [
@@ -162,17 +160,12 @@ def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric
         yield _gauge(f"link_{name}_frames", words, counted, ("vehicle", "component"))
 
 
-def age_s(update: Update, now_us: int) -> float:
-    """s since the newest row's report came, at a time of the ground's clock."""
-    return max((now_us - int(update.stamp_us[-1])) * 1e-6, 0.0)
-
-
 def _figures(watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float) -> Iterator[Metric]:
     """The figures of vehicles whose newest row is not old."""
     samples: dict[str, list[tuple[tuple[str, ...], float]]] = {name: [] for name in FIGURES}
     for number, watch in watches.items():
         update = watch.last
-        if update is None or age_s(update, now_us) > old_s or watch.shared:
+        if update is None or update.age_s(now_us) > old_s or watch.shared:
             continue
         for name, value in _of_vehicle(update).items():
             samples[name].append(((number,), value))

@@ -24,8 +24,6 @@ from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 END_ROWS = 10
 #: Share by which two estimates of the liquid may differ and still agree, beside their intervals.
 AGREE_SHARE = 0.1
-#: Of a tank level: a gauge says it.
-REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,15 +100,21 @@ def applied(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
     )
 
 
+def places_from(origin: Origin | None, track: FlightTrack) -> Floats:
+    """(T, 3) the track's positions in m from `origin`; as they are without one."""
+    zero = track.origin
+    if origin is None or zero is None or zero == origin:
+        return track.position_ned
+    return origin.ned(zero.geodetic(track.position_ned))
+
+
 def _rows(number: int, track: FlightTrack, origin: Origin | None) -> Floats:
     """(T + 1, 7) of the sortie of that number: number, Unix time, s, position, pump.
 
     Positions are in m from `origin`, as they are without one. In the last row the pump is off and
     no place is known: nothing is sprayed from one sortie to the next.
     """
-    time_s, plan, zero = track.time_s, track.position_ned, track.origin
-    if origin is not None and zero is not None and zero != origin:
-        plan = origin.ned(zero.geodetic(plan))
+    time_s, plan = track.time_s, places_from(origin, track)
     unix_s = time_s + (np.nan if track.start_unix_s is None else track.start_unix_s)
     pump = np.where(track.flying, track.spraying, 0.0)
     whose = np.full(time_s.size, float(number))
@@ -170,7 +174,7 @@ def cut_at_date_line(shape: Any) -> Any:
 def by_gauge(track: FlightTrack) -> Liquid | None:
     """What the level fell by in the air; None where no gauge reports it, or it rose."""
     source = track.source("tank_kg")
-    if source.kind not in REPORTED:
+    if not source.reported:
         return None
     fall, _ = _fall(track)
     return Liquid(by="gauge", kg=fall, within_kg=0.0, source=source.words) if fall >= 0.0 else None
