@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.small_server import SmallServer
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.alarm_words import ASKED
+from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.language import say
 
 FRESH = 3.0  # s for which figures are shown as live
@@ -31,6 +32,7 @@ FILES = "thrustmargin.gcs_plugin"
 @dataclass(frozen=True, slots=True)
 class _Shown:
     figures: dict[str, float]
+    answer: FlightAnswer | None
     update: Update
 
 
@@ -50,7 +52,7 @@ class PilotBar(Subscriber):
         for number, watch in fleet.vehicles.items():
             if watch.last is not None:
                 found = figures(watch.last) | what_to_do(watch.alarms.listed.values())
-                shown[number] = _Shown(found, watch.last)
+                shown[number] = _Shown(found, watch.last.answer, watch.last)
         self._shown = shown
 
     @property
@@ -84,7 +86,7 @@ class PilotBar(Subscriber):
         """The figures of each vehicle; margins are null once they are older than FRESH."""
         now_us, vehicles = self._clock(), []
         for number, shown in sorted(self._shown.items()):
-            age_s, answer = shown.update.age_s(now_us), shown.update.answer
+            age_s = shown.update.age_s(now_us)
             live, found = age_s <= FRESH, shown.figures
             margin, predicted = found.get("MARGIN"), found.get("MARGIN_PRE")
             vehicles.append(
@@ -96,7 +98,7 @@ class PilotBar(Subscriber):
                     "last_margin": margin,
                     "rotor": int(found["MARGIN_ROT"]) if live and "MARGIN_ROT" in found else None,
                     "action": say(ASKED[int(found["MARGIN_DO"])]) if live else "",
-                    "flight": None if answer is None else answer.json,
+                    "flight": None if shown.answer is None else shown.answer.json,
                 }
             )
         return {"schema": "thrustmargin.bar/1", "limit": 100.0 * self._limit, "vehicles": vehicles}
