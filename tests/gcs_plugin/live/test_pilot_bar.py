@@ -57,7 +57,9 @@ def test_before_anything_is_heard_there_is_no_vehicle():
 def test_margin_rotor_action_and_age(ground: Ground):
     ground.now_us = ground.heard_us + 400_000
     ground.bar.on_round(ground.fleet, ground.now_us)
-    (one,) = json.loads(ground.get("/bar.json")[2])["vehicles"]
+    whole = json.loads(ground.get("/bar.json")[2])
+    assert whole["limit"] == 50.0  # %
+    (one,) = whole["vehicles"]
     # 3000 rpm at 58.8 V, and the ESCs report 50 V.
     assert one["margin"] == pytest.approx(100 * (1 - (2300 / (3000 * 50 / 58.8)) ** 2), abs=0.1)
     assert (one["rotor"], one["action"], one["age_s"]) == (3, "fly gently", 0.4)
