@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from thrustmargin.gcs_plugin.live.announce import Announcer, plain, what_to_do
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -364,6 +366,7 @@ def test_batteries_show_margin_and_tank_in_percent_and_are_explained_every_five_
         vehicle.stamp_us += SECOND
         now_us = vehicle.stamp_us
         fleet.take([vehicle.frame(dialect.MAVLink_heartbeat_message(2, 3, 0x80, 0, 4, 3))])
+        assert watch.last is not None
         stamps = np.full_like(watch.last.stamp_us, now_us)
         watch.last = replace(watch.last, stamp_us=stamps)
         announcer.on_round(fleet, now_us)
@@ -372,6 +375,32 @@ def test_batteries_show_margin_and_tank_in_percent_and_are_explained_every_five_
     # Said in the second in which it is first shown, or in the next: one text a second goes out.
     assert len(explained) == 1
     assert 299 <= explained[0] <= 302
+
+
+@pytest.mark.parametrize(
+    ("level", "severity"), [(FlightLevel.DAMAGED, WARNING), (FlightLevel.UNDER, 6)]
+)
+def test_after_a_landing_what_is_grave_is_spoken_and_once(level, severity):
+    sent = Sent()
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
+    fleet, vehicle = Fleet(MODEL), Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    fleet.updates()
+    watch = fleet.vehicles[1]
+    heard = []
+    for settled in (False, True, True):
+        vehicle.stamp_us += SECOND
+        fleet.take([vehicle.frame(dialect.MAVLink_heartbeat_message(2, 3, 0x80, 0, 4, 3))])
+        answer = SimpleNamespace(brief="Fill 8 kg", gravity=0.0, fill_kg=8.0)
+        flight: Any = SimpleNamespace(
+            settled=settled, answer=answer, advice=SimpleNamespace(level=level)
+        )
+        assert watch.last is not None
+        watch.last = replace(watch.last, flight=flight)
+        announcer.on_round(fleet, vehicle.stamp_us)
+        heard.append([t for t in texts(sent) if "Fill" in t[1]])
+        sent.frames.clear()
+    assert heard == [[], [(severity, "Fill 8 kg")], []]
 
 
 @pytest.mark.parametrize(("age_s", "fresh"), [(1.4, True), (1.6, False)])

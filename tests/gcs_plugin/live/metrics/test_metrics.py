@@ -252,6 +252,24 @@ def test_of_two_vehicles_with_one_id_there_are_no_figures(watched, monkeypatch):
     assert found["thrustmargin_margin_ratio"] == found["thrustmargin_flying"] == []
 
 
+@pytest.mark.parametrize(
+    ("basis", "shown"), [("motor outputs", [({"vehicle": "1"}, 0.6)]), ("height", [])]
+)
+def test_of_an_aircraft_that_is_not_known_its_motor_outputs_are_shown(
+    watched, monkeypatch, basis: str, shown: list
+):
+    contact = SimpleNamespace(basis=basis, median_use=0.6, worst_use=0.8)
+    answer = SimpleNamespace(contact=contact, gravity=3.0, fill_kg=7.5)
+    watch = watched.fleet.vehicles[1]
+    flight: Any = SimpleNamespace(answer=answer)
+    monkeypatch.setattr(watch, "last", replace(watch.last, flight=flight))
+    found = figures(watched, monkeypatch)
+    assert found["thrustmargin_outputs_median_ratio"] == shown
+    assert [v for _, v in found["thrustmargin_outputs_most_ratio"]] == [0.8] * len(shown)
+    assert found["thrustmargin_flight_level"] == [({"vehicle": "1"}, 3.0)]
+    assert found["thrustmargin_next_fill_kg"] == [({"vehicle": "1"}, 7.5)]
+
+
 def test_a_vehicle_that_is_gone_on_the_ground_is_none(watched, monkeypatch):
     assert figures(watched, monkeypatch)["thrustmargin_vehicles"] == [({}, 1.0)]
     monkeypatch.setattr(type(watched.fleet.vehicles[1]), "left", lambda *_: True)
