@@ -2,7 +2,8 @@
 
 The swath width is not in the telemetry. It is taken as the spacing of neighbouring spray lines,
 which is how a mission is planned; with fewer than two lines it stays unknown and nothing that
-depends on it is drawn or counted.
+depends on it is drawn or counted. Where the place is not known, the log pauses or nothing says what
+the pump did, the area is that of a part, and `lost_s` says of how long it is not.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from thrustmargin.models.errors import TrackError
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 
 #: A spray line is a straight piece at least this long, m.
 SHORTEST_LINE = 5.0
@@ -21,40 +23,80 @@ SHORTEST_LINE = 5.0
 SAME_LINE = 1.0
 #: Bends smaller than this are steering, not a new line, m.
 STRAIGHTNESS = 0.5
+#: s between two rows beyond which the way from the one to the other is not known.
+LONGEST_PAUSE = 2.0
+#: Share of the time with the pump on that may have no place before the area is a part alone.
+LOST_SHARE = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Field:
     """What was sprayed, in plan (north, east) and with the swath lines at their height."""
 
-    swaths_ned: tuple[Floats, ...]  # each (K, 3) m: one stretch with the pump on
+    rows: tuple[NDArray[np.intp], ...]  # of each stretch with the pump on and a known way
+    swaths_ned: tuple[Floats, ...]  # each (K, 3) m: the same stretches
     ground: shapely.MultiPolygon  # (north, east) m; empty without a swath width
     swath_width: float  # m, spacing of neighbouring lines; NaN unknown
     area: float  # m² under the swaths, overlaps counted once; NaN without a width
+    sprayed_s: float  # with the pump on, or with nothing that says whether it was
+    lost_s: float  # of these, without a place, or in a pause of the log
+
+    @property
+    def whole(self) -> bool:
+        """Whether the area is that of all that was sprayed, and not of a part alone."""
+        return self.lost_s <= LOST_SHARE * self.sprayed_s
 
 
 def sprayed_field(
-    position_ned: Floats, spraying: Floats, *, swath_width: float | None = None
+    time_s: Floats, position_ned: Floats, spraying: Floats, *, swath_width: float | None = None
 ) -> Field | None:
     """The field under the rows of `position_ned` (T, 3) m where `spraying` (T,) is 1.
 
-    None when the pump was never on or its state was not reported.
+    `spraying` is 0 with the pump off or on the ground, NaN where nothing says what it did. None
+    when it was never heard to be on.
     `swath_width` m overrides the spacing of the lines. Raises TrackError when shapes disagree.
     """
-    if position_ned.ndim != 2 or position_ned.shape != (spraying.size, 3):
-        raise TrackError("a field needs position_ned (T, 3) and spraying (T,)")
-    on = np.flatnonzero((spraying > 0.5) & np.all(np.isfinite(position_ned), axis=1))
-    runs = [r for r in np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if r.size > 1]
-    if not runs:
+    rows = spraying.size
+    if position_ned.shape != (rows, 3) or time_s.shape != (rows,):
+        raise TrackError("a field needs time_s (T,), position_ned (T, 3) and spraying (T,)")
+    if not np.any(spraying > 0.5):
         return None
+    known = np.all(np.isfinite(position_ned), axis=1)
+    on = np.flatnonzero((spraying > 0.5) & known)
+    ends = (np.diff(on) > 1) | (np.diff(time_s[on]) > LONGEST_PAUSE)
+    runs = [run for run in np.split(on, np.flatnonzero(ends) + 1) if run.size > 1]
+    sprayed_s, lost_s = _spans(time_s, spraying, known)
     lines = shapely.simplify(
-        [shapely.LineString(position_ned[r]) for r in runs], 0.1, preserve_topology=False
+        [shapely.LineString(position_ned[run]) for run in runs], 0.1, preserve_topology=False
     )
     swaths = tuple(shapely.get_coordinates(line, include_z=True) for line in lines)
     width = line_spacing(swaths) if swath_width is None else swath_width
-    if not np.isfinite(width):
-        nowhere = shapely.MultiPolygon()
-        return Field(swaths_ned=swaths, ground=nowhere, swath_width=np.nan, area=np.nan)
+    ground, area = shapely.MultiPolygon(), float("nan")
+    if runs and np.isfinite(width):
+        ground, area = _ground(lines, width)
+    return Field(
+        rows=tuple(runs),
+        swaths_ned=swaths,
+        ground=ground,
+        swath_width=float(width) if runs else float("nan"),
+        area=area,
+        sprayed_s=sprayed_s,
+        lost_s=lost_s,
+    )
+
+
+def _spans(time_s: Floats, spraying: Floats, known: Bools) -> tuple[float, float]:
+    """s with the pump on, or with nothing that says whether it was; and those of them whose ground
+    is not known."""
+    steps = np.diff(time_s)
+    on, unsaid = spraying > 0.5, np.isnan(spraying)
+    paused = (steps > LONGEST_PAUSE) & (on[:-1] | on[1:])
+    lost = paused | unsaid[:-1] | (on[:-1] & ~(known[:-1] & known[1:]))
+    return float(steps[on[:-1] | lost].sum()), float(steps[lost].sum())
+
+
+def _ground(lines: NDArray[np.object_], width: float) -> tuple[shapely.MultiPolygon, float]:
+    """The outline of the ground under the lines, and the m² of their strips alone."""
     # Half the spacing on both sides covers the ground; what then still gapes by less than half a
     # swath is steering, so the outline closes over it. The area counts the strips alone. The union
     # is made on a 1 mm grid: in floating point GEOS may drop a strip that just touches another.
@@ -64,12 +106,7 @@ def sprayed_field(
     )
     closed = shapely.buffer(shapely.buffer(strips, width / 4), -width / 4)
     parts = [p for p in shapely.get_parts(closed) if p.geom_type == "Polygon" and not p.is_empty]
-    return Field(
-        swaths_ned=swaths,
-        ground=shapely.MultiPolygon(parts),
-        swath_width=float(width),
-        area=float(strips.area),
-    )
+    return shapely.MultiPolygon(parts), float(strips.area)
 
 
 def line_spacing(swaths_ned: tuple[Floats, ...]) -> float:

@@ -89,6 +89,11 @@ class Provenance:
     remarks: tuple[str, ...] = ()  # for people; nothing reads them
 
     @property
+    def reported(self) -> bool:
+        """Whether vehicle or table say it: it is no setting, and nobody made it from others."""
+        return self.kind in (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
+
+    @property
     def words(self) -> str:
         """The source for people, as `BATTERY_STATUS voltages of id 0`."""
         remarks = "; ".join(self.remarks)

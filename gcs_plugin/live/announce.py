@@ -114,8 +114,7 @@ class Announcer(Subscriber):
                 row = watch.last
                 if row is not None:
                     self._landed(state, row)
-                if row is not None:
-                    fresh = now_us - int(row.stamp_us[-1]) < QUIET * 1e6
+                    fresh = row.age_s(now_us) < QUIET
                     self._figures(number, row, state, watch.alarms.listed.values(), fresh=fresh)
                     if self._battery and fresh:
                         self._as_batteries(number, row, state, now_s)

@@ -126,7 +126,7 @@ def vehicle_cells(
     if update is None:
         cells = [str(watch.system), *["-"] * (len(COLUMNS) - 2), seconds(silent)]
         return [Text(cell) for cell in cells]
-    age = max((now_us - int(update.stamp_us[-1])) * 1e-6, 0.0)
+    age = update.age_s(now_us)
     old = age > old_s
     margin, *others = numbers(update, limit)
     if not old:

@@ -11,22 +11,20 @@ the port may see it.
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from thrustmargin.gcs_plugin.live.announce import figures, what_to_do
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.small_server import SmallServer
+from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.alarm_words import ASKED
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.models.errors import LinkError
 
-MOST = 32  # requests at once
 FRESH = 3.0  # s for which figures are shown as live
 FILES = "thrustmargin.gcs_plugin"
 
@@ -35,33 +33,7 @@ FILES = "thrustmargin.gcs_plugin"
 class _Shown:
     figures: dict[str, float]
     answer: FlightAnswer | None
-    stamp_us: int  # ground's clock when the row's report came
-
-
-class _Server(ThreadingHTTPServer):
-    """A thread a request, of which there are MOST at once: others are hung up on.
-
-    Else whoever reaches the port could take the threads and files that the monitor needs.
-    """
-
-    daemon_threads = True
-    request_queue_size = 2 * MOST
-
-    def __init__(self, *args: Any) -> None:
-        self._room = threading.BoundedSemaphore(MOST)
-        super().__init__(*args)
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        if self._room.acquire(blocking=False):
-            super().process_request(request, client_address)
-        else:
-            self.shutdown_request(request)
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._room.release()
+    update: Update
 
 
 class PilotBar(Subscriber):
@@ -73,37 +45,30 @@ class PilotBar(Subscriber):
     def __init__(self, clock: Callable[[], int], *, limit: float, port: int, host: str) -> None:
         self._clock, self._limit, self._address = clock, limit, (host, port)
         self._shown: dict[int, _Shown] = {}
-        self._server: ThreadingHTTPServer | None = None
+        self._server: SmallServer | None = None
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:  # noqa: ARG002
         shown = {}
         for number, watch in fleet.vehicles.items():
             if watch.last is not None:
                 found = figures(watch.last) | what_to_do(watch.alarms.listed.values())
-                shown[number] = _Shown(found, watch.last.answer, int(watch.last.stamp_us[-1]))
+                shown[number] = _Shown(found, watch.last.answer, watch.last)
         self._shown = shown
 
     @property
     def port(self) -> int:
         """Where it is served."""
         assert self._server is not None
-        return self._server.server_address[1]
+        return self._server.port
 
     def start(self) -> None:
         """Open the port and answer, on threads of its own."""
-        try:
-            self._server = _Server(self._address, _handler(self.answer))
-        except (OSError, OverflowError) as error:
-            raise LinkError(
-                f"--bar {self._address[1]} cannot be opened: {error}; give another port"
-            ) from error
-        threading.Thread(target=self._server.serve_forever, name="bar", daemon=True).start()
+        self._server = SmallServer(self.answer, "--bar", self._address, for_all=True)
 
     def stop(self) -> None:
         """Close the port; harmless when called twice."""
         if self._server is not None:
-            self._server.shutdown()
-            self._server.server_close()
+            self._server.close()
             self._server = None
 
     def answer(self, path: str) -> tuple[str, bytes] | None:
@@ -121,7 +86,7 @@ class PilotBar(Subscriber):
         """The figures of each vehicle; margins are null once they are older than FRESH."""
         now_us, vehicles = self._clock(), []
         for number, shown in sorted(self._shown.items()):
-            age_s = max(0.0, (now_us - shown.stamp_us) * 1e-6)
+            age_s = shown.update.age_s(now_us)
             live, found = age_s <= FRESH, shown.figures
             margin, predicted = found.get("MARGIN"), found.get("MARGIN_PRE")
             vehicles.append(
@@ -137,33 +102,6 @@ class PilotBar(Subscriber):
                 }
             )
         return {"schema": "thrustmargin.bar/1", "limit": 100.0 * self._limit, "vehicles": vehicles}
-
-
-def _handler(answer: Callable[[str], tuple[str, bytes] | None]) -> type[BaseHTTPRequestHandler]:
-    class Handler(BaseHTTPRequestHandler):
-        timeout = 10.0  # s that a slow peer may hold a thread
-
-        def do_GET(self) -> None:
-            found = answer(self.path.partition("?")[0])
-            if found is None:
-                self.send_error(404)
-                return
-            self.send_response(200)
-            for name, value in (
-                ("Content-Type", found[0]),
-                ("Content-Length", str(len(found[1]))),
-                ("Cache-Control", "no-store"),
-                ("X-Content-Type-Options", "nosniff"),
-                ("Access-Control-Allow-Origin", "*"),
-            ):
-                self.send_header(name, value)
-            self.end_headers()
-            self.wfile.write(found[1])
-
-        def log_message(self, format: str, *args: Any) -> None:
-            """Nothing: the terminal is the monitor's."""
-
-    return Handler
 
 
 def _file(name: str) -> bytes:

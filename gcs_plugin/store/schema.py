@@ -59,6 +59,7 @@ distance_m | number | m | over ground
 spraying_s | number | s | with the pump on
 sprayed_distance_m | number | m | over ground with the pump on
 hectares | number | ha | sprayed, each place once
+hectares_at_least | number | ha | in its place where place or pump is not known of a part
 litres | number | L | that left the tank
 tank_start_kg | number | kg | at the start of the flight
 tank_end_kg | number | kg | at its end

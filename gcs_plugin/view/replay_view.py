@@ -167,7 +167,7 @@ class ReplayView(ViewPage):
         server.scene.on_click()(self._clicked)
         ground = ground_height(track)
         self._scene.set_ground(enu(track.position_ned), ground)
-        self._scene.set_field(sprayed_field(track.position_ned, track.spraying))
+        self._scene.set_field(sprayed_field(track.time_s, track.position_ned, track.spraying))
         self._scene.set_plan(VEHICLE, plan_enu(self._waypoints, track.origin, ground), ground)
         self._scene.add_vehicle(VEHICLE, self._airframe)
         if self._trail.route.count:

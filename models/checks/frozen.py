@@ -27,7 +27,6 @@ FINE_S = 6.0
 #: Share of its mass by which an aircraft of constant load cannot become lighter: lift of forward
 #: flight and a battery that gets warm are less.
 LIGHTER = 0.08
-_REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 #: Channels that can be frozen -> what measures them.
 INSTRUMENTS = {
     "voltage": "battery voltage",
@@ -132,7 +131,7 @@ def _stands(track: FlightTrack, channel: str) -> list[Bools]:
     """For each time in flight that a reported channel had one value for LEAST_S, its rows (T,)."""
     values = getattr(track, channel)
     known = np.flatnonzero(track.flying & np.isfinite(values))
-    if track.source(channel).kind not in _REPORTED or known.size < FEWEST_ROWS:
+    if not track.source(channel).reported or known.size < FEWEST_ROWS:
         return []
     changes = np.flatnonzero(np.diff(values[known])) + 1
     starts, ends = np.append(0, changes), np.append(changes, known.size)

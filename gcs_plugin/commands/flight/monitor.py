@@ -36,7 +36,7 @@ PATIENCE = 3.0  # s that its end waits for what came and is not yet analysed
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.console import EventPrinter
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
-    from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
+    from thrustmargin.gcs_plugin.live.metrics.collector import MetricsServer
     from thrustmargin.gcs_plugin.view.live_view import LiveView
     from thrustmargin.models.physics.airframe import Airframe
 
@@ -315,8 +315,7 @@ def _page(
 
 
 def _metrics(live: LiveMonitor, port: int) -> MetricsServer:
-    from thrustmargin.gcs_plugin.live.metrics.collector import MonitorCollector
-    from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
+    from thrustmargin.gcs_plugin.live.metrics.collector import MetricsServer, MonitorCollector
 
     try:
         served = MetricsServer(MonitorCollector(live), port)

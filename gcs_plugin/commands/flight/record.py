@@ -167,8 +167,7 @@ def record(
     sorties = [log for _, log in flights]
     done = applied(sorties, swath)
     amounts = liquids(flights)
-    known = {a.model.airframe.liquid_density for a, _ in flights if not a.withheld}
-    density = known.pop() if len(known) == 1 and not any(a.withheld for a, _ in flights) else None
+    density = common_density(flights)
     fields = from_logs(sorties, done, local)
     area = fields.get("area")
     area_ha = None if area is None else area.value
@@ -267,6 +266,12 @@ def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
     ]
     estimates = (in_all(gauge), in_all(pump), in_all(thrust))
     return [one for one in estimates if one is not None]
+
+
+def common_density(flights: list[tuple[FlightAnalysis, FlightLog]]) -> float | None:
+    """kg/L of the liquid; None where flights have others, or an aircraft is not known."""
+    known = {None if a.withheld else a.model.airframe.liquid_density for a, _ in flights}
+    return known.pop() if len(known) == 1 else None
 
 
 #: kg that no tank holds: a level that the pump's output falls from and never reaches nothing.

@@ -214,6 +214,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "spraying_s": flight["spraying_s"],
         "sprayed_distance_m": flight["sprayed_distance"],
         "hectares": flight["sprayed_area"] / 1e4,
+        "hectares_at_least": flight["sprayed_area_at_least"] / 1e4,
         "litres": used_kg / airframe.liquid_density,
         "tank_start_kg": started_kg,
         "tank_end_kg": flight["tank_end_kg"],

@@ -1,4 +1,4 @@
-"""The monitor's newest figures as Prometheus metrics, made when they are asked for.
+"""The monitor's newest figures as Prometheus metrics, made when this computer asks for them.
 
 A figure that is unknown or old is left out, so that no series goes on with a value of the past;
 the ages stay, and say why. Alarms stand until there is evidence to the contrary, as everywhere.
@@ -10,11 +10,13 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
+from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
+from thrustmargin.gcs_plugin.live.small_server import SmallServer
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 
@@ -57,6 +59,30 @@ COUNTS = {
     "compute_drops": "Frames that the analysis dropped",
 }
 PREFIX = "thrustmargin_"
+HOST = "127.0.0.1"
+#: Of Prometheus' text format, which every version of it reads.
+TEXT = "text/plain; version=0.0.4; charset=utf-8"
+
+
+class MetricsServer(SmallServer):
+    """Serves one collector's metrics until `close`; `port` 0 takes any free one.
+
+    Raises LinkError when the port cannot be opened.
+    """
+
+    def __init__(self, collector: Collector, port: int) -> None:
+        registry = CollectorRegistry(auto_describe=False)
+        registry.register(collector)
+
+        def answer(path: str) -> tuple[str, bytes] | None:
+            return (TEXT, generate_latest(registry)) if path == "/metrics" else None
+
+        super().__init__(answer, "--metrics", (HOST, port), for_all=False)
+
+    @property
+    def url(self) -> str:
+        """Where the metrics are."""
+        return f"http://{HOST}:{self.port}/metrics"
 
 
 class MonitorCollector(Collector):
@@ -111,9 +137,7 @@ def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric
     """How old everything is, and what is lost on the way."""
     silent = [((n,), w.silent(now_us)) for n, w in watches.items()]
     yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
-    rows = [
-        ((n,), age_s(update, now_us)) for n, w in watches.items() if (update := w.last) is not None
-    ]
+    rows = [((n,), w.last.age_s(now_us)) for n, w in watches.items() if w.last is not None]
     words = "Age of the newest figures; old ones are left out"
     yield _gauge("figures_age_seconds", words, rows, ("vehicle",))
     fields = [
@@ -136,17 +160,12 @@ def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric
         yield _gauge(f"link_{name}_frames", words, counted, ("vehicle", "component"))
 
 
-def age_s(update: Update, now_us: int) -> float:
-    """s since the newest row's report came, at a time of the ground's clock."""
-    return max((now_us - int(update.stamp_us[-1])) * 1e-6, 0.0)
-
-
 def _figures(watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float) -> Iterator[Metric]:
     """The figures of vehicles whose newest row is not old."""
     samples: dict[str, list[tuple[tuple[str, ...], float]]] = {name: [] for name in FIGURES}
     for number, watch in watches.items():
         update = watch.last
-        if update is None or age_s(update, now_us) > old_s or watch.shared:
+        if update is None or update.age_s(now_us) > old_s or watch.shared:
             continue
         for name, value in _of_vehicle(update).items():
             samples[name].append(((number,), value))

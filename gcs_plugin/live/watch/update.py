@@ -52,6 +52,10 @@ class Update:
         alarms = "; ".join(alarm.line for alarm in self.alarms) or NO_ALARM
         return f"Update(vehicle {self.vehicle}, margin by rotor {margins} %, {alarms})"
 
+    def age_s(self, now_us: int) -> float:
+        """s since the newest row's report came, at a time of the ground's clock."""
+        return max((now_us - int(self.stamp_us[-1])) * 1e-6, 0.0)
+
     @property
     def answer(self) -> FlightAnswer | None:
         """Of the flight so far, or the last one; None before the first take-off."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -214,7 +214,7 @@ def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
         "level": one.level,
         "flights": len(one.flights),
         "hours": one.hours,
-        "hectares": seasons.sum_of(one.flights, "hectares"),
+        **_hectares(one.flights),
         "litres": seasons.sum_of(one.flights, "litres"),
         "worst_margin": one.worst["worst_margin"] if one.worst else None,
         "above_limit": len(one.above_limit),
@@ -249,6 +249,14 @@ def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
             if p.name
         ],
     }
+
+
+def _hectares(flights: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """What all flights sprayed; `hectares_at_least` in its place where it is known of a part."""
+    whole = all(finite(f["hectares"]) or f["spraying_s"] == 0.0 for f in flights)
+    known = sum(seasons.sum_of(flights, name) for name in ("hectares", "hectares_at_least"))
+    nan = float("nan")
+    return {"hectares": known if whole else nan, "hectares_at_least": nan if whole else known}
 
 
 def as_csv(fleet: FleetSeason) -> str:

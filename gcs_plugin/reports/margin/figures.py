@@ -51,7 +51,7 @@ def figures(report: FlightReport) -> Mapping[str, style.Figure]:
     if placed:
         place = rows["position_north"], rows["position_east"]
         at = np.column_stack([*place, np.zeros(place[0].size)])
-        field = sprayed_field(at, rows["spraying"])
+        field = sprayed_field(rows["time_s"], at, rows["spraying"])
         wind = {key: report.flight[f"wind_{key}"] for key in ("speed_median", "from_deg")}
         for name in ("map_use", "map_speed", "map_redundancy"):
             if name in made:

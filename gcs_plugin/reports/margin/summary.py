@@ -177,7 +177,9 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.Js
     start_kg, end_kg = (float(tank[0]), float(tank[-1])) if tank.size else (np.nan, np.nan)
     spraying = flying & (track.spraying > 0.5)
     knows_spraying = bool(np.any(np.isfinite(track.spraying[flying])))
-    sprayed = sprayed_field(track.position_ned, np.where(flying, track.spraying, np.nan))
+    pump = np.where(flying, track.spraying, 0.0)
+    sprayed = sprayed_field(track.time_s, track.position_ned, pump)
+    area, whole = (sprayed.area, sprayed.whole) if sprayed else (np.nan, False)
     wind = track.wind_ned[flying & np.all(np.isfinite(track.wind_ned[:, :2]), axis=1), :2]
     wind_speed = np.hypot(wind[:, 0], wind[:, 1])
     mean_wind = wind.mean(axis=0) if wind.size else np.full(2, np.nan)
@@ -194,7 +196,9 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.Js
         "spraying_s": float(seconds[spraying].sum()) if knows_spraying else np.nan,
         "sprayed_distance": _path_length(speed, seconds, spraying) if knows_spraying else np.nan,
         "swath_width": sprayed.swath_width if sprayed else np.nan,
-        "sprayed_area": sprayed.area if sprayed else np.nan,  # m²
+        "sprayed_area": area if whole else np.nan,  # m²
+        "sprayed_area_at_least": np.nan if whole else area,  # m², in its place of a part alone
+        "sprayed_lost_s": sprayed.lost_s if sprayed else np.nan,
         "ground_speed_median": known_median(speed[flying]),
         "ground_speed_max": known_most(speed[flying]),
         "airspeed_median": known_median(track.airspeed[flying]),

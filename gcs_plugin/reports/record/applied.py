@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
-from thrustmargin.mission.field import sprayed_field
+from thrustmargin.mission.field import Field, sprayed_field
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.model.inferred.load_inference import NINETY, with_load
 from thrustmargin.models.physics.airframe import Airframe
@@ -25,12 +24,6 @@ from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 END_ROWS = 10
 #: Share by which two estimates of the liquid may differ and still agree, beside their intervals.
 AGREE_SHARE = 0.1
-#: s between two rows beyond which the way from the one to the other is not known.
-LONGEST_PAUSE = 2.0
-#: Share of the time with the pump on that may have no place before the area is a part alone.
-LOST_SHARE = 0.01
-#: Of a tank level: a gauge says it.
-REPORTED = (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,21 +43,14 @@ class Applied:
     """The swaths of a job. Areas are m², NaN where the width is not known."""
 
     passes: tuple[Pass, ...]
+    field: Field  # on one plane
     ground: shapely.MultiPolygon | None  # degrees, of all passes; None without swath or place
     inside: tuple[float, float] | None  # latitude, longitude of a point of the ground
     area: float
-    swath: float  # m
     swath_from_lines: bool  # the spacing of neighbouring lines, nobody stated it
     pump: Provenance  # what says that the pump was on
     start_unix_s: float | None  # of the first moment with the pump on, the end of the last
     end_unix_s: float | None
-    sprayed_s: float  # with the pump on, or with nothing that says whether it was
-    lost_s: float  # of these, without a place, or in a pause of the log
-
-    @property
-    def whole(self) -> bool:
-        """Whether the area is that of all that was sprayed, and not of a part alone."""
-        return self.lost_s <= LOST_SHARE * self.sprayed_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,119 +72,74 @@ def applied(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
     tracks = [log.track for log in logs]
     placed = all(track.origin is not None for track in tracks)
     origin = next((t.origin for t in tracks), None) if placed else None
-    plans = [_on_plane(track, origin) for track in tracks]
-    pumps = [np.where(track.flying, track.spraying, np.nan) for track in tracks]
-    runs = [_runs(*one) for one in zip(tracks, plans, pumps, strict=True)]
-    # A row without a place between two stretches: nothing is sprayed from the one to the other.
-    stretches = [
-        np.append(plan[run], np.full((1, 3), np.nan), axis=0)
-        for plan, held in zip(plans, runs, strict=True)
-        for run in held
-    ]
-    positions = np.concatenate([np.empty((0, 3)), *stretches])
-    if not any(np.any(pump > 0.5) for pump in pumps):
+    rows = np.concatenate([_rows(*one, origin) for one in enumerate(tracks, 1)])
+    pump = rows[:, 6]
+    field = sprayed_field(rows[:, 2], rows[:, 3:6], pump, swath_width=swath)
+    if field is None:
         return None
-    field = sprayed_field(positions, np.ones(len(positions)), swath_width=swath)
-    width = float("nan") if field is None else field.swath_width
-    passes = [
-        one
-        for number, (track, plan, held) in enumerate(zip(tracks, plans, runs, strict=True), 1)
-        for one in _passes(number, track, plan, held, width, origin)
-    ]
-    moments = [_moments(*one) for one in zip(tracks, pumps, strict=True)]
-    times = [t for first_last in moments for t in first_last]
-    dated = [t for t in times if t is not None]
-    spans = [_spans(*one) for one in zip(tracks, plans, pumps, strict=True)]
+    times = rows[pump > 0.5, 1]
+    dated = bool(np.all(np.isfinite(times)))
+    width = field.swath_width
     ground, inside = None, None
-    if field is not None and origin and np.isfinite(width):
+    if origin and np.isfinite(width):
         ground = _degrees(field.ground, origin)
         if not field.ground.is_empty:
             point = _degrees(field.ground.representative_point(), origin)
             inside = (point.y, (point.x + 180.0) % 360.0 - 180.0)
-    common = field is not None and (placed or len(logs) == 1)
+    passes = (_pass(rows[run], width, origin) for run in field.rows)
     return Applied(
-        passes=tuple(passes),
+        passes=tuple(one for one in passes if one is not None),
+        field=field,
         ground=ground,
         inside=inside,
-        area=field.area if field is not None and common else float("nan"),
-        swath=width,
+        area=field.area if placed or len(logs) == 1 else float("nan"),
         swath_from_lines=swath is None,
         pump=tracks[0].source("spraying"),
-        start_unix_s=min(dated) if len(dated) == len(times) else None,
-        end_unix_s=max(dated) if len(dated) == len(times) else None,
-        sprayed_s=sum(sprayed for sprayed, _ in spans),
-        lost_s=sum(lost for _, lost in spans),
+        start_unix_s=float(times.min()) if dated else None,
+        end_unix_s=float(times.max()) if dated else None,
     )
 
 
-def _moments(track: FlightTrack, pump: Floats) -> tuple[float | None, ...]:
-    """Unix time of the first and the last row with the pump on; nothing where it never was."""
-    on = np.flatnonzero(pump > 0.5)
-    start = track.start_unix_s
-    return (
-        tuple(None if start is None else start + float(track.time_s[row]) for row in on[[0, -1]])
-        if on.size
-        else ()
-    )
-
-
-def _spans(track: FlightTrack, plan: Floats, pump: Floats) -> tuple[float, float]:
-    """s with the pump on, or with nothing in the air that says whether it was; and those of them
-    whose ground is not known."""
-    long = np.diff(track.time_s)
-    on, known = pump > 0.5, np.all(np.isfinite(plan), axis=1)
-    unsaid = np.isnan(pump) & track.flying
-    paused = (long > LONGEST_PAUSE) & (on[:-1] | on[1:])
-    placed = on[:-1] & known[:-1] & known[1:] & ~paused
-    lost = paused | (on[:-1] & ~placed) | (unsaid[:-1] & track.flying[1:])
-    return float(long[placed | lost].sum()), float(long[lost].sum())
-
-
-def _on_plane(track: FlightTrack, origin: Origin | None) -> Floats:
-    """(T, 3) the track's positions from `origin`, as they are without one."""
+def places_from(origin: Origin | None, track: FlightTrack) -> Floats:
+    """(T, 3) the track's positions in m from `origin`; as they are without one."""
     zero = track.origin
     if origin is None or zero is None or zero == origin:
         return track.position_ned
     return origin.ned(zero.geodetic(track.position_ned))
 
 
-def _runs(track: FlightTrack, plan: Floats, pump: Floats) -> list[NDArray[np.intp]]:
-    """Rows of each stretch with the pump on, without a pause in which the place is not known."""
-    on = np.flatnonzero((pump > 0.5) & np.all(np.isfinite(plan), axis=1))
-    ends = (np.diff(on) > 1) | (np.diff(track.time_s[on]) > LONGEST_PAUSE)
-    return [run for run in np.split(on, np.flatnonzero(ends) + 1) if run.size > 1]
+def _rows(number: int, track: FlightTrack, origin: Origin | None) -> Floats:
+    """(T + 1, 7) of the sortie of that number: number, Unix time, s, position, pump.
+
+    Positions are in m from `origin`, as they are without one. In the last row the pump is off and
+    no place is known: nothing is sprayed from one sortie to the next.
+    """
+    time_s, plan = track.time_s, places_from(origin, track)
+    unix_s = time_s + (np.nan if track.start_unix_s is None else track.start_unix_s)
+    pump = np.where(track.flying, track.spraying, 0.0)
+    whose = np.full(time_s.size, float(number))
+    rows = np.column_stack([whose, unix_s, time_s, plan, pump])
+    return np.append(rows, [[number, np.nan, time_s[-1], np.nan, np.nan, np.nan, 0.0]], axis=0)
 
 
-def _passes(
-    number: int,
-    track: FlightTrack,
-    plan: Floats,
-    runs: Sequence[NDArray[np.intp]],
-    width: float,
-    origin: Origin | None,
-) -> list[Pass]:
-    start = track.start_unix_s
-    made = []
-    for run in runs:
-        line = shapely.simplify(shapely.LineString(plan[run, :2]), 0.1)
-        if line.length == 0.0:
-            continue
-        seconds = float(track.time_s[run[-1]] - track.time_s[run[0]])
-        strip = None
-        if origin is not None and np.isfinite(width):
-            flat = shapely.buffer(line, width / 2, cap_style="flat", join_style="mitre")
-            strip = _degrees(flat, origin)
-        made.append(
-            Pass(
-                flight=number,
-                start_unix_s=None if start is None else start + float(track.time_s[run[0]]),
-                end_unix_s=None if start is None else start + float(track.time_s[run[-1]]),
-                length=float(line.length),
-                speed=float(line.length) / seconds if seconds > 0.0 else float("nan"),
-                strip=strip,
-            )
-        )
-    return made
+def _pass(rows: Floats, width: float, origin: Origin | None) -> Pass | None:
+    """The stretch of such rows; None where it stood."""
+    line = shapely.simplify(shapely.LineString(rows[:, 3:5]), 0.1)
+    if line.length == 0.0:
+        return None
+    strip = None
+    if origin is not None and np.isfinite(width):
+        flat = shapely.buffer(line, width / 2, cap_style="flat", join_style="mitre")
+        strip = _degrees(flat, origin)
+    (start, begin), (end, last) = rows[0, 1:3], rows[-1, 1:3]
+    return Pass(
+        flight=int(rows[0, 0]),
+        start_unix_s=float(start) if np.isfinite(start) else None,
+        end_unix_s=float(end) if np.isfinite(end) else None,
+        length=float(line.length),
+        speed=float(line.length) / float(last - begin) if last > begin else float("nan"),
+        strip=strip,
+    )
 
 
 def _degrees(geometry: Any, origin: Origin) -> Any:
@@ -233,7 +174,7 @@ def cut_at_date_line(shape: Any) -> Any:
 def by_gauge(track: FlightTrack) -> Liquid | None:
     """What the level fell by in the air; None where no gauge reports it, or it rose."""
     source = track.source("tank_kg")
-    if source.kind not in REPORTED:
+    if not source.reported:
         return None
     fall, _ = _fall(track)
     return Liquid(by="gauge", kg=fall, within_kg=0.0, source=source.words) if fall >= 0.0 else None

@@ -173,11 +173,11 @@ def from_logs(
     if done is not None and np.isfinite(done.area):
         how = "spacing of the lines" if done.swath_from_lines else "option --swath"
         kind = EntrySource.LOG if done.swath_from_lines else EntrySource.OPTION
-        found["swath"] = Entry(value=done.swath, unit="m", source=kind, detail=how)
+        found["swath"] = Entry(value=done.field.swath_width, unit="m", source=kind, detail=how)
         how = "track with the pump on by the swath; overlaps count once"
         name = "area"
-        if not done.whole:
-            name, lost = "area_at_least", f"{done.lost_s:.0f} of {done.sprayed_s:.0f} s"
+        if not done.field.whole:
+            name, lost = "area_at_least", f"{done.field.lost_s:.0f} of {done.field.sprayed_s:.0f} s"
             how += f"; no place or no word of the pump is known of {lost}"
         found[name] = _computed(value=done.area / HECTARE, unit="ha", detail=how)
     if done is not None and done.inside is not None:

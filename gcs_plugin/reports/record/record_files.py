@@ -118,8 +118,8 @@ def geojson(done: Applied) -> dict[str, Any]:
     area = {
         "part": "area",
         "area_ha": done.area / 1e4,
-        "whole": done.whole,
-        "swath_m": done.swath,
+        "whole": done.field.whole,
+        "swath_m": done.field.swath_width,
     }
     shapes = [({"part": "pass", **_of_pass(n, p)}, p.strip) for n, p in enumerate(done.passes, 1)]
     return {

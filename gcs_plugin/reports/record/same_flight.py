@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.record.applied import REPORTED
+from thrustmargin.gcs_plugin.reports.record.applied import places_from
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.flight import FlightTrack, Floats, Origin
+from thrustmargin.models.physics.smoothing import known_median
 
 CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ
 STEP = 0.5  # s
@@ -65,28 +66,17 @@ def _read_alike(first: FlightTrack, second: FlightTrack, within: tuple[float, fl
     for track in (first, second):
         unix_s = track.time_s + (track.start_unix_s or 0.0)
         rows = track.flying & (unix_s >= within[0]) & (unix_s <= within[1])
-        speeds.append(_medians(track.rotor_speed_rpm[rows]))
-        gauge = track.source("tank_kg").kind in REPORTED
-        tanks.append(_medians(track.tank_kg[rows, None]) if gauge else np.array([np.nan]))
+        speeds.append(np.array([known_median(one) for one in track.rotor_speed_rpm[rows].T]))
+        gauge = track.source("tank_kg").reported
+        tanks.append(known_median(track.tank_kg[rows]) if gauge else np.nan)
     if speeds[0].shape != speeds[1].shape:
         return False
     # NaN, which one of them does not report, is never far.
     far = np.abs(speeds[0] - speeds[1]) > SAME_SPEED * np.maximum(*speeds)
-    return not (far.any() or (np.abs(tanks[0] - tanks[1]) > SAME_TANK).any())
-
-
-def _medians(rows: Floats) -> Floats:
-    """Median of each column; NaN of one without a number."""
-    known = np.isfinite(rows).any(axis=0)
-    made = np.full(rows.shape[1], np.nan)
-    made[known] = np.nanmedian(rows[:, known], axis=0)
-    return made
+    return not (far.any() or abs(tanks[0] - tanks[1]) > SAME_TANK)
 
 
 def _places(track: FlightTrack, origin: Origin, unix_s: Floats) -> Floats:
     """(n, 2) north and east in m from `origin` at Unix times; NaN where it is not known."""
-    zero, start = track.origin, track.start_unix_s or 0.0
-    ned = track.position_ned
-    if zero is not None and zero != origin:
-        ned = origin.ned(zero.geodetic(ned))
+    ned, start = places_from(origin, track), track.start_unix_s or 0.0
     return np.stack([np.interp(unix_s - start, track.time_s, ned[:, k]) for k in (0, 1)], axis=-1)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,12 +29,11 @@ OF_ROTOR = {name.removesuffix("_{}"): unit for name, unit, _ in COLUMNS if name.
 _LOG_LEVEL = {Severity.GRAVE: 5, Severity.WARNING: 3, Severity.UNKNOWN: 2, Severity.OK: 2}
 
 
-def _number(words: str) -> dict[str, Any]:
-    return {"type": ["number", "null"], "description": words}
+def _of(kind: str | list[str], words: str) -> dict[str, Any]:
+    return {"type": kind, "description": words}
 
 
-def _text(words: str) -> dict[str, Any]:
-    return {"type": "string", "description": words}
+_number, _text = partial(_of, ["number", "null"]), partial(_of, "string")
 
 
 def _object(title: str, **properties: Any) -> dict[str, Any]:
@@ -45,7 +45,7 @@ _TIME = {"time_s": _number("s from the sortie's first row"), "sortie": _COUNT}
 _STAMP = {"timestamp": _object("time", sec=_COUNT, nsec=_COUNT)}
 _ROTOR = _object(
     "rotor",
-    rotor={"type": "integer", "description": "from 1, in the autopilot's motor order"},
+    rotor=_of("integer", "from 1, in the autopilot's motor order"),
     name=_text("where it is, seen from above"),
     **{key: _number(unit) for key, unit in OF_ROTOR.items()},
     margin=_number("share of its maximum thrust that is left; null on the ground"),
@@ -66,7 +66,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
         _object(
             "margin of the worst rotor that is known",
             **_TIME,
-            rotor={"type": ["integer", "null"], "description": "from 1"},
+            rotor=_of(["integer", "null"], "from 1"),
             margin=_number("1; share of its maximum thrust that is left"),
             low=_number("1; low end of the 90 % interval"),
             high=_number("1; high end of the 90 % interval"),
@@ -95,7 +95,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
             latitude=_number("°"),
             longitude=_number("°"),
             altitude=_number("m above the sea"),
-            position_covariance_type={"type": "integer", "description": "0: not known"},
+            position_covariance_type=_of("integer", "0: not known"),
             position_covariance={"type": "array", "items": {"type": "number"}},
         ),
     ),
@@ -107,7 +107,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
             check=_text("what was checked"),
             level=_text("grave, warning, unknown or ok"),
             words=_text("what was found"),
-            values={"type": "object", "description": "its numbers by name"},
+            values=_of("object", "its numbers by name"),
             spoils=_text("what it makes wrong in the answers"),
         ),
     ),
@@ -116,7 +116,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
         _object(
             "texts of the vehicle, and the findings",
             **_STAMP,
-            level={"type": "integer", "description": "2 info, 3 warning, 5 fatal"},
+            level=_of("integer", "2 info, 3 warning, 5 fatal"),
             message=_text("as it was sent, or the finding in words"),
             name=_text("vehicle or the finding's check"),
             file=_text("of the log"),

@@ -94,8 +94,7 @@ class Heard:
         watch = self._watches.get(one.number)
         if watch is None or one.update is None:
             return one
-        age = max(now_us - int(one.update.stamp_us[-1]), 0) * 1e-6
-        return replace(one, age=age, silent=watch.silent(now_us))
+        return replace(one, age=one.update.age_s(now_us), silent=watch.silent(now_us))
 
     def update(self, update: Update) -> None:
         """New rows of one aircraft."""

@@ -132,7 +132,7 @@ class Scene:
 
     def set_field(self, field: Field | None) -> None:
         """Draw the sprayed ground, its outline and the swath lines; None draws nothing."""
-        if field is None:
+        if field is None or not field.swaths_ned:
             return
         if not field.ground.is_empty:
             vertices, faces = fill(field.ground)

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from thrustmargin.gcs_plugin.live.announce import Announcer, plain, what_to_do
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -342,6 +344,95 @@ def test_a_figure_that_is_no_longer_known_becomes_none():
     none = last()
     assert np.isnan(none["MARGIN_PRE"])
     assert none["MARGIN_LIM"] == 50.0
+
+
+def said(sent: Sent) -> list[Any]:
+    parser = dialect.MAVLink(None)
+    return [m for data in sent.frames for m in parser.parse_buffer(data) or []]
+
+
+def test_batteries_show_margin_and_tank_in_percent_and_are_explained_every_five_minutes():
+    sent = Sent()
+    announcer = Announcer(Sender(sent), battery=True)  # type: ignore[arg-type]
+    fleet, vehicle = Fleet(MODEL), Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    fleet.updates()
+    watch = fleet.vehicles[1]
+    assert watch.last is not None
+    analysis = watch.last.analysis
+    tank = replace(analysis.track, tank_kg=np.full_like(analysis.track.tank_kg, 4.0))
+    watch.last = replace(
+        watch.last,
+        analysis=replace(analysis, track=tank),
+        clock_s=np.full_like(watch.last.clock_s, 12.5),
+    )
+    announcer.on_round(fleet, vehicle.stamp_us)
+    messages = said(sent)
+    left = {m.id: m.battery_remaining for m in messages if m.get_type() == "BATTERY_STATUS"}
+    assert left[91] == 25  # 4 of the 16 kg that this tank holds
+    figures = [m for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"]
+    assert left[90] == int(next(m.value for m in figures if m.name == "MARGIN"))
+    assert {m.time_boot_ms for m in figures} == {12_500}
+    explained = []
+    for second in range(1, 310):
+        sent.frames.clear()
+        vehicle.stamp_us += SECOND
+        now_us = vehicle.stamp_us
+        fleet.take([vehicle.frame(dialect.MAVLink_heartbeat_message(2, 3, 0x80, 0, 4, 3))])
+        assert watch.last is not None
+        stamps = np.full_like(watch.last.stamp_us, now_us)
+        watch.last = replace(watch.last, stamp_us=stamps)
+        announcer.on_round(fleet, now_us)
+        texts_now = [m.text for m in said(sent) if m.get_type() == "STATUSTEXT"]
+        explained += [second for text in texts_now if "90" in text]
+    # Said in the second in which it is first shown, or in the next: one text a second goes out.
+    assert len(explained) == 1
+    assert 299 <= explained[0] <= 302
+
+
+@pytest.mark.parametrize(
+    ("level", "severity"), [(FlightLevel.DAMAGED, WARNING), (FlightLevel.UNDER, 6)]
+)
+def test_after_a_landing_what_is_grave_is_spoken_and_once(level, severity):
+    sent = Sent()
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
+    fleet, vehicle = Fleet(MODEL), Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    fleet.updates()
+    watch = fleet.vehicles[1]
+    heard = []
+    for settled in (False, True, True):
+        vehicle.stamp_us += SECOND
+        fleet.take([vehicle.frame(dialect.MAVLink_heartbeat_message(2, 3, 0x80, 0, 4, 3))])
+        answer = SimpleNamespace(brief="Fill 8 kg", gravity=0.0, fill_kg=8.0)
+        flight: Any = SimpleNamespace(
+            settled=settled, answer=answer, advice=SimpleNamespace(level=level)
+        )
+        assert watch.last is not None
+        watch.last = replace(watch.last, flight=flight)
+        announcer.on_round(fleet, vehicle.stamp_us)
+        heard.append([t for t in texts(sent) if "Fill" in t[1]])
+        sent.frames.clear()
+    assert heard == [[], [(severity, "Fill 8 kg")], []]
+
+
+@pytest.mark.parametrize(("age_s", "fresh"), [(1.4, True), (1.6, False)])
+def test_figures_of_a_row_that_is_old_are_none_though_the_vehicle_is_heard(age_s, fresh):
+    sent = Sent()
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
+    fleet, vehicle = Fleet(MODEL), Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    fleet.updates()
+    announcer.on_round(fleet, vehicle.stamp_us)
+    sent.frames.clear()
+    last = fleet.vehicles[1].last
+    assert last is not None
+    row_us = int(last.stamp_us[-1])
+    vehicle.stamp_us = row_us + round(age_s * SECOND)
+    fleet.take([vehicle.frame(dialect.MAVLink_heartbeat_message(2, 3, 0x80, 0, 4, 3))])
+    announcer.on_round(fleet, vehicle.stamp_us)
+    values = [m.value for m in said(sent) if getattr(m, "name", "") == "MARGIN"]
+    assert [np.isfinite(value) for value in values] == [fresh]
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ ALLOWED = {
     "gcs_plugin/reports/margin/csv_rows.py": "names of columns, which are the file's format",
     "gcs_plugin/mavproxy_worker.py": "lines of MAVProxy's console, in its own syntax",
     "gcs_plugin/live/metrics/collector.py": "what each metric is, which is the format's",
-    "gcs_plugin/live/metrics/metrics_server.py": "refusals of strangers and of a port",
+    "gcs_plugin/live/small_server.py": "refusals of strangers and of a port",
     "gcs_plugin/view/page/view_page.py": "where the page is, for who started it",
     "gcs_plugin/view/page/guard.py": "refusals of strangers and of a port",
     "gcs_plugin/view/page/token_door.py": "the door before the page",

@@ -76,6 +76,7 @@ def test_the_summary_is_what_the_report_says(ingested: tuple[Path, dict, dict]):
     assert stored["rows_above_limit_s"] == flight["verdict"]["over_limit_s"]
     assert stored["fill_kg"] == flight["verdict"]["fill_kg"]
     assert stored["hectares"] == flight["flight"]["sprayed_area"] / 1e4
+    assert stored["hectares_at_least"] is flight["flight"]["sprayed_area_at_least"] is None
     assert stored["flying_s"] == flight["flight"]["airborne_s"]
     assert stored["takeoff_mass_kg"] == pytest.approx(21.1 + stored["tank_start_kg"])
     assert stored["aircraft"] == "sysid-1"

@@ -27,10 +27,10 @@ from thrustmargin.gcs_plugin.live.metrics.collector import (
     COUNTS,
     FIGURES,
     LEVELS,
+    MetricsServer,
     MonitorCollector,
     part_of,
 )
-from thrustmargin.gcs_plugin.live.metrics.metrics_server import MetricsServer
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.analysis import analyse
@@ -231,6 +231,62 @@ def test_an_aircraft_that_is_not_known_has_no_margin_and_says_so(watched, monkey
     assert found["thrustmargin_margin_ratio"] == []
     assert found["thrustmargin_verdict_withheld"] == [({"vehicle": "1"}, 1.0)]
     assert found["thrustmargin_flying"] == [({"vehicle": "1"}, 1.0)]
+
+
+def test_the_interval_of_a_margin_is_turned_round(watched, monkeypatch):
+    analysis = watched.fleet.vehicles[1].last.analysis
+    use = np.full_like(analysis.utilisation, 0.4)
+    error = np.full_like(use, 0.1)
+    found = figures(watched, monkeypatch, utilisation=use, utilisation_error=error)
+    # 90 % lie within 1.645 standard errors: margins from 0.4355 to 0.7645 or, of one that is
+    # known to use less, to less.
+    low, high = (found[f"thrustmargin_margin_{end}_ratio"][0][1] for end in ("low", "high"))
+    assert low == pytest.approx(0.6 - 0.1645, abs=1e-3)
+    assert 0.6 < high <= 0.7645 + 1e-3
+
+
+def test_of_two_vehicles_with_one_id_there_are_no_figures(watched, monkeypatch):
+    assert figures(watched, monkeypatch)["thrustmargin_margin_ratio"]
+    monkeypatch.setattr(watched.fleet.vehicles[1], "shared_until_us", 2**62)
+    found = figures(watched, monkeypatch)
+    assert found["thrustmargin_margin_ratio"] == found["thrustmargin_flying"] == []
+
+
+@pytest.mark.parametrize(
+    ("basis", "shown"), [("motor outputs", [({"vehicle": "1"}, 0.6)]), ("height", [])]
+)
+def test_of_an_aircraft_that_is_not_known_its_motor_outputs_are_shown(
+    watched, monkeypatch, basis: str, shown: list
+):
+    contact = SimpleNamespace(basis=basis, median_use=0.6, worst_use=0.8)
+    answer = SimpleNamespace(contact=contact, gravity=3.0, fill_kg=7.5)
+    watch = watched.fleet.vehicles[1]
+    flight: Any = SimpleNamespace(answer=answer)
+    monkeypatch.setattr(watch, "last", replace(watch.last, flight=flight))
+    found = figures(watched, monkeypatch)
+    assert found["thrustmargin_outputs_median_ratio"] == shown
+    assert [v for _, v in found["thrustmargin_outputs_most_ratio"]] == [0.8] * len(shown)
+    assert found["thrustmargin_flight_level"] == [({"vehicle": "1"}, 3.0)]
+    assert found["thrustmargin_next_fill_kg"] == [({"vehicle": "1"}, 7.5)]
+
+
+def test_a_vehicle_that_is_gone_on_the_ground_is_none(watched, monkeypatch):
+    assert figures(watched, monkeypatch)["thrustmargin_vehicles"] == [({}, 1.0)]
+    monkeypatch.setattr(type(watched.fleet.vehicles[1]), "left", lambda *_: True)
+    found = figures(watched, monkeypatch)
+    assert found["thrustmargin_vehicles"] == [({}, 0.0)]
+    assert found["thrustmargin_figures_age_seconds"] == found["thrustmargin_alarm"] == []
+
+
+@pytest.mark.parametrize(("trouble", "works"), [("", 1.0), ("disk full", 0.0)])
+def test_a_recorder_in_trouble_does_not_record(watched, monkeypatch, trouble: str, works: float):
+    recorder = SimpleNamespace(trouble=trouble, frames_lost=7)
+    status = replace(watched.status(), recorder=recorder, behind_s=0.25)
+    monkeypatch.setattr(watched, "status", lambda: status)
+    found = figures(watched, monkeypatch)
+    assert found["thrustmargin_recording"] == [({}, works)]
+    assert found["thrustmargin_recording_lost_frames"][0] == ({}, 7.0)
+    assert found["thrustmargin_behind_seconds"] == [({}, 0.25)]
 
 
 class Nothing:

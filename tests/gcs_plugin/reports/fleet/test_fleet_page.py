@@ -53,6 +53,23 @@ def test_the_worst_aircraft_is_the_call_of_the_page():
     assert "would have been seen" in page
 
 
+@pytest.mark.parametrize(
+    ("second", "whole", "least"),
+    [
+        ({"hectares": 0.5, "spraying_s": 60.0}, 2.5, None),
+        ({"spraying_s": 0.0}, 2.0, None),
+        ({"hectares_at_least": 0.25, "spraying_s": 60.0}, None, 2.25),
+        ({"spraying_s": 60.0}, None, 2.0),  # of a line alone no width is known
+        ({}, None, 2.0),
+    ],
+)
+def test_hectares_of_a_part_are_not_those_of_the_season(second, whole, least):
+    rows = [flight_row(0, hectares=2.0, spraying_s=200.0), flight_row(1, **second)]
+    made = ranked("season", [aircraft_season("mine", rows, [])])
+    (one,) = json.loads(as_json(made))["aircraft"]
+    assert (one["hectares"], one["hectares_at_least"]) == (whole, least)
+
+
 def test_a_flight_that_was_lost_without_a_known_margin_is_listed_first():
     bad = {"verdict": "battery", "worst_margin": None, "log_name": "collapsed.tlog"}
     rows = [flight_row(0, verdict="over", worst_margin=0.4), flight_row(1, **bad)]

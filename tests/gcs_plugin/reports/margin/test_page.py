@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
+import pypdf
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import HOSTILE, flight, log, without
@@ -25,6 +26,7 @@ from thrustmargin.gcs_plugin.reports.margin.render import (
     csv_bytes,
     html_text,
     json_text,
+    pdf_bytes,
     write_report,
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -399,6 +401,21 @@ def test_a_report_that_stops_half_way_leaves_the_old_files_whole(
     with pytest.raises(stop):
         write_report(changed, out)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_a_part_of_the_area_is_said_to_be_one_on_page_and_paper():
+    track = log().track
+    gone = np.where((np.abs(track.time_s - 100.0) < 15.0)[:, None], np.nan, track.position_ned)
+    files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
+    for changes, part in (({}, False), ({"position_ned": gone}, True)):
+        made = build_report([flight(None, **changes)], max_utilisation=0.5)
+        found = json.loads(json_text(made, "r.csv"))["flights"][0]["flight"]
+        assert (found["sprayed_area"] is None) == part
+        paper = pypdf.PdfReader(io.BytesIO(pdf_bytes(made, files))).pages
+        printed = " ".join("".join(page.extract_text() for page in paper).split())
+        for text in (" ".join(Page(html_text(made, files)).text.split()), printed):
+            assert bool(re.search(r"at least 0\.2\d.ha", text)) == part
+            assert bool(re.search(r"of \d\d.s place or pump is not known", text)) == part
 
 
 def test_each_page_is_in_the_language_of_its_day(monkeypatch):

@@ -200,6 +200,26 @@ def test_the_flight_summary_is_that_of_the_recording(report):
     assert found["sprayed_area"] == pytest.approx(strips, rel=0.05)
 
 
+@pytest.mark.parametrize("lost", ["place", "pause", "pump"])
+def test_an_area_of_which_a_part_is_lost_stands_as_at_least(report, lost):
+    track = log().track
+    on = track.time_s[(track.spraying > 0.5) & track.flying]
+    middle = np.abs(track.time_s - np.median(on)) < 15.0
+    later = track.time_s + np.where(track.time_s > np.median(on), 30.0, 0.0)
+    changed = {
+        "place": {"position_ned": np.where(middle[:, None], np.nan, track.position_ned)},
+        "pump": {"spraying": np.where(middle, np.nan, track.spraying)},
+        "pause": {"time_s": later},
+    }[lost]
+    found = report_flight(*flight(**changed), max_utilisation=0.5).flight
+    assert np.isnan(found["sprayed_area"])
+    # In 30 s at 4 m/s a swath of 5 m is 600 m², with turns less; in a pause none is flown.
+    missing = report.flight["sprayed_area"] - found["sprayed_area_at_least"]
+    assert missing == pytest.approx(0.0 if lost == "pause" else 500.0, abs=110.0)
+    assert found["sprayed_lost_s"] == pytest.approx(30.0, abs=8.0)
+    assert np.isnan(report.flight["sprayed_area_at_least"])
+
+
 def test_moments_are_apart_worst_first_and_of_one_rotor_each(analysis, report):
     moments = report.moments
     use = [m.capacity_use for m in moments]

@@ -69,6 +69,9 @@ def job(tmp_path_factory) -> SimpleNamespace:
 def test_the_pump_is_summed_from_no_level_that_somebody_would_have_stated(job):
     said = {one["by"]: one["source"] for one in job.record["liquid"]["estimates"]}
     assert said["pump"] == "pump output: 3.5 L/min at full output"
+    kg = {one["by"]: one["kg"] for one in job.record["liquid"]["estimates"]}
+    # The tank lost 6.155 kg in this flight.
+    assert kg == pytest.approx(dict.fromkeys(("gauge", "pump", "thrust"), 6.155), abs=0.2)
 
 
 def test_area_and_liquid_are_those_of_the_report(job):

@@ -93,7 +93,7 @@ def test_an_area_of_which_a_part_is_lost_is_not_the_area(seconds):
         return
     assert "area" not in fields
     assert 0.6 * whole.area < 1e4 * fields["area_at_least"].value < 0.9 * whole.area
-    assert done.lost_s == pytest.approx(seconds, abs=12.0)  # the pump is off in turns
+    assert done.field.lost_s == pytest.approx(seconds, abs=12.0)  # the pump is off in turns
 
 
 def test_a_pause_and_a_sortie_whose_pump_is_not_known_make_it_a_part():
@@ -104,10 +104,10 @@ def test_a_pause_and_a_sortie_whose_pump_is_not_known_make_it_a_part():
     for logs in ([with_track(time_s=later)], [log(), silent]):
         done = applied(logs, 5.0)
         assert done is not None
-        assert not done.whole
+        assert not done.field.whole
     both = applied([log(), with_track(spraying=np.zeros(track.time_s.size))], 5.0)
     assert both is not None
-    assert both.whole
+    assert both.field.whole
 
 
 def test_times_are_known_where_the_place_is_not():

@@ -7,13 +7,23 @@ from dataclasses import replace
 from datetime import datetime
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from tests.gcs_plugin.reports.margin.report_flight import LOG
+from tests.gcs_plugin.reports.margin.report_flight import LOG, flight
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.reports.streams.topics import TOPICS, sortie_clock
+from thrustmargin.gcs_plugin.logs.findings import Severity
+from thrustmargin.gcs_plugin.reports.margin import report_flight
+from thrustmargin.gcs_plugin.reports.streams.mcap_file import write_mcap
+from thrustmargin.gcs_plugin.reports.streams.topics import (
+    TOPICS,
+    SortieClock,
+    messages_of,
+    sortie_clock,
+)
+from thrustmargin.models.errors import DataError
 
 
 @pytest.fixture(scope="module")
@@ -154,3 +164,41 @@ def test_without_a_date_the_times_count_from_the_vehicles_start():
     clock = sortie_clock(undated)
     assert not clock.unix
     assert clock.stamp_ns(2.0) == round((log.clock_start_s + 2.0) * 1e9)
+
+
+def test_margins_their_interval_and_basis_by_hand():
+    """Rotors at 40 % with an interval of 30 to 60 %: a margin of 60 % between 40 and 70."""
+    report = report_flight(*flight(), max_utilisation=0.3)
+    shape = report.rows["known_utilisation"].shape
+    use = {"known_utilisation": 0.4, "utilisation_low": 0.3, "utilisation_high": 0.6}
+    values = {name: np.full(shape, value) for name, value in use.items()}
+    values["flying"] = np.ones(shape[0])
+    spoken = {
+        "utilisation": np.full(shape, np.nan),
+        "utilisation_from_outputs": np.full(shape, 0.4),
+    }
+    made = replace(report, rows={**report.rows, **values, **spoken})
+    of = next(m.content for m in messages_of(made, flight()[1]) if m.topic == "/margin")
+    assert (of["margin"], of["low"], of["high"]) == pytest.approx((0.6, 0.4, 0.7))
+    assert (of["least"], of["basis"]) == (pytest.approx(0.7), "from motor outputs")
+
+
+def test_a_grave_finding_is_fatal_to_foxglove():
+    report, log = report_flight(*flight(), max_utilisation=0.5), flight()[1]
+    grave = replace(report.findings[0], level=Severity.GRAVE)
+    lines = messages_of(replace(report, findings=(grave,)), log)
+    (level,) = {m.content["level"] for m in lines if m.content.get("name") == grave.check}
+    assert level == 5
+
+
+def test_times_have_the_64_bits_of_the_format():
+    stamps = [SortieClock(start_s=s, unix=True).stamp_ns(0.0) for s in (-1.0, 1e10, 1e11)]
+    assert stamps == [0, 10**19, 2**64 - 1]
+
+
+def test_sorties_of_which_one_alone_has_a_date_share_no_file(tmp_path):
+    report, log = report_flight(*flight(), max_utilisation=0.5), flight()[1]
+    undated = replace(log, track=replace(log.track, start_unix_s=None))
+    with pytest.raises(DataError, match="the date is known of some"):
+        write_mcap([(report, log), (report, undated)], tmp_path / "x.mcap")
+    assert list(tmp_path.iterdir()) == []

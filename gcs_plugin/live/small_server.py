@@ -1,0 +1,121 @@
+"""A small HTTP server beside the monitor: few requests at once, each with its time, nothing taken.
+
+The threads and files are those that the monitor needs, so whoever reaches the port must not be able
+to take them all.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from thrustmargin.models.errors import LinkError
+
+MOST = 32  # requests at once
+SLOWEST = 10.0  # s that a slow peer may hold a thread
+#: Names of this computer in a request. Any other is that of a web page which leads here.
+OWN_NAMES = ("127.0.0.1", "localhost")
+
+
+class SmallServer:
+    """Answers GET on a port until `close`; `port` 0 takes any free one.
+
+    `answer` makes media type and body of a path, None for one that is not there. What is not
+    `for_all` goes to who names this computer alone: any web page could read it through a name that
+    it points here. Raises LinkError, with the `option` that chose it, when the port cannot be
+    opened.
+    """
+
+    def __init__(
+        self,
+        answer: Callable[[str], tuple[str, bytes] | None],
+        option: str,
+        address: tuple[str, int],
+        *,
+        for_all: bool,
+    ) -> None:
+        try:
+            self._server = _Server(address, _handler(answer, for_all=for_all))
+        except (OSError, OverflowError) as error:
+            why = error.strerror if isinstance(error, OSError) else "ports are 0 to 65535"
+            raise LinkError(
+                f"{option} {address[1]} cannot be opened ({why}); close the program that uses it "
+                "or give another port"
+            ) from error
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, name=option.strip("-"), daemon=True
+        )
+        self._thread.start()
+
+    @property
+    def port(self) -> int:
+        """Where it is served."""
+        return self._server.server_port
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
+
+class _Server(ThreadingHTTPServer):
+    """A thread a request, of which there are MOST at once: others are hung up on."""
+
+    daemon_threads = True
+    request_queue_size = 2 * MOST
+
+    def __init__(self, *args: Any) -> None:
+        self._room = threading.BoundedSemaphore(MOST)
+        super().__init__(*args)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        if self._room.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._room.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        if not isinstance(sys.exc_info()[1], OSError):  # a peer that hangs up is no news
+            super().handle_error(request, client_address)
+
+
+def _handler(
+    answer: Callable[[str], tuple[str, bytes] | None], *, for_all: bool
+) -> type[BaseHTTPRequestHandler]:
+    class Handler(BaseHTTPRequestHandler):
+        timeout = SLOWEST
+
+        def do_GET(self) -> None:
+            if not for_all and self.headers.get("Host", "").rpartition(":")[0] not in OWN_NAMES:
+                self.send_error(403, "open it as 127.0.0.1 or localhost")
+                return
+            found = answer(self.path.partition("?")[0])
+            if found is None:
+                self.send_error(404)
+                return
+            self.send_response(200)
+            for name, value in (
+                ("Content-Type", found[0]),
+                ("Content-Length", str(len(found[1]))),
+                ("Cache-Control", "no-store"),
+                ("X-Content-Type-Options", "nosniff"),
+                *([("Access-Control-Allow-Origin", "*")] if for_all else []),
+            ):
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(found[1])
+
+        def log_message(self, format: str, *args: Any) -> None:
+            """Nothing: the terminal is the monitor's."""
+
+    return Handler
