@@ -10,7 +10,8 @@ import duckdb
 QUESTIONS = {
     "aircraft, the one with the least margin first": """
         select aircraft, count(*) as flights, round(sum(flying_s) / 3600, 1) as hours,
-               round(sum(coalesce(hectares, hectares_at_least)), 1) as hectares, round(min(worst_margin), 3) as worst_margin,
+               round(sum(coalesce(hectares, hectares_at_least)), 1) as hectares,
+               round(min(worst_margin), 3) as worst_margin,
                count(*) filter (verdict = 'critical') as too_heavy,
                count(*) filter (verdict = 'unknown') as no_verdict
         from flights group by aircraft order by worst_margin""",
