@@ -29,8 +29,8 @@ def test_it_holds_the_numbers_of_the_forecast():
 def test_area_and_time_of_a_sortie_are_those_of_its_lines():
     made = forecast(plan_of(*TWO_LINES), shipped_model(), TakeOff(fill_kg=1.5, flow=0.04))
     first, last = json.loads(json_text(replace(made, swath=5.0)))["sorties"]
-    # A line from 48.0005° to 48.0015° is 111.19 m long; 5 m wide it is 556 m².
-    assert first["hectares"] == last["hectares"] == pytest.approx(0.0556, abs=1e-4)
+    # A line from 48.0005° to 48.0015° is 111.19 m long (WGS 84); 5 m wide it is 556 m².
+    assert first["hectares"] == last["hectares"] == pytest.approx(0.055595, abs=2e-6)
     assert first["minutes"] + last["minutes"] == pytest.approx(made.flight.track.duration / 60)
     assert json.loads(json_text(made))["sorties"][0]["hectares"] is None  # two lines show none
 
