@@ -48,6 +48,14 @@ def test_each_vehicle_has_its_own_count_of_frames():
     ]
 
 
+def test_after_frame_255_comes_0():
+    ear = Ear()
+    sender = Sender(cast(Listener, ear))
+    for number in range(257):
+        sender.send(1, value(number))
+    assert [f.get_seq() for f in heard(ear)[-3:]] == [254, 255, 0]
+
+
 def test_a_heartbeat_is_that_of_an_active_onboard_controller_and_goes_to_stations_too():
     ear = Ear()
     Sender(cast(Listener, ear)).heartbeat(1)
