@@ -234,7 +234,7 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
     assert np.isfinite(last.analysis.margin[-1]).all()
     assert last.remarks[0].endswith("none was given")
     assert "recognised" in summary(reading(last, 0.0), 0.5, 0.0)[-1]
-    assert any("recognised" in note for _, note in vehicle.notes)
+    assert sum("recognised" in note for _, note in vehicle.notes) == 1
 
 
 def test_an_alarm_about_the_margin_cannot_be_confirmed_when_the_margin_is_withheld():

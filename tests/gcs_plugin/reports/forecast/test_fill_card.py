@@ -63,6 +63,11 @@ def test_the_air_is_that_of_where_it_takes_off(made):
     assert found.pressure == pytest.approx(101325.0)
 
 
+def test_a_resistance_that_nobody_gave_is_that_of_14_cells_of_so_many_ampere_hours(made):
+    """0.025 ohm of a cell of 1 Ah: 14 of them in a row with 16 Ah have 22 mOhm."""
+    assert fill_card(made, FlightBattery(capacity_ah=16.0)).resistance == pytest.approx(0.021875)
+
+
 def test_hotter_air_and_an_emptier_battery_never_carry_more(card):
     assert (np.diff(card.fill_kg, axis=0) <= 0.0).all()
     assert (np.diff(card.fill_kg, axis=1) >= 0.0).all()
@@ -140,6 +145,15 @@ def test_hot_and_thin_air_count_and_beyond_the_table_nothing_is_guessed(made):
     craft.now.pressure = 0.0
     craft.look()
     assert craft.auth == "Barometer gives no reading"
+
+
+@pytest.mark.parametrize(("stated", "auth"), [(8.3, "passed"), (8.5, None)])
+def test_the_script_holds_the_card_to_a_tenth_of_a_kg(made, stated, auth):
+    craft = ScriptedVehicle(ARMING_CHECK=1, TMG_FILL=stated)
+    craft.now.volts[0], craft.now.temperature = 54.5, 19.0
+    fine = replace(BY_HAND, fill_kg=BY_HAND.fill_kg + 0.4)
+    craft.load(gate_text(made, fine, plan="x", refuse=True))
+    assert craft.auth == (auth or "Stated 8.5kg, most 8.4 (19C 54.5V)")
 
 
 def test_a_gauge_comes_before_what_was_stated(made):

@@ -1,12 +1,14 @@
 """The file of a forecast: numbers as they are, null for what is not known."""
 
+import csv
+import io
 import json
 from dataclasses import replace
 
 import pytest
 
-from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import json_text
+from tests.mission.plans_made import TWO_LINES, plan_of, spot
+from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import csv_text, json_text
 from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
@@ -78,3 +80,14 @@ def test_without_a_network_there_is_an_answer_and_what_it_lacks_is_said():
     content = json.loads(json_text(made))
     assert content["weakest"]["what"] in ("leg", "turn", "climb", "wait")
     assert any("forward flight" in words for words in content["assumed"])
+
+
+def test_speed_in_the_rows_is_over_ground_in_any_direction():
+    """To the north-east at 4 m/s, as the plan orders."""
+    north_east = (178, 1.0, 4.0, -1.0), (16, spot(48.001, 11.0015))
+    made = forecast(
+        plan_of(TWO_LINES[0], *north_east, (20,)), shipped_model(), TakeOff(fill_kg=1.5)
+    )
+    rows = list(csv.DictReader(io.StringIO(csv_text(made))))
+    speeds = [float(row["speed over ground [m/s]"]) for row in rows]
+    assert max(speeds) == pytest.approx(4.0, abs=0.05)
