@@ -148,6 +148,12 @@ def test_a_mission_of_which_an_item_was_not_heard_is_none(missing: int | None):
     heard = {0: item(0, at=(*HOME[:2], 0.0))} | {
         one.number: one for one in plan_of(*TWO_LINES).items
     }
-    state = VehicleState(system=1, mission={k: v for k, v in heard.items() if k != missing})
+    state = VehicleState(
+        system=1, autopilot=3, mission={k: v for k, v in heard.items() if k != missing}
+    )
     whole = missing is None or missing == max(heard)
-    assert (looked(state=state)[0].plan is not None) == whole
+    plan = looked(state=state)[0].plan
+    assert (plan is not None) == whole
+    if plan is not None:  # item 0 of ArduPilot is home
+        assert plan.home[:2] == HOME[:2]
+        assert len(plan.items) == len(state.mission) - 1
