@@ -52,6 +52,16 @@ def test_a_small_step_is_watched_and_a_larger_one_acted_on():
     assert larger.level == ACT
 
 
+@pytest.mark.parametrize(("lost", "level"), [(0.03, ACT), (0.1, FIRST)])
+def test_what_is_off_in_all_flights_counts_by_how_much_sound_aircraft_differ(lost, level):
+    """Their rotors differ by 0.4 %: 3 % are seven times as much, and 10 % 25 times."""
+    flights = with_change(season(RNG(2), 40), LOSS_2, np.full(40, lost))
+    (found,) = aircraft_season("a", rows_of(40), sums_of(flights)).findings
+    assert found.level == level
+    assert found.weight == pytest.approx(lost / 0.004, rel=0.05)
+    assert "in all flights" in found.sentence
+
+
 def test_a_swap_is_named_by_its_part_and_is_no_reason_to_look():
     lost = np.where(np.arange(60) < 40, 0.03, 0.0)
     flights = with_change(season(RNG(3), 60), LOSS_2, lost)

@@ -309,5 +309,6 @@ def test_a_pass_is_the_line_sprayed_as_wide_as_the_swath_and_its_wind_that_of_th
     assert made.start_unix_s == 1_770_000_002.0
     assert made.end_unix_s == 1_770_000_012.0
     # At the equator a degree is 110.57 km to the north and 111.32 km to the east (WGS 84).
+    assert made.strip is not None
     assert made.strip.area * 110_570.0 * 111_320.0 == pytest.approx(200.0, rel=1e-3)
     assert from_logs([one], done, None)["wind"].value == "3.0 from 180°, at most 3.0"
