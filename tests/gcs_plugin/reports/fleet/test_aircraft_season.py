@@ -62,6 +62,11 @@ def test_what_is_off_in_all_flights_counts_by_how_much_sound_aircraft_differ(los
     assert "in all flights" in found.sentence
 
 
+def test_what_is_off_in_all_flights_has_an_interval_of_95_percent():
+    said = words.shared_sentence(LOSS_2, 0.08, 0.01)  # 1.96 % to either side
+    assert said == "thrust lost by rotor 2: 8 % in all flights (6 to 10)"
+
+
 def test_a_swap_is_named_by_its_part_and_is_no_reason_to_look():
     lost = np.where(np.arange(60) < 40, 0.03, 0.0)
     flights = with_change(season(RNG(3), 60), LOSS_2, lost)
