@@ -121,7 +121,7 @@ class SeasonStore:
             path = Path(self.path(key))
             path.parent.mkdir(parents=True, exist_ok=True)
             drafts = Path(self.path(DRAFTS))
-            drafts.mkdir(parents=True, exist_ok=True)
+            drafts.mkdir(exist_ok=True)
             # A folder of its own: machines that share the disk may have the same process ids.
             with (
                 tempfile.TemporaryDirectory(dir=drafts) as own,

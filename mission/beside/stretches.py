@@ -124,7 +124,7 @@ def passed(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple
         took = float(time_s[end] - time_s[span.first])
         began = float(flown.time_s[at])
         stop = int(np.searchsorted(flown.time_s, began + 2.0 * took + 4.0 * LATE))
-        rows = slice(at, max(stop, at + 1))
+        rows = slice(at, stop)
         away = np.linalg.norm((flown.place_ned[rows] - place[end]) * scale, axis=1)
         late = (flown.time_s[rows] - began - took) / (LATE + LATE_SHARE * took)
         cost = (away / NEAR) ** 2 + late**2

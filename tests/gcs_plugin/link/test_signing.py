@@ -279,7 +279,7 @@ def test_a_signed_frame_is_signed_anew():
     assert SigningFilter(OTHER, clock=None).accept(signer.sign(frame(sender(KEY))))
 
 
-@pytest.mark.parametrize("data", [b"", b"\xfe\x00\x00\x01\x01\x00ab", GOOD[:20]])
+@pytest.mark.parametrize("data", [b"", b"\xfe\x00\x00\x01\x01\x00ab", frame(sender(None))[:-1]])
 def test_what_is_no_whole_mavlink_2_frame_cannot_be_signed(data: bytes):
     with pytest.raises(LinkError, match="only whole MAVLink 2 frames can be signed"):
         Signer(KEY).sign(data)

@@ -1,5 +1,11 @@
 """One list of findings: what the vehicle reported, counted and ordered by how grave it is."""
 
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.reports.margin.report_flight import log, model
 from thrustmargin.gcs_plugin.logs.findings import (
     Finding,
     Severity,
@@ -9,6 +15,7 @@ from thrustmargin.gcs_plugin.logs.findings import (
     names_wrong,
     repeated,
 )
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, VehicleEvent
 
 
@@ -41,3 +48,18 @@ def test_a_report_repeats_what_makes_it_wrong_and_what_the_vehicle_said():
     assert repeated([order, said, harmless, good]) == [order, said]
     assert names_wrong([order, said]) == ["rotor names cannot be trusted: w"]
     assert names_wrong([said]) == []
+
+
+@pytest.mark.parametrize("shaken", [4.0, 6.0])
+def test_vibration_is_strong_from_5_metres_a_second_squared_on(shaken: float):
+    """To and fro by so much in every row is its standard deviation."""
+    track = log().track
+    rows = track.time_s.size
+    force = np.tile([0.0, 0.0, -9.8], (rows, 1))
+    force[:, 0] = np.where(np.arange(rows) % 2, shaken, -shaken)
+    made = replace(log(), track=replace(track, specific_force_frd=force))
+    (found,) = (
+        f for f in inspect_log(made, model().airframe).findings if f.check == "accelerometer"
+    )
+    assert ("strong vibration, 6 m/s²" in found.words) == (shaken > 5.0)
+    assert (found.level is Severity.WARNING) == (shaken > 5.0)

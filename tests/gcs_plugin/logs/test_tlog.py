@@ -165,8 +165,11 @@ def test_sequence_numbers_tell_what_was_not_received(tmp_path):
         craft.seq = (craft.seq + 1) % 256
         return frame
 
+    gimbal = dialect.MAVLink(None, srcSystem=1, srcComponent=154)
     data = flight_of(pack, 10)
-    path = written(tmp_path, data)
+    gimbal.seq = (craft.seq + 50) % 256  # each component counts for itself
+    beats = [dialect.MAVLink_heartbeat_message(26, 8, 0, 0, 0, 3).pack(gimbal) for _ in range(3)]
+    path = written(tmp_path, data + b"".join(stamped(beat, 11.0) for beat in beats))
     assert next(tlog_boots(path)).quality.frames_missing == 0
     pieces = frames_of(path)
     holed = written(tmp_path, b"".join(p for i, p in enumerate(pieces) if i % 10 != 5), "h.tlog")

@@ -27,6 +27,10 @@ from pymavlink import mavutil
 CHUNK = 90
 
 
+#: MAV_PARAM_TYPE of whole numbers -> how PX4 puts them into the bytes of a float.
+WHOLE = {1: "<B", 2: "<b", 3: "<H", 4: "<h", 5: "<I", 6: "<i"}
+
+
 class Vehicle:
     def __init__(self, orders: dict) -> None:
         self.orders = orders
@@ -95,8 +99,8 @@ class Vehicle:
 
     def send_parameter(self, index: int) -> None:
         name, value, kind = self.orders["parameters"][index]
-        if self.orders.get("autopilot", 3) == 12 and kind == 6:
-            value = struct.unpack("<f", struct.pack("<i", value))[0]
+        if self.orders.get("autopilot", 3) == 12 and kind in WHOLE:
+            value = struct.unpack("<f", struct.pack(WHOLE[kind], value).ljust(4, b"\0"))[0]
         count = len(self.orders["parameters"])
         self.link.mav.param_value_send(name.encode(), value, kind, count, index)
 

@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -46,9 +48,15 @@ if __name__ == "__main__":
 """
 
 
-def run(folder: Path, logs: list[LogSource], slow: Path | None = None) -> IngestOutcome:
+def run(
+    folder: Path,
+    logs: list[LogSource],
+    slow: Path | None = None,
+    refused: Sequence[tuple[str, str]] = (),
+    workers: tuple[Callable[[], Executor], int] | None = None,
+) -> IngestOutcome:
     store = SeasonStore.open(str(folder))
-    make, at_once = local_processes(2)
+    make, at_once = workers or local_processes(2)
     with writer_lock(store) as still_held:
         return ingest_logs(
             store,
@@ -58,6 +66,7 @@ def run(folder: Path, logs: list[LogSource], slow: Path | None = None) -> Ingest
             at_once=at_once,
             still_held=still_held,
             show=lambda *_: None,
+            refused=refused,
         )
 
 
@@ -94,6 +103,16 @@ def test_what_goes_wrong_is_listed_and_stops_nothing(tmp_path: Path):
     left = store.table("rejected")["log_name"].to_pylist()
     assert "bug.tlog" in left
     assert len(content(store)["flights"]) == 5
+
+
+def test_a_rejected_log_is_known_by_what_it_holds_and_a_refused_name_by_itself(tmp_path: Path):
+    refused = [("north.zip", "no log"), ("south.zip", "no log")]
+    for name in ("first", "renamed"):
+        logs = log_files(tmp_path, **{name: "bad 3", "other": "bad 4"})
+        workers = (partial(ThreadPoolExecutor, 1), 1)
+        run(tmp_path / "store", logs, refused=refused, workers=workers)
+    listed = SeasonStore.open(str(tmp_path / "store")).table("rejected")["log_name"].to_pylist()
+    assert listed == ["north.zip", "other.tlog", "renamed.tlog", "south.zip"]
 
 
 def test_sums_that_a_flight_has_no_longer_are_gone(tmp_path: Path):

@@ -2,16 +2,20 @@
 
 import runpy
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.gcs_plugin.store.season import small_flight
 from tests.import_graph import ROOT
-from thrustmargin.gcs_plugin.store.row_table import column_units
+from tests.models.made_flights import curve_model, level_flight
+from thrustmargin.gcs_plugin.store.row_table import analysis_columns, column_units
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS, REJECTED, ROW_HEAD, SUMS, table_schema
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 from thrustmargin.gcs_plugin.store.staging import merge, stage, staged_partitions
+from thrustmargin.models.model.analysis import analyse
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 ROTORS = 12
@@ -33,6 +37,15 @@ def test_rows_have_the_columns_of_every_rotor():
     names = table_schema("rows").names
     assert names == [*(c.name for c in ROW_HEAD), *column_units(ROTORS)]
     assert f"margin_{ROTORS}" in names
+
+
+def test_an_analysis_fills_every_column_and_says_how_sure_a_load_is():
+    track = level_flight(rows=3, tank_kg=np.full(3, 8.0))
+    track = replace(track, standard_errors={"tank_kg": np.array([0.5, 0.6, 0.7])})
+    made = analysis_columns(analyse(track, curve_model()), slice(1, 3))
+    assert list(made) == list(column_units(track.rotor_count))
+    assert made["tank_kg_error"].tolist() == [0.6, 0.7]
+    assert made["rotor_speed_rpm_1_error"].tolist() == [0.0, 0.0]
 
 
 def test_the_example_asks_a_store_with_duckdb_alone(

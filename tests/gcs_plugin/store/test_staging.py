@@ -131,6 +131,15 @@ def test_duckdb_polars_and_pandas_read_the_same(tmp_path: Path):
     assert pl.scan_parquet(f"{tmp_path}/rows/").collect()["voltage"].null_count() == 4
 
 
+@pytest.mark.parametrize(
+    ("day", "part"), [(1, 1), (10, 1), (11, 2), (20, 2), (21, 3), (28, 3), (0, 3)]
+)
+def test_a_month_has_a_file_for_each_ten_days_and_its_last_one_more(day: int, part: int):
+    """Of February; its day 0 is the 31st of January."""
+    made = small_flight(1, days=day - 2.0)
+    assert made.rows_file == f"rows-{part}.parquet"
+
+
 def test_flights_and_sums_come_back(tmp_path: Path):
     store = SeasonStore.open(str(tmp_path))
     assert read_flights(store).num_rows == 0

@@ -37,14 +37,19 @@ def test_an_aircraft_is_made_from_the_vehicle_itself(tmp_path, monkeypatch):
 @pytest.mark.parametrize("autopilot", [3, 12])
 def test_whole_numbers_are_read_as_each_autopilot_sends_them(autopilot):
     port, seen = free_udp_port(), []
+    # By MAV_PARAM_TYPE 1 to 5: of 8 bits without and with a sign, of 16, and of 32 without.
+    whole = {"U8": (200, 1), "S8": (-100, 2), "U16": (60_000, 3), "S16": (-30_000, 4)}
+    whole |= {"U32": (3_000_000, 5)}
     given = [["CA_ROTOR_COUNT", 6, WHOLE], ["CA_ROTOR0_KM", -0.05, REAL]]
+    given += [[name, value, kind] for name, (value, kind) in whole.items()]
     with (
         vehicle(port=port, parameters=given, autopilot=autopilot),
         VehicleLink.open(f"udpin:127.0.0.1:{port}") as link,
     ):
         found = download_parameters(link, link.vehicle(1), lambda *at: seen.append(at))
-    assert found == {"CA_ROTOR_COUNT": 6.0, "CA_ROTOR0_KM": pytest.approx(-0.05)}
-    assert seen[-1] == (2, 2)
+    expected = {"CA_ROTOR_COUNT": 6.0, "CA_ROTOR0_KM": pytest.approx(-0.05)}
+    assert found == expected | {name: value for name, (value, _) in whole.items()}
+    assert seen[-1] == (7, 7)
 
 
 def test_a_vehicle_that_sends_none_is_named(monkeypatch):

@@ -499,6 +499,7 @@ def test_the_route_can_grow_while_it_is_shown(view, analysis):
 
 def test_a_grid_cell_is_a_round_number():
     assert grid_cell(55) == 5
+    assert grid_cell(95) == 10
     assert grid_cell(5) == 0.5
     assert grid_cell(900) == 100
 

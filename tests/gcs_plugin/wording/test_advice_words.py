@@ -12,8 +12,10 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     several_headline,
 )
 from thrustmargin.gcs_plugin.wording.answer import answer_of
+from thrustmargin.gcs_plugin.wording.margin_verdict import verdict_facts
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.next_fill import NextFill, unsound_fill
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -168,6 +170,9 @@ def test_a_loss_of_control_stands_in_the_first_line_beside_the_rotor():
     assert action(lost).startswith("do not fly it before it is known why")
     alone = replace(ADVICE, levels=(FlightLevel.LOST,), losses=(loss,))
     assert headline(alone) == "LOST CONTROL AT 0:34"
+    # Without a moment before it there is no line of it.
+    facts = verdict_facts(None, alone, AirframeClaim(words="airframe x"), "readings")
+    assert [fact.label for fact in facts] == ["what to do", "from", "airframe"]
 
 
 def test_what_to_do_follows_the_same_order():

@@ -130,3 +130,14 @@ def test_a_line_that_climbs_takes_the_liquid_of_its_length_over_ground(rise: flo
     ).sprayed_kg
     # 0.04 kg/s at 4 m/s is 0.01 kg a metre over ground: 2 kg, less the ends slower than 1 m/s.
     assert sprayed[-1] == pytest.approx(2.0, abs=0.03)
+
+
+@pytest.mark.parametrize(("bend_deg", "turns"), [(14.5, 0), (15.5, 1)])
+def test_a_way_that_bends_by_15_degrees_turns(bend_deg: float, turns: int):
+    bend = math.radians(bend_deg)
+    corner = np.array([60.0, 0.0, -3.0])
+    ends = (np.array([0.0, 0.0, -3.0]), corner)
+    beyond = corner + 60.0 * np.array([math.cos(bend), math.sin(bend), 0.0])
+    legs = [way_leg(LIMITS, 1, *ends), way_leg(LIMITS, 2, corner, beyond, stops=True)]
+    found = course([leg for leg in legs if leg is not None], LIMITS).spans
+    assert [s.kind for s in found].count("turn") == turns

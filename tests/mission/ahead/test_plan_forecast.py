@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.mission.plans_made import TWO_LINES, plan_of, spot
+from tests.mission.plans_made import HOME, TWO_LINES, plan_of, spot
 from thrustmargin.mission.ahead.battery import FlightBattery
 from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.errors import PlanError
@@ -87,6 +87,19 @@ def test_what_is_not_known_is_said():
     assert {"limits", "no capacity", "no wind", "no flow", "standard air"} <= set(bare.assumed)
     assert "limits" in outlook().assumed
     assert not {"no capacity", "no flow", "standard air"} & set(outlook().assumed)
+
+
+@pytest.mark.parametrize(
+    ("stated", "of_home", "taken"),
+    [(300.0, 500.0, 300.0), (math.nan, 500.0, 500.0), (math.nan, math.nan, 0.0)],
+)
+def test_home_is_as_high_as_stated_or_as_in_the_plan_or_at_the_sea(
+    stated: float, of_home: float, taken: float
+):
+    plan = plan_of(*TWO_LINES, home=(*HOME[:2], of_home))
+    made = forecast(plan, MODEL, replace(DAY, altitude=stated), parameters=PARAMETERS)
+    assert made.flight.track.origin is not None
+    assert made.flight.track.origin.altitude == taken
 
 
 def test_what_is_not_understood_is_kept_with_its_number():

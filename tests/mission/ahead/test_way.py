@@ -1,5 +1,6 @@
 """Legs in time and the corners between them."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,9 +13,9 @@ LIMITS = flight_limits({"WP_SPD": 4.0, "WP_ACC": 1.5, "WP_RADIUS_M": 1.0, "ATC_I
 CORNERS = np.array([[0.0, 0.0, -3.0], [60.0, 0.0, -3.0], [60.0, 40.0, -3.0]])
 
 
-def flown(*, stops=False, wait_s=0.0, corners=CORNERS):
+def flown(*, stops=False, wait_s=0.0, corners=CORNERS, limits=LIMITS):
     legs = [
-        way_leg(LIMITS, k, a, b, stops=stops, wait_s=wait_s)
+        way_leg(limits, k, a, b, stops=stops, wait_s=wait_s)
         for k, (a, b) in enumerate(pairwise(corners), start=1)
     ]
     timed = timed_legs([leg for leg in legs if leg is not None])
@@ -29,6 +30,18 @@ def test_a_cut_corner_keeps_within_the_radius_and_the_acceleration():
     assert np.linalg.norm(speed, axis=1).max() <= 4.0 + 1e-6
     assert np.hypot(gained[:, 0], gained[:, 1]).max() <= 3.0 + 1e-6
     assert np.linalg.norm(place[-1] - CORNERS[2]) < 0.01
+
+
+def test_back_along_the_same_line_the_push_in_the_corner_has_its_limit():
+    """2 m/s² of WP_ACC_CNR; braking and gaining speed at 1.5 m/s² at once would be 3."""
+    back = CORNERS.copy()
+    back[2] = CORNERS[0]
+    most = {}
+    for corner in (2.0, 9.0):
+        limits = replace(LIMITS, corner_acceleration=corner, radius=9.0)
+        most[corner] = np.abs(flown(corners=back, limits=limits)[4][:, 0]).max()
+    assert most[2.0] == pytest.approx(2.0, abs=0.05)
+    assert most[9.0] > 2.5
 
 
 def test_a_corner_that_is_cut_is_never_stood_still_at():

@@ -5,18 +5,27 @@ The flight is the plan flown under conditions that the test knows, with rotor sp
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from tests.mission.plans_made import HOME, TWO_LINES, plan_of
 from thrustmargin.mission.ahead.battery import FlightBattery
-from thrustmargin.mission.ahead.course import course
+from thrustmargin.mission.ahead.course import Span, course
 from thrustmargin.mission.ahead.limits import flight_limits
 from thrustmargin.mission.ahead.plan_flight import PlanConditions, PlanFlight, fly_plan
 from thrustmargin.mission.ahead.plan_legs import plan_legs
 from thrustmargin.mission.beside.blame import ShownDay, which_was_off
-from thrustmargin.mission.beside.stretches import Beside, FlownWay, beside, flown_way
+from thrustmargin.mission.beside.stretches import (
+    Beside,
+    FlownWay,
+    beside,
+    flown_way,
+    passed,
+    worst_smoothed,
+)
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -42,7 +51,11 @@ def forecast_of(flight: PlanFlight) -> FlightAnalysis:
 
 
 @cache
-def flight(speed_factor: float = 1.0, seconds: float = 1e9, east: float = 0.0) -> FlownWay:
+def flight(
+    speed_factor: float = 1.0,
+    seconds: float = 1e9,
+    aside: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> FlownWay:
     """What was flown under TRUE, until so many s, with rotors so much faster and placed aside."""
     made = flown_by(TRUE)
     speeds = forecast_of(made).prediction.rotor_speed_rpm * speed_factor
@@ -50,7 +63,7 @@ def flight(speed_factor: float = 1.0, seconds: float = 1e9, east: float = 0.0) -
     track = replace(
         made.track,
         rotor_speed_rpm=speeds,
-        position_ned=made.track.position_ned + np.array([0.0, east, 0.0]),
+        position_ned=made.track.position_ned + np.array(aside),
         origin=Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude),
     ).rows(made.track.time_s < seconds)
     density = made.density[: track.time_s.size]
@@ -72,7 +85,7 @@ def test_a_flight_as_forecast_differs_in_nothing():
     assert {s.kind for s in made.stretches} >= {"leg", "turn", "climb"}
     for stretch in made.stretches:
         for pair, near in (
-            (stretch.seconds, 0.11),
+            (stretch.seconds, 1e-9),
             (stretch.speed, 0.05),
             (stretch.utilisation_mean, 0.003),
             (stretch.tank_end_kg, 0.01),
@@ -141,6 +154,45 @@ def test_a_flight_that_ends_early_leaves_the_plan_there():
 
 
 def test_a_flight_elsewhere_is_none_of_this_plan():
-    made = put_beside(TRUE, flight(east=200.0))
+    made = put_beside(TRUE, flight(aside=(0.0, 200.0, 0.0)))
     assert made.stretches == ()
     assert made.left_at == COURSE.legs[0].leg.item
+
+
+@pytest.mark.parametrize("aside", [(5.0, 0.0, 0.0), (0.0, 5.0, 0.0), (0.0, 0.0, -10.0)])
+def test_a_flight_5_m_beside_or_10_m_above_its_way_is_still_on_it(
+    aside: tuple[float, float, float],
+):
+    """5 m of 2 m that a flight is off are 2.5 of 3; 0.4 of 10 m are 2 of 3."""
+    assert put_beside(TRUE, flight(aside=aside)).left_at is None
+
+
+@pytest.mark.parametrize(("late_s", "ends"), [(20.0, 1), (22.0, 0)])
+def test_a_stretch_of_20_s_may_be_21_s_late(late_s: float, ends: int):
+    """3 s and a fifth of the stretch are usual, 7 s, and three times as much is still this plan."""
+    spans = (Span(item=1, kind="leg", first=0, last=20),)
+    planned = SimpleNamespace(
+        track=SimpleNamespace(
+            time_s=np.arange(21.0), position_ned=np.outer(np.arange(21.0), [50.0, 0.0, 0.0])
+        ),
+        course=SimpleNamespace(spans=spans),
+    )
+    time_s = np.arange(60.0)
+    unknown = np.full(60, np.nan)
+    way = FlownWay(
+        time_s=time_s,
+        place_ned=np.outer(time_s, [1000.0 / (20.0 + late_s), 0.0, 0.0]),
+        speed=unknown,
+        utilisation=unknown,
+        tank_kg=unknown,
+        voltage=unknown,
+    )
+    assert passed(cast(PlanFlight, planned), way) == (int(20.0 + late_s),) * ends
+
+
+def test_the_worst_rotor_is_that_of_means_over_half_a_second():
+    """Rows of 0.1 s: one that reads 1.0 between zeros is a fifth of its half second."""
+    use = np.zeros((11, 2))
+    use[5, 1] = 1.0
+    found = worst_smoothed(0.1 * np.arange(11.0), use)
+    assert found == pytest.approx([0.0] * 3 + [0.2] * 5 + [0.0] * 3)

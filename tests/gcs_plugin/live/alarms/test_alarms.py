@@ -586,9 +586,11 @@ def test_a_fault_that_stands_takes_its_size_from_the_report_of_its_flight():
         (3, "Rotor 3 makes >5% less thrust: prop? land"),
     ):
         alarms.listed["rotor", rotor] = Alarm("rotor", rotor, CRITICAL, text, 10.0)
+    alarms.listed["motor", 2] = Alarm("motor", 2, CRITICAL, "of its motor", 10.0)
     found = RotorFault(kind="propeller", rotor=1, size=0.12, lower=0.11, upper=0.13)
     unsure = replace(found, rotor=2, rotors=(2, 3))
     alarms.restate([found, unsure], ("", "", "", ""))
     assert alarms.listed["rotor", 2].text == "Rotor 2 makes 12% (11-13) less thrust: prop? land"
     assert alarms.listed["rotor", 3].text == "Rotor 3 makes >5% less thrust: prop? land"
     assert alarms.listed["rotor", 2].since_s == 10.0
+    assert alarms.listed["motor", 2].text == "of its motor"

@@ -106,6 +106,25 @@ def test_events_are_lines_of_json(tmp_path):
     assert [json.loads(line) for line in lines] == [{"event": "raised", "text": "Rotor 3 <b>\n"}]
 
 
+def test_what_was_written_last_is_brought_to_the_disk(tmp_path, monkeypatch):
+    """A computer that loses its power keeps only what was."""
+    sizes, really = set(), os.fsync
+
+    def fsync(file: int) -> None:
+        sizes.add((os.fstat(file).st_ino, os.fstat(file).st_size))
+        really(file)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    recorder = Recorder(tmp_path, "session")
+    recorder.frames(flight(1))
+    recorder.event({"event": "raised", "text": "Rotor 3"})
+    recorder.close()
+    for name in ("telemetry.tlog", "events.jsonl"):
+        made = (tmp_path / "session" / name).stat()
+        assert made.st_size > 0
+        assert (made.st_ino, made.st_size) in sizes
+
+
 def test_two_sessions_never_share_a_folder(tmp_path):
     first, second = Recorder(tmp_path, "session"), Recorder(tmp_path, "session")
     assert first.folder != second.folder

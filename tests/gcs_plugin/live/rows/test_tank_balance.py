@@ -129,16 +129,18 @@ def test_the_delivery_meter_finds_what_the_nozzles_let_through(sitl_logs, tmp_pa
     assert meter.now == pytest.approx(3.5 / 4.5, abs=0.04)
 
 
-def test_the_delivery_meter_starts_anew_after_a_refill_and_ignores_an_empty_gauge():
+@pytest.mark.parametrize("filled", [16.0, 3.0])
+def test_the_delivery_meter_starts_anew_after_a_refill_and_ignores_an_empty_gauge(filled: float):
+    """From 2 kg on to so many."""
     meter = DeliveryMeter()
     for step in range(200):
         meter.add(10.0 - 0.04 * step, 0.05 * step)
     assert meter.now == pytest.approx(0.8, abs=0.01)
-    for step in range(200, 260):
-        meter.add(16.0 - 0.03 * (step - 200), 0.05 * step)
+    for step in range(200, 226):  # 1.25 kg by the pump
+        meter.add(filled - 0.03 * (step - 200), 0.05 * step)
     assert meter.now == pytest.approx(0.6, abs=0.01)
     assert meter.first == pytest.approx(0.8, abs=0.01)
-    for step in range(260, 400):
+    for step in range(226, 400):
         meter.add(0.1, 0.05 * step)
     assert meter.now == pytest.approx(0.6, abs=0.05)
 
@@ -203,3 +205,15 @@ def test_a_balance_is_that_of_its_window_however_long_the_flight_is():
         apart = np.nanmean((kept[2] - kept[0])[inside])
         np.testing.assert_allclose(found, (gauge, -pump, thrust, seconds, apart), atol=1e-9)
         assert balance.level_kg == kept[0, row]
+
+
+@pytest.mark.parametrize(("gap", "whole"), [(5.0, True), (5.5, False)])
+def test_samples_more_than_5_s_apart_are_of_two_windows(gap: float, whole: bool):
+    """Of 40 s: 35 s of samples, then 10 s of them after a gap."""
+    watch = BalanceWatch()
+    for time_s in (*range(36), *(35.0 + gap + k for k in range(10))):
+        watch.add(float(time_s), 10.0 - 0.1 * time_s, 0.1 * time_s, 10.0 - 0.1 * time_s)
+    found = watch.balance()
+    assert (found is not None) == whole
+    if found is not None:
+        assert found.gauge == pytest.approx(0.1 * found.seconds)

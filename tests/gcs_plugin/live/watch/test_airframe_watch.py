@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import esc, saturation
 from thrustmargin.gcs_plugin.live.announce import figures
 from thrustmargin.gcs_plugin.live.console import numbers
 from thrustmargin.gcs_plugin.live.metrics.collector import _of_rotors
+from thrustmargin.gcs_plugin.live.watch import airframe_watch
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
@@ -127,6 +128,24 @@ def test_a_doubt_that_has_gone_for_long_is_taken_back():
     assert flips.size == 1
 
 
+def test_two_looks_on_end_speak_against_an_airframe_and_four_for_it_again(monkeypatch):
+    doubted = AirframeClaim(basis="given", withheld=("the battery is another",))
+    looks = iter([True] * 3 + [False] * 3 + [True] + [False] * 5)
+    made: list[bool] = []
+
+    def compared(*_, **__) -> AirframeClaim:
+        return doubted if next(looks) else AirframeClaim(basis="given")
+
+    monkeypatch.setattr(airframe_watch, "airframe_claim", compared)
+    monkeypatch.setattr(airframe_watch, "FEWEST_ROWS", 1)
+    monkeypatch.setattr(airframe_watch, "OPENING", 99.0)
+    watch = watched(given=True)
+    for at in range(START, START + 12 * 26, 26):  # 2.6 s each, and 2.5 s lie between looks
+        part = LOG.track.rows(slice(at, at + 26))
+        made.append(bool(watch.look(part, LOG.facts, LOG.parameters).withheld))
+    assert made == [False, *[True] * 9, False, False]
+
+
 def test_another_number_of_rotors_is_certain_at_once():
     six = LOG.track.rows(slice(0, 5))
     wide = np.tile(six.rotor_speed_rpm[:, :1], 6)
@@ -215,7 +234,7 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
     assert np.isfinite(last.analysis.margin[-1]).all()
     assert last.remarks[0].endswith("none was given")
     assert "recognised" in summary(reading(last, 0.0), 0.5, 0.0)[-1]
-    assert any("recognised" in note for _, note in vehicle.notes)
+    assert sum("recognised" in note for _, note in vehicle.notes) == 1
 
 
 def test_an_alarm_about_the_margin_cannot_be_confirmed_when_the_margin_is_withheld():

@@ -1,18 +1,28 @@
 """Time to empty without a pump's output: by a gauge that falls, and only then."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.live.monitored import MODEL
+from tests.mission.plans_made import HOME, TWO_LINES, item, plan_of
+from tests.models.made_flights import level_flight
 from thrustmargin.gcs_plugin.live.console import minutes, percent
-from thrustmargin.gcs_plugin.live.watch.outlook import recorded_seconds_to_empty
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
+from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
+from thrustmargin.gcs_plugin.live.watch import outlook
+from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead, recorded_seconds_to_empty
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.wording.alarm_words import margin_words
-from thrustmargin.models.flight import FlightTrack
+from thrustmargin.mission.plan import MissionPlan
+from thrustmargin.models.flight import FlightTrack, Origin
+from thrustmargin.models.model.analysis import analyse
 
 
 class Tank(Vehicle):
@@ -81,3 +91,69 @@ def test_below_nothing_there_are_no_degrees():
     ):
         assert "126" not in words
     assert len(margin_words("Route ahead: margin", -1.26, 0.5, ends=(-1.26, -1.26), rotor=8)) <= 50
+
+
+def looked(
+    *,
+    items: list[float] | None = None,
+    share: list[float] | None = None,
+    state: VehicleState | None = None,
+    plan: MissionPlan | None = None,
+) -> tuple[LookAhead, list[float]]:
+    """After 19 rows a second apart, with 9 kg in the tank: the outlook, and s to empty at each."""
+    track = level_flight(rows=19, origin=Origin(latitude_deg=48.0, longitude_deg=11.0, altitude=0))
+    track = replace(track, position_ned=np.tile([0.0, 0.0, -3.0], (19, 1)))
+    analysis = analyse(track, MODEL)
+    known = VehicleState(system=1) if state is None else state
+    look = LookAhead(MODEL)
+    if plan is not None:
+        look.use_plan(plan, known)
+    seconds = []
+    for row in range(19):
+        new = SimpleNamespace(
+            clock_s=np.array([100.0 + row]),
+            pumped_kg=np.zeros(1),
+            pump_share=np.array([math.nan if share is None else share[row]]),
+            mission_item=np.array([math.nan if items is None else items[row]]),
+        )
+        part = analyse(track.rows(slice(0, row + 1)), MODEL) if row < 18 else analysis
+        look.rows(part, row, cast(LiveRows, new), known)
+        seconds.append(look.now.seconds_to_empty)
+    return look, seconds
+
+
+def test_a_tank_lasts_as_long_as_the_pump_takes_or_took_when_it_was_last_on():
+    """Half of 3.5 L/min are 1.75 kg a minute: 9 kg last 308.6 s. Before that nothing is taken."""
+    _, seconds = looked(share=[0.0] * 6 + [0.5] * 6 + [0.0] * 7)
+    assert seconds[:6] == [math.inf] * 6
+    assert seconds[6:] == pytest.approx([308.57] * 13, abs=0.01)
+
+
+def test_the_way_ahead_is_flown_every_6_s_and_anew_to_another_item(monkeypatch):
+    """Rows of one second, looked at every other: to item 3 from 9 s on."""
+    flown: list[float] = []
+
+    def forecast(_legs, _limits, _model, _now) -> SimpleNamespace:
+        flown.append(1.0)
+        return SimpleNamespace(lasting_margin=float(len(flown)))
+
+    monkeypatch.setattr(outlook, "forecast", forecast)
+    look, _ = looked(items=[2.0] * 9 + [3.0] * 10, plan=plan_of(*TWO_LINES))
+    # At 0, 6 s, at 10 s to the other, and 16 s.
+    assert look.now.margin_ahead == len(flown) == 4
+
+
+@pytest.mark.parametrize("missing", [None, 0, 3, 10])
+def test_a_mission_of_which_an_item_was_not_heard_is_none(missing: int | None):
+    heard = {0: item(0, at=(*HOME[:2], 0.0))} | {
+        one.number: one for one in plan_of(*TWO_LINES).items
+    }
+    state = VehicleState(
+        system=1, autopilot=3, mission={k: v for k, v in heard.items() if k != missing}
+    )
+    whole = missing is None or missing == max(heard)
+    plan = looked(state=state)[0].plan
+    assert (plan is not None) == whole
+    if plan is not None:  # item 0 of ArduPilot is home
+        assert plan.home[:2] == HOME[:2]
+        assert len(plan.items) == len(state.mission) - 1

@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 from tests.gcs_plugin.logs.log_files import DataFlashWriter
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.dataflash.binary import dataflash_boots
+from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns
+from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import dataflash_signals
 from thrustmargin.gcs_plugin.logs.dataflash.text_log import dataflash_text_boots
+from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 from thrustmargin.models.errors import ThrustMarginError
 
@@ -161,3 +164,12 @@ def test_an_old_log_cut_or_hurt_anywhere_is_a_flight_or_one_clear_error(tmp_path
     path.write_bytes(bytes(whole[:end]))
     with contextlib.suppress(ThrustMarginError):
         assert read_log(path).track.time_s.size <= 60
+
+
+def test_events_say_when_it_was_armed_and_before_the_first_it_was_not():
+    """LogEvent 10 armed, 11 disarmed; 18 landed says nothing of that."""
+    table = np.array([(10,), (18,), (11,)], dtype=[("Id", np.uint8)])
+    events = Stream(np.array([5.0, 60.0, 62.0]), DataFlashColumns(table, {"Id": 1.0}))
+    (armed,) = dataflash_signals({"EV": events})["armed"]
+    assert armed.time_s.tolist() == [-np.inf, 5.0, 62.0]
+    assert armed.values.tolist() == [0.0, 1.0, 0.0]

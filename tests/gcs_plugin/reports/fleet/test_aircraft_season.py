@@ -9,11 +9,13 @@ from tests.gcs_plugin.reports.fleet.made_store import DAY, START, rows_of, sums_
 from tests.models.identification.season.made_seasons import GAIN, LOSS_2, season, wear, with_change
 from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     ACT,
+    CHECK,
     FINE,
     FIRST,
     LOAD,
     WATCH,
     aircraft_season,
+    level_of,
 )
 from thrustmargin.gcs_plugin.reports.fleet.fleet_page import ranked
 from thrustmargin.gcs_plugin.reports.fleet.part_history import with_parts
@@ -50,6 +52,21 @@ def test_a_small_step_is_watched_and_a_larger_one_acted_on():
     assert larger.level == ACT
 
 
+@pytest.mark.parametrize(("lost", "level"), [(0.03, ACT), (0.1, FIRST)])
+def test_what_is_off_in_all_flights_counts_by_how_much_sound_aircraft_differ(lost, level):
+    """Their rotors differ by 0.4 %: 3 % are seven times as much, and 10 % 25 times."""
+    flights = with_change(season(RNG(2), 40), LOSS_2, np.full(40, lost))
+    (found,) = aircraft_season("a", rows_of(40), sums_of(flights)).findings
+    assert found.level == level
+    assert found.weight == pytest.approx(lost / 0.004, rel=0.05)
+    assert "in all flights" in found.sentence
+
+
+def test_what_is_off_in_all_flights_has_an_interval_of_95_percent():
+    said = words.shared_sentence(LOSS_2, 0.08, 0.01)  # 1.96 % to either side
+    assert said == "thrust lost by rotor 2: 8 % in all flights (6 to 10)"
+
+
 def test_a_swap_is_named_by_its_part_and_is_no_reason_to_look():
     lost = np.where(np.arange(60) < 40, 0.03, 0.0)
     flights = with_change(season(RNG(3), 60), LOSS_2, lost)
@@ -69,8 +86,25 @@ def test_a_swap_is_named_by_its_part_and_is_no_reason_to_look():
     assert after.hours == 20 * 600.0 / 3600.0
     assert abs(before.loss - 0.03) < 3 * before.loss_error + 0.003
     assert abs(after.loss) < 3 * after.loss_error + 0.003
-    unknown = aircraft_season("a", rows_of(60), sums_of(flights))
-    assert any("enter it into parts.csv" in f.action for f in unknown.findings)
+    later = replace(new, installed_s=START + 45.0 * DAY)
+    for parts in ((), (old, later)):
+        unknown = aircraft_season("a", rows_of(60), sums_of(flights), parts)
+        assert any("enter it into parts.csv" in f.action for f in unknown.findings)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "part", "level"),
+    [
+        (2.9, "propeller", WATCH),
+        (3.0, "propeller", ACT),
+        (9.9, "propeller", ACT),
+        (10.0, "propeller", FIRST),
+        (2.9, "tank gauge", WATCH),
+        (10.0, "tank gauge", CHECK),
+    ],
+)
+def test_3_times_what_sound_aircraft_differ_by_is_acted_on_and_10_times_first(ratio, part, level):
+    assert level_of(ratio, part=part) == level
 
 
 def test_an_ageing_battery_is_dated_and_a_steady_one_is_silent():
@@ -81,6 +115,13 @@ def test_an_ageing_battery_is_dated_and_a_steady_one_is_silent():
     (found,) = with_parts([aircraft_season("a", rows, [])])
     assert found.level == FIRST  # doubled
     assert "battery resistance" in found.findings[0].sentence
+    # 25 % more so far, and 33 % in ten flights: it is acted on from 30 %, unless it has stopped.
+    slow = np.maximum(0.0, np.arange(60) - 29) * 0.00025
+    for grown, level in ((slow, ACT), (np.minimum(slow, 20 * 0.00025), WATCH)):
+        for k, row in enumerate(rows):
+            row["battery_ohm"] = 0.030 + 0.2 * noise[k] + grown[k]
+        (found,) = with_parts([aircraft_season("a", rows, [])])
+        assert found.findings[0].level == level
     for k, row in enumerate(rows):
         row["battery_ohm"] = 0.030 + noise[k]
     assert with_parts([aircraft_season("a", rows, [])])[0].findings == ()

@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import aircraft_seaso
 from thrustmargin.gcs_plugin.reports.fleet.fleet_page import (
     as_csv,
     as_json,
+    cells,
     chart,
     html_text,
     ranked,
@@ -76,6 +77,16 @@ def test_a_flight_that_was_lost_without_a_known_margin_is_listed_first():
     made = ranked("season", [aircraft_season("mine", rows, [])])
     assert [f["log_name"] for _, f in made.above_limit] == ["collapsed.tlog", "flight_1.tlog"]
     assert "collapsed.tlog" in html_text(made)
+
+
+def test_a_season_goes_from_its_first_day_to_its_last_and_has_its_least_margin():
+    sound = aircraft_season("a", [*rows_of(39), flight_row(39, worst_margin=0.42)], [])
+    made = ranked("season", [sound])
+    assert made.days == "1 May 2026 to 9 Jun 2026"
+    assert cells(sound)[:6] == ("a", "sound", "40", "6.7", "42 %", "0")
+    blind = aircraft_season("b", [flight_row(0, started_unix_s=None, worst_margin=None)], [])
+    assert ranked("season", [blind]).days == "no dates"
+    assert cells(blind)[4] == "none measured"
 
 
 def test_text_of_a_log_stays_text():

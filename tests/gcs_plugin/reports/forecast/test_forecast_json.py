@@ -1,12 +1,14 @@
 """The file of a forecast: numbers as they are, null for what is not known."""
 
+import csv
+import io
 import json
 from dataclasses import replace
 
 import pytest
 
-from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import json_text
+from tests.mission.plans_made import TWO_LINES, plan_of, spot
+from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import csv_text, json_text
 from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
@@ -29,8 +31,8 @@ def test_it_holds_the_numbers_of_the_forecast():
 def test_area_and_time_of_a_sortie_are_those_of_its_lines():
     made = forecast(plan_of(*TWO_LINES), shipped_model(), TakeOff(fill_kg=1.5, flow=0.04))
     first, last = json.loads(json_text(replace(made, swath=5.0)))["sorties"]
-    # A line from 48.0005° to 48.0015° is 111.19 m long; 5 m wide it is 556 m².
-    assert first["hectares"] == last["hectares"] == pytest.approx(0.0556, abs=1e-4)
+    # A line from 48.0005° to 48.0015° is 111.19 m long (WGS 84); 5 m wide it is 556 m².
+    assert first["hectares"] == last["hectares"] == pytest.approx(0.055595, abs=2e-6)
     assert first["minutes"] + last["minutes"] == pytest.approx(made.flight.track.duration / 60)
     assert json.loads(json_text(made))["sorties"][0]["hectares"] is None  # two lines show none
 
@@ -78,3 +80,12 @@ def test_without_a_network_there_is_an_answer_and_what_it_lacks_is_said():
     content = json.loads(json_text(made))
     assert content["weakest"]["what"] in ("leg", "turn", "climb", "wait")
     assert any("forward flight" in words for words in content["assumed"])
+
+
+def test_speed_in_the_rows_is_over_ground_in_any_direction():
+    """To the east at 4 m/s, as the plan orders."""
+    east = (178, 1.0, 4.0, -1.0), (16, spot(48.0, 11.0015))
+    made = forecast(plan_of(TWO_LINES[0], *east, (20,)), shipped_model(), TakeOff(fill_kg=1.5))
+    rows = list(csv.DictReader(io.StringIO(csv_text(made))))
+    speeds = [float(row["speed over ground [m/s]"]) for row in rows]
+    assert max(speeds) == pytest.approx(4.0, abs=0.05)

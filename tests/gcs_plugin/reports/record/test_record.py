@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.reports.record.applied import (
     applied,
     by_gauge,
     by_pump,
+    by_thrust,
     differences,
     in_all,
 )
@@ -34,6 +35,7 @@ from thrustmargin.gcs_plugin.reports.record.job_record import (
 )
 from thrustmargin.gcs_plugin.wording.record_words import TITLES, liquid_words, missing_words
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import SourceKind
 
 STATED = {
@@ -224,6 +226,18 @@ def test_a_gauge_and_a_stated_or_inferred_level_are_not_confused():
     stated = replace(log().track.source("tank_kg"), kind="stated")
     sources = {**log().track.sources, "tank_kg": stated}
     assert by_gauge(replace(log().track, sources=sources)) is None
+
+
+def test_what_rotors_carried_less_is_an_estimate_where_their_speeds_are_known():
+    """The gauge fell by 6.15 kg, which no other estimate may use."""
+    track, airframe = log().track, load_airframe("topxgun-f16-sitl")
+    found = by_thrust(track, airframe)
+    assert found is not None
+    assert found.by == "thrust"
+    assert 0.5 < found.within_kg < 4.0
+    assert found.kg == pytest.approx(6.15, abs=found.within_kg)
+    unknown = np.full_like(track.rotor_speed_rpm, np.nan)
+    assert by_thrust(replace(track, rotor_speed_rpm=unknown), airframe) is None
 
 
 def test_what_a_pump_did_in_a_pause_of_the_log_is_not_known():

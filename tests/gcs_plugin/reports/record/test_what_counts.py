@@ -26,6 +26,7 @@ from thrustmargin.gcs_plugin.reports.shared.written import csv_text
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.mission.coverage.field_file import read_field
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack, Origin
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.whole_file import whole_file
 
@@ -282,3 +283,32 @@ def test_letters_that_cannot_be_printed_are_seen_to_lack():
 @pytest.mark.parametrize("begin", ["=", "+", "-", "@", "\t=", "\r=", "\uff1d"])
 def test_no_cell_begins_as_a_formula(begin):
     assert csv_text(("a",), [(f"{begin}1",)]).splitlines()[1].lstrip('"')[0] == "'"
+
+
+def test_a_pass_is_the_line_sprayed_as_wide_as_the_swath_and_its_wind_that_of_then():
+    """North at 5 m/s; the pump is on from 2 to 12 s, in 3 m/s from the south, and else in 9."""
+    time_s = np.arange(0.0, 30.0)
+    on = (time_s >= 2.0) & (time_s <= 12.0)
+    track = FlightTrack.of(
+        name="made",
+        time_s=time_s,
+        rotor_count=4,
+        position_ned=np.column_stack([5.0 * time_s, 0.0 * time_s, -3.0 + 0.0 * time_s]),
+        velocity_ned=np.tile([5.0, 0.0, 0.0], (30, 1)),
+        wind_ned=np.column_stack([np.where(on, 3.0, 9.0), 0.0 * time_s, 0.0 * time_s]),
+        spraying=on.astype(float),
+        flying=np.full(30, True),
+        origin=Origin(latitude_deg=0.0, longitude_deg=11.0, altitude=0.0),
+        start_unix_s=1_770_000_000.0,
+    )
+    one = replace(log(), track=track)
+    done = applied([one], 4.0)
+    assert done is not None
+    (made,) = done.passes
+    assert (made.length, made.speed) == pytest.approx((50.0, 5.0))
+    assert made.start_unix_s == 1_770_000_002.0
+    assert made.end_unix_s == 1_770_000_012.0
+    # At the equator a degree is 110.57 km to the north and 111.32 km to the east (WGS 84).
+    assert made.strip is not None
+    assert made.strip.area * 110_570.0 * 111_320.0 == pytest.approx(200.0, rel=1e-3)
+    assert from_logs([one], done, None)["wind"].value == "3.0 from 180°, at most 3.0"

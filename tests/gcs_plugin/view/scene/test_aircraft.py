@@ -4,12 +4,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 import viser
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
-from thrustmargin.gcs_plugin.view.scene.aircraft import VehicleNode
+from thrustmargin.gcs_plugin.view.scene.aircraft import VehicleNode, tank_level
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 
 GREY = (165, 165, 165)  # of no data, by hand
@@ -81,3 +82,18 @@ def test_where_places_are_not_known_no_number_ring_or_colour_is_at_one():
         assert shown(known) == (4, 1, 4)
     finally:
         server.stop()
+
+
+@pytest.mark.parametrize(
+    ("kg", "capacity", "share"),
+    [
+        (4.0, 16.0, 0.25),
+        (0.5, 0.8, 0.625),
+        (17.0, 16.0, 1.0),
+        (-1.0, 16.0, 0.0),
+        (4.0, 0.0, np.nan),
+        (np.nan, 16.0, np.nan),
+    ],
+)
+def test_a_tank_is_full_by_its_share(kg: float, capacity: float, share: float):
+    assert tank_level(kg, capacity) == pytest.approx(share, nan_ok=True)

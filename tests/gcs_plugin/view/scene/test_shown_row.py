@@ -1,5 +1,7 @@
 """The view's frames, and that a row shows what its analysis holds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -105,3 +107,17 @@ def test_the_row_of_a_time_is_the_last_one_before_it():
 def test_a_margin_is_never_shown_as_a_negative_share(margin, over_rotor, gauge):
     assert rotor_label(0, margin) == over_rotor
     assert margin_or_beyond(margin) == gauge
+
+
+def test_thrust_with_a_rotor_lost_has_an_interval_of_90_percent():
+    """1.2 times the weight, its logarithm known to 0.1 downwards and to 0.06 upwards."""
+    analysis = replace(
+        flight(),
+        redundancy_yaw_uncontrolled=np.full(ROWS, 1.2),
+        redundancy_error=np.full(ROWS, 0.1),
+        redundancy_beyond=0.04,
+    )
+    row = ShownRow(analysis, 10)
+    # exp(-0.1645) is 0.848 and exp(0.0987) is 1.104.
+    assert row.redundancy == pytest.approx((1.2, 1.018, 1.3245), abs=1e-3)
+    assert row.survives

@@ -3,6 +3,7 @@
 from typing import get_args
 
 import numpy as np
+import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.wording.plans.plan_words import (
@@ -41,9 +42,12 @@ def test_a_fault_lists_its_first_items():
     assert many.startswith("items 1, 2, 3, 4, 5 and 7 more: the way leaves the geofence; ")
 
 
-def test_a_route_is_said_in_hectares_lines_and_kilometres():
+@pytest.mark.parametrize(
+    ("spacing", "apart"), [((4.0, 4.05), "4.00 to 4.05 m"), ((4.0, 4.004), "4.00 m")]
+)
+def test_a_route_is_said_in_hectares_lines_and_kilometres(spacing: tuple[float, ...], apart: str):
     lines = LinesInOrder(
-        lines=np.zeros((30, 2, 2)), heading_deg=(179.8, 0.1, 45.0), spacing=(4.0, 4.05), cells=1
+        lines=np.zeros((30, 2, 2)), heading_deg=(179.8, 0.1, 45.0), spacing=spacing, cells=1
     )
     said = coverage_words(
         Coverage(
@@ -61,7 +65,7 @@ def test_a_route_is_said_in_hectares_lines_and_kilometres():
     )
     assert said == (
         "Field 12.00 ha, to spray 10.00 ha, under the swaths 99.0 % of that.",
-        "30 lines, 4.00 to 4.05 m apart, heading 0°, 45°.",
+        f"30 lines, {apart} apart, heading 0°, 45°.",
         "Sprayed way 25.00 km, between lines 1.23 km with the pump off.",
         "Ways between lines that leave the field: 2.",
         "trees.kml has nothing in the field.",
