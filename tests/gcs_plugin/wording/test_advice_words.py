@@ -232,8 +232,8 @@ def test_the_facts_say_how_much_and_how_long():
         "within the error"
     )
     assert "turns and gusts" not in dict(facts(near))
-    seldom = replace(near, use=replace(near.use, step_s=5.0))
-    unseen = "readings come every 5 s: peaks between them are not seen"
+    seldom = replace(near, use=replace(near.use, step_s=2.0))
+    unseen = "readings come every 2 s: peaks between them are not seen"
     assert dict(facts(seldom))["turns and gusts"] == unseen
     passed = replace(seldom, use=replace(seldom.use, passing=1))
     assert dict(facts(passed))["turns and gusts"].endswith(f" at most; {unseen}")
