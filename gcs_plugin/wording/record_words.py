@@ -47,7 +47,7 @@ TITLES: Mapping[str, str] = {
     "area_outside_field": "treated outside the field",
     "swath": "swath",
     "quantity": "spray liquid applied",
-    "product_quantity": "product applied",
+    "product_quantity": "quantity of the product applied",
     "quantity_kg": "spray liquid applied, by weight",
     "spray_volume": "spray volume",
     "location": "place",

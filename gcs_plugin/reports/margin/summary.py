@@ -187,7 +187,8 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.Js
         "start_utc": unix_text(track.start_unix_s),
         "log_duration_s": track.duration,
         "airborne_s": float(seconds[flying].sum()),
-        "distance": _path_length(speed, seconds, flying),
+        "distance": _path_length(speed, seconds, flying),  # at least, where speed is lost
+        "distance_lost_s": _lost_s(speed, seconds, flying),
         "tank_start_kg": start_kg,
         "tank_end_kg": end_kg,
         "liquid_used_kg": start_kg - end_kg,
@@ -195,6 +196,7 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.Js
         "tank_error_kg": known_median(track.standard_errors.get("tank_kg", np.empty(0))),
         "spraying_s": float(seconds[spraying].sum()) if knows_spraying else np.nan,
         "sprayed_distance": _path_length(speed, seconds, spraying) if knows_spraying else np.nan,
+        "sprayed_distance_lost_s": _lost_s(speed, seconds, spraying),
         "swath_width": sprayed.swath_width if sprayed else np.nan,
         "sprayed_area": area if whole else np.nan,  # m²
         "sprayed_area_at_least": np.nan if whole else area,  # m², in its place of a part alone
@@ -226,6 +228,11 @@ def _path_length(speed: Floats, seconds: Floats, rows: Bools) -> float:
     if np.any(rows) and not np.any(known):
         return float("nan")
     return float(np.sum(speed[known] * seconds[known]))
+
+
+def _lost_s(speed: Floats, seconds: Floats, rows: Bools) -> float:
+    """s of the rows in which the ground speed is not known."""
+    return float(np.sum(seconds[rows & ~np.isfinite(speed)]))
 
 
 def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[data.JsonObject, ...]:

@@ -429,3 +429,19 @@ def test_each_page_is_in_the_language_of_its_day(monkeypatch):
     assert "Worst moments" in pages[0]
     assert "Worst moments" not in pages[1]
     assert pages[2] == pages[0]
+
+
+def test_a_part_of_the_way_is_said_to_be_one_on_page_and_paper():
+    track = log().track
+    gone = np.where((np.abs(track.time_s - 100.0) < 15.0)[:, None], np.nan, track.velocity_ned)
+    files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
+    for changes, part in (({}, False), ({"velocity_ned": gone}, True)):
+        made = build_report([flight(None, **changes)], max_utilisation=0.5)
+        paper = pypdf.PdfReader(io.BytesIO(pdf_bytes(made, files))).pages
+        printed = " ".join("".join(page.extract_text() for page in paper).split())
+        for text in (" ".join(Page(html_text(made, files)).text.split()), printed):
+            assert bool(re.search(r"at least 5\d\d.m", text)) == part  # of 655 m
+            assert bool(re.search(r"of 30.s the speed over ground is not known", text)) == part
+    unknown = html_text(build_report([without("velocity_ned")], max_utilisation=0.5), files)
+    assert "at least unknown" not in unknown
+    assert "the speed over ground is not known" not in unknown

@@ -200,6 +200,23 @@ def test_the_flight_summary_is_that_of_the_recording(report):
     assert found["sprayed_area"] == pytest.approx(strips, rel=0.05)
 
 
+def test_a_way_of_which_a_part_is_lost_says_of_how_long():
+    track = log().track
+    whole = report_flight(*flight(), max_utilisation=0.5).flight
+    middle = np.abs(track.time_s - 100.0) < 15.0  # in the air, with the pump on
+    unknown = np.where(middle[:, None], np.nan, track.velocity_ned)
+    found = report_flight(*flight(velocity_ned=unknown), max_utilisation=0.5).flight
+    assert whole["distance_lost_s"] == whole["sprayed_distance_lost_s"] == 0.0
+    assert found["distance_lost_s"] == pytest.approx(30.0, abs=0.3)
+    assert 0.0 < found["sprayed_distance_lost_s"] <= found["distance_lost_s"]
+    down = np.where(track.flying[:, None], track.velocity_ned, np.nan)
+    assert report_flight(*flight(velocity_ned=down), max_utilisation=0.5).flight[
+        "distance_lost_s"
+    ] == pytest.approx(0.0)
+    # At 4 m/s, less in turns.
+    assert 60.0 < whole["distance"] - found["distance"] < 125.0
+
+
 @pytest.mark.parametrize("lost", ["place", "pause", "pump"])
 def test_an_area_of_which_a_part_is_lost_stands_as_at_least(report, lost):
     track = log().track
