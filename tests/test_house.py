@@ -1,4 +1,4 @@
-"""Each thing has one place and one name: rooms and tests mirror each other, files are of a size."""
+"""Each thing has one place and one name: rooms and tests mirror each other."""
 
 import ast
 import re
@@ -7,13 +7,6 @@ from collections import defaultdict
 
 from tests.import_graph import PACKAGES, ROOT, modules, nodes, picture, room_graph
 
-LONGEST, SHORTEST = 370, 40  # lines of a file; near 400 it is two files
-#: Files outside these bounds, and why.
-LONG: dict[str, str] = {}
-SHORT: dict[str, str] = {
-    "gcs_plugin/mavlink/text.py": "every command loads it, and nothing heavy with it",
-}
-CROWD = 15  # files flat in one folder, beside its `__init__`
 #: Folders whose tests are those of what they make, and where.
 TESTED_BY = {
     "gcs_plugin/reports/model": "tests/gcs_plugin/commands/load/test_match.py and test_train.py",
@@ -84,20 +77,6 @@ def test_no_two_public_classes_have_names_alike():
                 places[singular(node.name)].append(f"{name}.{node.name}")
     alike = {tuple(n.split(".")[-1] for n in names) for names in places.values() if len(names) > 1}
     assert alike == {("Alarm", "Alarms"), ("Frame", "Frames"), ("RotorFault", "RotorFaults")}
-
-
-def test_no_file_is_too_long_or_too_short_without_a_reason():
-    lines = {
-        path.relative_to(ROOT).as_posix(): len(path.read_text("utf-8").splitlines())
-        for path in modules().values()
-        if path.name != "__init__.py"
-    }
-    assert {f: n for f, n in lines.items() if n > LONGEST}.keys() == LONG.keys()
-    assert {f for f, n in lines.items() if n < SHORTEST} == SHORT.keys()
-
-
-def test_no_folder_is_crowded():
-    assert {f: len(held) for f, held in source_folders().items() if len(held) > CROWD} == {}
 
 
 def test_every_package_folder_and_every_data_file_is_installed():
