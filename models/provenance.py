@@ -71,6 +71,10 @@ class Reason(StrEnum):
     CONTRADICTED = "contradicted by thrust"
     FROZEN = "stood still throughout the flight"
     BROKEN = "fell at once, and the motors felt nothing of it"
+    UNLOADED = "did not fall under load"  # a voltage that only trembles
+    UNFOLLOWED = "does not change as the thrust does"  # a tank level
+    IMPOSSIBLE = "is not of the air"  # pressure or temperature
+    COPIED = "equals another's in every sample"  # a rotor speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

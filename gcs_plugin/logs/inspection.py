@@ -67,6 +67,7 @@ _SPOILS = {
             "battery voltage",
             "tank gauge",
             "airspeed reading",
+            "barometer",
             "accelerometer",
             "tank",
         ),
@@ -200,13 +201,14 @@ def _order(order: MotorOrder) -> Finding:
 
 
 def _frozen(track: FlightTrack) -> list[Finding]:
-    """Instruments that stood still or broke, and are left out."""
-    return [
-        Finding(instrument, Severity.WARNING, say(words))
+    """List the instruments whose readings cannot be true, and are left out."""
+    found = {
+        (instrument, words): Finding(instrument, Severity.WARNING, say(words))
         for channel, instrument in INSTRUMENTS.items()
         for reason, words in LEFT_OUT.items()
         if any(one.reason is reason for one in track.source(channel).rejected)
-    ]
+    }
+    return list(found.values())
 
 
 def _speed_readings(log: FlightLog) -> Finding:

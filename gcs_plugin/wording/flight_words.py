@@ -34,6 +34,14 @@ LEFT_OUT: Mapping[Reason, str] = {
     Reason.FROZEN: "its reading stood still in flight: no measurement, and left out",
     Reason.BROKEN: "its reading fell at once, and the motors felt nothing of it: no measurement, "
     "and left out; look at sensor, wiring and battery",
+    Reason.UNLOADED: "it does not fall under load, as that of every battery does: no measurement, "
+    "and left out; look at sensor and wiring",
+    Reason.UNFOLLOWED: "it does not change as the thrust does: no measurement, and left out; weigh "
+    "the liquid and set the gauge right",
+    Reason.IMPOSSIBLE: "pressure or temperature are not those of the air: no measurement, and left "
+    "out; look at the barometer",
+    Reason.COPIED: "two rotors have the same speed in every sample: one of them is not measured, "
+    "both are left out; look at the ESC telemetry",
 }
 
 

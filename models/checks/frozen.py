@@ -1,37 +1,50 @@
-"""Instruments that stand still while what they measure cannot: they are none, and left out.
+"""Find the instruments whose readings cannot be true, and leave them out of a flight.
 
-A battery under load never keeps its voltage to the last digit; a tank whose aircraft becomes
-lighter by the thrust of its rotors does not keep its level; who tilts does not keep its airspeed.
-Of a voltage and an airspeed the rows in which it stands are left out; a gauge that stuck once is
-not believed before or after either.
+Each is compared with something else that was measured in the same flight, in two ways.
+
+A reading stands still, to the last digit, while what it measures must move: a battery under load
+never keeps its voltage; a tank does not keep its level while the aircraft becomes lighter by the
+thrust of its rotors; an aircraft that tilts does not keep its airspeed. Of a voltage and an
+airspeed the rows in which it stands are left out; a gauge that stuck once is not believed before
+or after either.
+
+A reading moves, but not as what it measures: `instruments.py`. It is left out of the whole flight.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thrustmargin.models.checks.broken_voltage import VoltageSoFar, broken_voltage
-from thrustmargin.models.checks.output_evidence import thrust_by_outputs, thrust_by_speeds
-from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
-from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats
+from thrustmargin.models.checks.instruments import (
+    LIGHTER,
+    barometer_fault,
+    copied_rotors,
+    gauge_unfollowed,
+    lifted_masses,
+    share_lighter,
+    voltage_without_sag,
+)
+from thrustmargin.models.checks.speed_scale import FEWEST_ROWS
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.motor_output import output_curve
+from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
 
 LEAST_S = 60.0  # s in flight of one and the same reading
 #: s for which a reading stays at most, on average, that is fine enough to show a change.
 FINE_S = 6.0
-#: Share of its mass by which an aircraft of constant load cannot become lighter: lift of forward
-#: flight and a battery that gets warm are less.
-LIGHTER = 0.08
 #: Channels that can be frozen -> what measures them.
 INSTRUMENTS = {
     "voltage": "battery voltage",
     "tank_kg": "tank gauge",
     "airspeed": "airspeed reading",
+    "pressure": "barometer",
+    "temperature": "barometer",
+    "rotor_speed_rpm": "rotor speed sensors",
 }
 #: rad between which an aircraft tilts, but for the SELDOM most to either side, that surely changed
 #: its speed; a hover shakes by less.
@@ -46,6 +59,7 @@ class Stand:
     rows: Bools  # (T,) in which it is left out
     throughout: bool  # it never moved in flight
     reason: Reason = Reason.FROZEN
+    rotors: tuple[int, ...] = ()  # from 0, whose readings are meant; empty: the channel is of none
 
 
 def without_frozen(
@@ -102,7 +116,28 @@ def frozen(
                 rows=rows,
                 throughout=bool(rows[known].all()),
             )
+    whole = np.ones(track.time_s.size, dtype=np.bool_)
+    for channel, reason, rotors in _contradicted(track, airframe, parameters):
+        values = getattr(track, channel)[track.flying]
+        value = known_median(values[:, list(rotors)] if rotors else values)
+        stand = Stand(value=value, rows=whole, throughout=True, reason=reason, rotors=rotors)
+        found.setdefault(channel, stand)
     return found
+
+
+def _contradicted(
+    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
+) -> Iterator[tuple[str, Reason, tuple[int, ...]]]:
+    """Yield channel, reason and rotors of each reading that does not move as what it measures."""
+    if rotors := copied_rotors(track):
+        yield "rotor_speed_rpm", Reason.COPIED, rotors
+    if voltage_without_sag(track):
+        yield "voltage", Reason.UNLOADED, ()
+    if gauge_unfollowed(track, airframe, parameters):
+        yield "tank_kg", Reason.UNFOLLOWED, ()
+    if barometer_fault(track):
+        yield "pressure", Reason.IMPOSSIBLE, ()
+        yield "temperature", Reason.IMPOSSIBLE, ()
 
 
 def left_out(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrack:
@@ -111,20 +146,34 @@ def left_out(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrack:
         return track
     channels, sources, notes = {}, {}, []
     for channel, stand in frozen.items():
-        source = track.source(channel)
-        channels[channel] = np.where(stand.rows, np.nan, getattr(track, channel))
+        source, values = track.source(channel), getattr(track, channel)
+        if stand.rotors:
+            of_rotor = np.isin(np.arange(track.rotor_count), stand.rotors)
+            channels[channel] = np.where(stand.rows[:, None] & of_rotor, np.nan, values)
+        else:
+            channels[channel] = np.where(stand.rows, np.nan, values)
         gone = Rejected(source, stand.reason)
         sources[channel] = replace(source, rejected=(*source.rejected, gone))
         if not np.isfinite(channels[channel]).any():
             sources[channel] = Provenance(kind=SourceKind.ABSENT, rejected=(gone,))
-        value = f"{stand.value:.4g} {TRACK_CHANNELS[channel].unit}"
-        did = f"stood at {value} for a minute or more"
-        did = f"stood at {value} throughout the flight" if stand.throughout else did
-        did = f"{stand.reason}, to {value}" if stand.reason is Reason.BROKEN else did
-        notes.append(f"{INSTRUMENTS[channel]} {did}: no measurement, and left out")
+        notes.append(f"{INSTRUMENTS[channel]} {_did(channel, stand)}: no measurement, and left out")
     return replace(
         track, **channels, sources={**track.sources, **sources}, notes=(*track.notes, *notes)
     )
+
+
+def _did(channel: str, stand: Stand) -> str:
+    """Describe what a reading did that makes it no measurement."""
+    value = f"{stand.value:.4g} {TRACK_CHANNELS[channel].unit}"
+    if stand.reason is Reason.BROKEN:
+        return f"{stand.reason}, to {value}"
+    if stand.rotors:
+        which = " and ".join(str(rotor + 1) for rotor in stand.rotors)
+        return f"of rotors {which}: one {stand.reason}"
+    if stand.reason is not Reason.FROZEN:
+        return f"{stand.reason}, {value} in flight"
+    lasted = "throughout the flight" if stand.throughout else "for a minute or more"
+    return f"stood at {value} {lasted}"
 
 
 def _stands(track: FlightTrack, channel: str) -> list[Bools]:
@@ -145,16 +194,5 @@ def _grew_lighter(
     track: FlightTrack, rows: Bools, airframe: Airframe, parameters: Mapping[str, float]
 ) -> bool:
     """Whether thrust in the last quarter of the rows (T,) is less than in the first by LIGHTER."""
-    if track.rotor_count != airframe.rotor_count:
-        return False
-    curve = output_curve(parameters, track.source("throttle"))
-    by = thrust_by_speeds(track, airframe), thrust_by_outputs(track, airframe, curve)
-    masses = [lifted_mass(track, thrust) for thrust in by]
-    known = [mass[rows & np.isfinite(mass)] for mass in masses]
-    return any(_drop(mass) > LIGHTER for mass in known if mass.size >= 4 * FEWEST_ROWS)
-
-
-def _drop(mass: Floats) -> float:
-    """Share that (n,) falls by from its first quarter to its last."""
-    quarter = mass.size // 4
-    return 1.0 - float(np.median(mass[-quarter:]) / np.median(mass[:quarter]))
+    known = (m[rows & np.isfinite(m)] for m in lifted_masses(track, airframe, parameters))
+    return any(share_lighter(m) > LIGHTER for m in known if m.size >= 4 * FEWEST_ROWS)

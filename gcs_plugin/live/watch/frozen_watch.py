@@ -16,6 +16,7 @@ from thrustmargin.models.checks.broken_voltage import VoltageSoFar
 from thrustmargin.models.checks.frozen import Stand, frozen, left_out, without_broken_voltage
 from thrustmargin.models.flight import FlightTrack, joined
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.provenance import Reason
 
 STEP, EVERY = 0.5, 10.0  # s between two rows of the evidence, and between two looks
 LANDED = 5.0  # s on the ground after which a new flight begins
@@ -63,5 +64,9 @@ class FrozenWatch:
 
 
 def _moves(track: FlightTrack, channel: str, stood: Stand) -> bool:
+    """Return whether a reading that stood moves again; one that contradicts others did all along,
+    and is asked for at the next look."""
+    if stood.reason is not Reason.FROZEN:
+        return False
     values = getattr(track, channel)
     return bool(np.any(np.isfinite(values) & (values != stood.value)))

@@ -1,0 +1,193 @@
+"""Compare the readings of instruments with what other channels of the same flight show of them.
+
+| reading | compared with | not a measurement where |
+|---|---|---|
+| battery voltage | itself, under load | its 5 s means stay within 0.25 % for a minute and more |
+| tank gauge | mass by thrust | it stays while thrust falls, or gains other than 0.75 to 1.35 |
+| barometer | its sensors' range, altitude, itself | see `barometer_fault` |
+| speed of a rotor | speed of another | they are equal in every sample while they change |
+
+All work on the whole flight, or on all of it that has been flown so far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from thrustmargin.models.checks.output_evidence import (
+    SURELY,
+    thrust_by_outputs,
+    thrust_by_speeds,
+)
+from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import pressure_altitude
+from thrustmargin.models.physics.motor_output import output_curve
+from thrustmargin.models.physics.smoothing import known_median
+
+LEAST_S = 60.0  # s in flight before a voltage must have moved
+#: Share of its voltage by which a battery that carries an aircraft moves within a minute at least:
+#: its charge alone takes 1 % (recorded flights 1.2 % and more; trembling by 30 mV of 58 V 0.1 %).
+LIVE_VOLTAGE = 0.0025
+MEAN_S = 5.0  # s of the means, in which trembling averages out
+
+#: Share of its mass by which an aircraft of constant load cannot become lighter: lift of forward
+#: flight and a battery that gets warm are less.
+LIGHTER = 0.08
+STUCK = 0.25  # of the mass that left by thrust: a gauge that moved less did not see it
+BLOCK_S, FEWEST_BLOCKS = 10.0, 8
+#: Gain of mass by thrust on the gauge, over the ratio of the two masses: 0.96 to 1.12 in recorded
+#: flights. A thrust curve or an empty mass that is off moves numerator and denominator alike.
+POSSIBLE_GAIN = (0.75, 1.35)
+LARGEST_ERROR = 0.15  # standard error of a gain from which on it shows nothing
+#: Squared correlation of a gauge with a wrong gain: the line is straight. A rotor that fails on the
+#: way makes a step (0.48 and 0.86 where one did; 0.84 and more in sound flights).
+STRAIGHT = 0.9
+
+#: K between which barometers are specified (MS5611, BMP388, DPS310: -40 to 85 degC).
+SENSOR_RANGE = (233.0, 358.0)
+WEATHER = 500.0  # m by which pressure altitude can differ from altitude: 55 hPa
+#: m by which it can move against altitude within a flight: weather, warm electronics, gusts.
+DRIFT = 60.0
+FASTEST = 30.0  # m/s over RATE_S; no aircraft that carries a tank climbs or falls so
+RATE_S = 3.0
+
+SAMPLES, VALUES = 100, 20  # equal ones, and different ones among them, that are no chance
+EQUAL = 0.99  # share of the samples
+
+
+def voltage_without_sag(track: FlightTrack) -> bool:
+    """Return whether the battery voltage stays level in flight, but for trembling.
+
+    False with less than LEAST_S of it in flight: then nothing is shown.
+    """
+    rows = track.flying & np.isfinite(track.voltage)
+    if track.row_seconds[rows].sum() < LEAST_S or not track.source("voltage").reported:
+        return False
+    means = _block_medians(track.time_s[rows], track.voltage[rows], MEAN_S)
+    return bool(np.ptp(means) < LIVE_VOLTAGE * np.median(means))
+
+
+def lifted_masses(
+    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
+) -> list[Floats]:
+    """Return the masses (T,) kg that rotor speeds and motor outputs lift; empty for another number
+    of rotors."""
+    if track.rotor_count != airframe.rotor_count:
+        return []
+    curve = output_curve(parameters, track.source("throttle"))
+    by = thrust_by_speeds(track, airframe), thrust_by_outputs(track, airframe, curve)
+    return [lifted_mass(track, thrust) for thrust in by]
+
+
+def share_lighter(mass: Floats) -> float:
+    """Return the share that masses (n,) fall by from their first quarter to their last."""
+    quarter = mass.size // 4
+    return 1.0 - float(np.median(mass[-quarter:]) / np.median(mass[:quarter]))
+
+
+def gauge_unfollowed(
+    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
+) -> bool:
+    """Return whether the tank level changes other than the mass that thrust shows.
+
+    One estimate by thrust is enough for a gauge that hardly moves while the aircraft becomes
+    lighter; all that there are must agree on a gain that is wrong, for a wrong rotor speed makes
+    one as well. Motor outputs show no gain without the battery's voltage.
+    """
+    gauge = track.measured("tank_kg")
+    if not track.source("tank_kg").reported:
+        return False
+    wrong: list[bool] = []
+    by_outputs = track.reports("voltage") and not voltage_without_sag(track)
+    for mass in lifted_masses(track, airframe, parameters)[: 1 + by_outputs]:
+        rows = track.flying & np.isfinite(mass) & np.isfinite(gauge)
+        if np.count_nonzero(rows) < 4 * FEWEST_ROWS:
+            continue
+        time_s = track.time_s[rows]
+        lifted = _block_medians(time_s, mass[rows], BLOCK_S)
+        level = _block_medians(time_s, gauge[rows], BLOCK_S)
+        if lifted.size < FEWEST_BLOCKS:
+            continue
+        lighter = share_lighter(mass[rows])
+        if lighter > LIGHTER and np.ptp(level) < STUCK * lighter * lifted[0]:
+            return True
+        gain, error, straight = _gain(lifted, level)
+        over = known_median(mass[rows]) / (airframe.empty_mass + known_median(gauge[rows]))
+        if not (error < LARGEST_ERROR * over and straight > STRAIGHT):
+            continue
+        low, high = ((gain + k * SURELY * error) / over for k in (-1.0, 1.0))
+        wrong.append(high < POSSIBLE_GAIN[0] or low > POSSIBLE_GAIN[1])
+    return bool(wrong) and all(wrong)
+
+
+def _gain(mass: Floats, level: Floats) -> tuple[float, float, float]:
+    """Return the slope of masses on levels, both (B,) kg, its standard error and their squared
+    correlation; NaN, infinity and 0 of levels that are all the same."""
+    about, off = level - level.mean(), mass - mass.mean()
+    squares = float(about @ about)
+    if not squares > 0.0:
+        return float("nan"), float("inf"), 0.0
+    slope = float(about @ off) / squares
+    left = off - slope * about
+    error = float(np.sqrt(left @ left / (mass.size - 2) / squares))
+    return slope, error, 1.0 - float(left @ left) / max(float(off @ off), 1e-12)
+
+
+def barometer_fault(track: FlightTrack) -> bool:
+    """Return whether pressure or temperature cannot be those of the air at the aircraft.
+
+    That is: a temperature beyond what the sensors are made for; a pressure altitude that is 500 m
+    from the altitude, moves by 60 m against it in flight, or changes by 30 m/s over 3 s.
+    """
+    air = track.temperature[np.isfinite(track.temperature)]
+    if air.size and not SENSOR_RANGE[0] < np.median(air) < SENSOR_RANGE[1]:
+        return True
+    known = np.isfinite(track.pressure)
+    if np.count_nonzero(known) < FEWEST_ROWS or not track.source("pressure").reported:
+        return False
+    height, time_s = pressure_altitude(track.pressure[known]), track.time_s[known]
+    means = _block_medians(time_s, height, RATE_S)
+    if np.max(np.abs(np.diff(means)), initial=0.0) > FASTEST * RATE_S:
+        return True
+    apart = (height - track.altitude[known])[track.flying[known]]
+    apart = apart[np.isfinite(apart)]
+    if apart.size < FEWEST_ROWS:
+        return False
+    low, middle, high = np.quantile(apart, (0.05, 0.5, 0.95))
+    return bool(abs(middle) > WEATHER or high - low > DRIFT)
+
+
+def copied_rotors(track: FlightTrack) -> tuple[int, ...]:
+    """Return the rotors, from 0, whose speeds equal one another's in every sample; empty if none.
+
+    Which of them was measured is not known. Where outputs are known, rotors that are driven alike
+    may well turn alike.
+    """
+    speeds = track.measured("rotor_speed_rpm")[track.flying]
+    outputs = track.throttle[track.flying]
+    for one in range(track.rotor_count):
+        same = [one]
+        for other in range(one + 1, track.rotor_count):
+            both = np.isfinite(speeds[:, one]) & np.isfinite(speeds[:, other])
+            first, second = speeds[both, one], speeds[both, other]
+            equal = first == second
+            if both.sum() < SAMPLES or equal.mean() < EQUAL or np.unique(first).size < VALUES:
+                continue
+            driven = outputs[both][:, [one, other]]
+            if np.isfinite(driven).any() and np.nanmax(np.abs(np.diff(driven, axis=1))) == 0.0:
+                continue
+            same.append(other)
+        if 1 < len(same) < track.rotor_count:
+            return tuple(same)
+    return ()
+
+
+def _block_medians(time_s: Floats, values: Floats, length_s: float) -> Floats:
+    """Return the medians (B,) of values (n,) in blocks of `length_s` of their times (n,) s."""
+    block = np.floor((time_s - time_s[0]) / length_s)
+    starts = np.append(0, np.flatnonzero(np.diff(block)) + 1)
+    return np.array([np.median(part) for part in np.split(values, starts[1:])])
