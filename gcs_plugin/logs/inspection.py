@@ -24,8 +24,8 @@ from thrustmargin.models.checks.frozen import INSTRUMENTS
 from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
-from thrustmargin.models.checks.plausible import comparisons
-from thrustmargin.models.checks.speed_readings import resolution_words
+from thrustmargin.models.checks.plausible import OF_ANY_AIRFRAME, Comparison, comparisons
+from thrustmargin.models.checks.speed_readings import reading_scatter, resolution_words
 from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import to_json_values
@@ -62,6 +62,7 @@ _SPOILS = {
             "rotor speed clock",
             "ESC voltage",
             "full battery",
+            "clock",
             "one ESC",
             "thrust",
             "battery voltage",
@@ -115,6 +116,7 @@ def inspect_log(
             findings.append(Finding("motors", Severity.WARNING, log.facts.words))
         for reason in filter(None, (*claim.withheld, claim.unlike, claim.remedy)):
             findings.append(Finding("airframe", Severity.UNKNOWN, reason))
+        findings += [_compared(c) for c in found if c.check in OF_ANY_AIRFRAME]
     else:
         if log.track.rotor_count == airframe.rotor_count:
             # An aircraft out of control answers to the ground and the air, not to its rotors.
@@ -122,9 +124,7 @@ def inspect_log(
             scale = check_speed_scale(flown, airframe)
             order = check_motor_order(flown, airframe)
             findings.append(_order(order))
-        findings += [
-            Finding(c.check, _LEVELS.get(c.verdict, Severity.WARNING), c.words) for c in found
-        ]
+        findings += [_compared(c) for c in found]
         findings += _tank(log.track, airframe)
     findings += [*_frozen(log.track), _speed_readings(log), _sensor(log.track)]
     if late := late_speeds(log.track):
@@ -144,6 +144,10 @@ def inspect_log(
         motor_order=order,
         speed_scale=scale,
     )
+
+
+def _compared(one: Comparison) -> Finding:
+    return Finding(one.check, _LEVELS.get(one.verdict, Severity.WARNING), one.words)
 
 
 def _vehicles(log: FlightLog) -> list[Finding]:
@@ -216,6 +220,8 @@ def _speed_readings(log: FlightLog) -> Finding:
         level, words = Severity.WARNING, "; ".join(log.unmeasured)
     elif log.track.reports("rotor_speed_rpm"):
         level, words = Severity.OK, "no reading is held, lone, or zero while thrust was asked"
+        if np.any(reading_scatter(log.track).share > 0.0):
+            level, words = Severity.WARNING, ""
         words = "; ".join(filter(None, (words, resolution_words(log.track))))
         rate = next(c.rate_hz for c in log.channels if c.name == "rotor_speed_rpm")
         if rate < SLOWEST_HZ:

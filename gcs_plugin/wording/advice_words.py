@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from thrustmargin.gcs_plugin.wording import actions, fault_words
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent, percent_within
 from thrustmargin.models.model.advice import Advice, FlightLevel
+from thrustmargin.models.model.doubts import Doubt
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
@@ -101,6 +104,8 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
         return say("ABOVE THE {limit} LIMIT FOR {long}", limit=limit, long=long)
     if level is FlightLevel.ORDER:
         return say("MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG")
+    if level is FlightLevel.UNKNOWN and Doubt.MODEL in advice.doubts:
+        return say("CANNOT TELL: ROTOR SPEEDS AND MODEL CONTRADICT EACH OTHER")
     if level is FlightLevel.UNKNOWN:
         return say("NO VERDICT")
     words = say(SEVERAL[level], limit=limit) + _known_in_part(advice)
@@ -168,9 +173,46 @@ def suspects(advice: Advice) -> tuple[int, ...]:
 
 
 def no_ground(advice: Advice) -> str:
-    """Why a flight of which the model alone speaks has no verdict; empty of any other."""
+    """Return why a flight has no verdict, or a bad one that its own evidence speaks against; empty
+    of any other."""
+    if Doubt.MODEL in advice.doubts:
+        return misfit_words(advice)
     alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
     return say(PREDICTED_ALONE) if alone else ""
+
+
+def misfit_words(advice: Advice) -> str:
+    """Return how measured rotor speeds and the model contradict each other, and what to look at."""
+    found, parts = advice.misfit, []
+    if found.interval_fails:
+        words = (
+            "rotor speeds are {size} {than} than load and air need, in level flight, and within the "
+            "model's error for {held} of the time, where {promised} are expected"
+        )
+        if abs(found.bias) < 0.005:
+            words = (
+                "rotor speeds are within the model's error for {held} of the time, where "
+                "{promised} are expected"
+            )
+        parts.append(
+            say(
+                words,
+                size=percent(abs(np.expm1(found.bias)), 1),
+                than=say("higher" if found.bias > 0.0 else "lower"),
+                held=percent(found.coverage),
+                promised=percent(found.promised),
+            )
+        )
+    if found.speed_scale != 1.0:
+        off = percent(abs(found.speed_scale - 1.0))
+        words = (
+            "by what turning takes, rotor speeds read {off} too low, or its inertia is another"
+            if found.speed_scale < 1.0
+            else "by what turning takes, rotor speeds read {off} too high, or its inertia is another"
+        )
+        parts.append(say(words, off=off))
+    parts.append(say("check load, gauge and ESC telemetry; `identify` says what is missing"))
+    return "; ".join(parts)
 
 
 def action(advice: Advice) -> str:
@@ -228,7 +270,7 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
     found += [("model", sound_again(fault)) for fault in advice.repaired]
-    if advice.unsought_s >= 0.2 * advice.airborne_s:
+    if Doubt.ROTORS_NOT_SOUGHT in advice.doubts:
         found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
     if math.isfinite(use.lasting_most):
         found.append(("steady flight", _lasting(advice)))

@@ -19,6 +19,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.doubts import Doubt
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
@@ -90,6 +91,9 @@ class MarginVerdict:
     fill_start_kg: float  # the same with the battery as it was at the start
     tank_start_kg: float
     beyond_gauge_kg: float  # that hover thrust shows beyond gauge or statement; 0: they agree
+    doubts: tuple[Doubt, ...]  # what the flight's own evidence puts in doubt
+    model_coverage: float  # share of level flight in which rotor speeds were inside the interval
+    model_bias: float  # median of ln of measured over predicted rotor speed, all rotors together
 
 
 def verdict_facts(
@@ -132,7 +136,7 @@ def _to_do(advice: Advice) -> tuple[Fact, ...]:
 
 def _beyond(worst: Moment) -> tuple[Fact, ...]:
     """That a rotor made more than the airframe says that it can, and what may be wrong."""
-    if not worst.capacity_use > 1.0:
+    if not worst.capacity_use_low > 1.0:  # one reading of sensors that scatter shows nothing
         return ()
     more = numbers.percent(worst.capacity_use)
     return (

@@ -54,6 +54,7 @@ from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.doubts import Doubt
 from thrustmargin.models.model.predict import Basis, identified_airframe
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -89,14 +90,17 @@ class PlanForecast:
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
+    doubts: tuple[Doubt, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
 
     @property
     def level(self) -> FlightLevel:
         """The answer; a battery that is used up on the way is the gravest. None of an aircraft that
-        its last flight speaks against."""
+        its last flight speaks against, nor a good one where that contradicts the model."""
         if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
             return FlightLevel.BATTERY
-        return FlightLevel.UNKNOWN if "unlike" in self.assumed else self.advised.advice.level
+        level = self.advised.advice.level
+        groundless = Doubt.MODEL in self.doubts and level is FlightLevel.UNDER
+        return FlightLevel.UNKNOWN if groundless or "unlike" in self.assumed else level
 
     @property
     def too_heavy(self) -> bool:

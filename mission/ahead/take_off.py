@@ -27,7 +27,7 @@ Assumption = Literal[
     "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
     "efficiency", "level ground", "PX4 corners", "pump by speed",
     "no forward flight", "extrapolated", "nose gives way", "first part", "alike", "aircraft",
-    "unlike",
+    "unlike", "hidden mass",
 ]  # fmt: skip
 
 

@@ -31,9 +31,13 @@ LEAST_OF_AIR = 0.5
 Bounds = tuple[float, float]
 
 
-def motion_units(track: FlightTrack) -> str | None:
-    """Why the rates of a flight cannot be those of its positions, or its airspeed that of its
-    velocity and wind, and what to check; else None."""
+def motion_units(track: FlightTrack, *, by_table: bool = True) -> str | None:
+    """Return why the rates of a flight cannot be those of its positions, or its airspeed that of
+    its velocity and wind, and what to check; else None.
+
+    `by_table`: whoever wrote the table chose the units. Else it is the log of an autopilot, whose
+    clock is at fault, and airspeed is not asked for: a tube may be blocked.
+    """
     wrong = {
         name: bounds
         for name, bounds, possible in (
@@ -45,7 +49,7 @@ def motion_units(track: FlightTrack) -> str | None:
         if bounds is not None and not (bounds[0] <= possible[1] and bounds[1] >= possible[0])
     }
     if not wrong:
-        return _air_units(track)
+        return _air_units(track) if by_table else None
     rates = {"position": "velocity", "heading": "yaw rate"}
     rates |= {"height": "vertical velocity", "tilt": "roll and pitch rate"}
     metres, angles = "m and m/s", "rad and rad/s"
@@ -60,7 +64,8 @@ def motion_units(track: FlightTrack) -> str | None:
     )
     step = known_median(np.diff(track.time_s))
     own = "" if len(wrong) > 1 else "".join(f", these in {units[name]}" for name in wrong)
-    return f"{found}, with rows {step:.3g} s apart: time_s must be in s{own}"
+    time = "time_s must be in s" if by_table else "the clock of the log does not count seconds"
+    return f"{found}, with rows {step:.3g} s apart: {time}{own}"
 
 
 def _air_units(track: FlightTrack) -> str | None:
@@ -100,18 +105,36 @@ def risen(track: FlightTrack) -> Bounds | None:
 
 
 def tilted(track: FlightTrack) -> Bounds | None:
-    """The same of the change of roll and pitch over their rates times seconds."""
-    return _ratio(
-        track.time_s,
-        _way_round(np.diff(track.attitude[:, :2], axis=0)),
-        track.angular_rate_frd[:, :2],
-    )
+    """Return the same of the change of roll and pitch over their rates times seconds."""
+    change = _way_round(np.diff(track.attitude[:, :2], axis=0))
+    return _ratio(track.time_s, change, angle_rates(track)[:, :2])
 
 
 def turned(track: FlightTrack) -> Bounds | None:
-    """The same of the change of heading over yaw rate times seconds."""
+    """Return the same of the change of heading over its rate times seconds."""
     change = _way_round(np.diff(track.attitude[:, 2:], axis=0))
-    return _ratio(track.time_s, change, track.angular_rate_frd[:, 2:])
+    return _ratio(track.time_s, change, angle_rates(track)[:, 2:])
+
+
+def angle_rates(track: FlightTrack) -> Floats:
+    """Return the rates (T, 3) rad/s of roll, pitch and yaw that the body rates make.
+
+    In a bank the nose turns by the pitch rate as well. Source: kinematic equations of Euler angles
+    in the order yaw, pitch, roll (Stevens and Lewis, Aircraft Control and Simulation, 1.4). NaN at
+    a pitch of 90 degrees.
+    """
+    roll, pitch = track.attitude[:, 0], track.attitude[:, 1]
+    about_forward, about_right, about_down = track.angular_rate_frd.T
+    upright = np.where(np.abs(np.cos(pitch)) > 1e-3, np.cos(pitch), np.nan)
+    heading = about_right * np.sin(roll) + about_down * np.cos(roll)
+    return np.stack(
+        [
+            about_forward + np.sin(pitch) * heading / upright,
+            about_right * np.cos(roll) - about_down * np.sin(roll),
+            heading / upright,
+        ],
+        axis=1,
+    )
 
 
 def _way_round(change: Floats) -> Floats:

@@ -3,6 +3,7 @@
 | compared | of the flight | close | fits |
 |---|---|---|---|
 | vehicle | kind that it says it is | | a multirotor, or not reported |
+| clock | what moved and turned over its rates times seconds | | 0.6 to 1.7 (motion_units.py) |
 | motors | number of rotors that it reports | reported, and the airframe's | not reported |
 | frame | FRAME_CLASS and FRAME_TYPE | | motors in the airframe's places and order |
 | voltage | median in flight over nominal | 0.92 to 1.15 | 0.78 to 1.22 |
@@ -42,6 +43,7 @@ from thrustmargin.models.checks.full_battery import (
     full_voltage,
     most_voltage,
 )
+from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.checks.output_evidence import (
     SURELY,
     OutputEvidence,
@@ -65,6 +67,8 @@ NOMINAL_CELL = (3.5, 3.9)
 IMPOSSIBLE_USE, MOMENT_S, MOMENT_SHARE = 1.2, 3.0, 0.05
 #: deg by which an arm may stand elsewhere; the next arm of an octocopter is 45 away.
 ARM_BEARING = 22.0
+#: Checks that compare a flight with itself, whatever the aircraft is.
+OF_ANY_AIRFRAME = ("clock", "one ESC")
 #: ln of the speed of one rotor over that of the others at its output: propellers of one aircraft
 #: differ by a few percent, pole counts by a seventh and more, and a third is no propeller.
 ODD_SPEED = 0.29
@@ -91,7 +95,7 @@ def comparisons(
     What was inferred with the help of the airframe itself is no evidence, and left out.
     `parameters` are the autopilot's.
     """
-    found: list[Comparison | None] = [_vehicle(track, facts)]
+    found: list[Comparison | None] = [_vehicle(track, facts), _clock(track)]
     found.append(motors := _motors(track, airframe, facts))
     if motors.verdict != "contradicts":
         if track.standard_errors:
@@ -134,6 +138,12 @@ def _vehicle(track: FlightTrack, facts: VehicleFacts) -> Comparison | None:
         return None
     words = f"a quadplane by {facts.evidence}: it can be compared in hover alone"
     return Comparison(check="vehicle", verdict="fits", words=words)
+
+
+def _clock(track: FlightTrack) -> Comparison | None:
+    """Compare what moved and turned in flight with its rates times the seconds of the log."""
+    words = motion_units(track.rows(track.flying), by_table=False)
+    return Comparison(check="clock", verdict="contradicts", words=words) if words else None
 
 
 def _motors(track: FlightTrack, airframe: Airframe, facts: VehicleFacts) -> Comparison:

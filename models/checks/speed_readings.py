@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,10 +162,64 @@ def _held(
 OFTEN = 0.5  # s: no manoeuvre that effects are read from is over sooner
 FINE = 0.004  # of the speed: less than sound rotors differ by
 LEAST_ROWS = 100  # in flight, to say anything
+#: Share of the speed by which readings differ from those beside them in flights whose sensors are
+#: sound: manoeuvres and gusts (1.2 % at most in those recorded, of a simulated and a real quad).
+USUAL_SCATTER = 0.02
+LEAST_READINGS = 30  # of a rotor, whose scatter is then known to 15 %
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadingScatter:
+    """How far the single readings of rotor speed are from the speed, beyond what rotors do."""
+
+    share: Floats  # (R,) standard deviation of a reading, as a share of the speed; 0: not shown
+    interval_s: float  # between two readings; NaN unknown
+
+    def of_mean(self, seconds: float) -> Floats:
+        """Return the standard deviation (R,) of means over `seconds`, as a share of the speed."""
+        return self.share / np.sqrt(max(np.nan_to_num(seconds / self.interval_s), 1.0))
+
+
+def reading_scatter(track: FlightTrack) -> ReadingScatter:
+    """Return the scatter of a flight's R rotor speeds as they were measured in flight.
+
+    By second differences of one reading and the next, which leave out a steady change; of readings
+    in coarse steps by the step. Zero within USUAL_SCATTER, or with too few readings.
+    """
+    if (known := _SCATTER.get(track)) is None:
+        known = _SCATTER[track] = _scatter(track)
+    return known
+
+
+#: Of the tracks in use: what one flight shows is asked for by several parts of its analysis.
+_SCATTER: WeakKeyDictionary[FlightTrack, ReadingScatter] = WeakKeyDictionary()
+
+
+def _scatter(track: FlightTrack) -> ReadingScatter:
+    speeds, interval_s = track.measured("rotor_speed_rpm")[track.flying], np.nan
+    share = np.zeros(track.rotor_count)
+    for rotor, values in enumerate(speeds.T):
+        known = values[np.isfinite(values)]
+        new = known[np.flatnonzero(np.diff(known, prepend=np.nan) != 0.0)]
+        if new.size < LEAST_READINGS:
+            continue
+        interval_s = np.fmin(interval_s, row_step(track.time_s) * known.size / new.size)
+        size, step = float(np.median(np.abs(new))), _step(known)
+        if step > FINE * size:
+            share[rotor] = step / np.sqrt(12.0) / size
+            continue
+        bend = np.abs(new[2:] - 2.0 * new[1:-1] + new[:-2])
+        spread = _NORMAL * float(np.median(bend)) / np.sqrt(6.0) / size
+        share[rotor] = np.sqrt(max(spread**2 - USUAL_SCATTER**2, 0.0))
+    return ReadingScatter(share=share, interval_s=float(interval_s))
+
+
+_NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 
 
 def resolution_words(track: FlightTrack) -> str:
-    """What is slow or coarse of the rotor speeds in flight, as a sentence; empty if nothing is."""
+    """Return what is slow, coarse or scattered of the rotor speeds in flight, as a sentence; empty
+    if nothing is."""
     rows = track.flying & np.isfinite(track.rotor_speed_rpm).all(axis=1)
     rpm = track.rotor_speed_rpm[rows]
     if rpm.shape[0] < LEAST_ROWS or not rpm.shape[1]:
@@ -175,6 +230,11 @@ def resolution_words(track: FlightTrack) -> str:
         return (
             f"rotor speeds come in steps of {step:.0f} rpm ({100 * share:.1f} %): they are used, "
             "and what is smaller shows in their mean only"
+        )
+    if (scatter := float(reading_scatter(track).share.max(initial=0.0))) > USUAL_SCATTER:
+        return (
+            f"rotor speeds scatter by {100 * scatter:.0f} % from one reading to the next: single "
+            "ones say little, check the ESC telemetry"
         )
     changed = float(np.median(np.mean(np.diff(rpm, axis=0) != 0.0, axis=0)))
     interval = row_step(track.time_s) / changed if changed > 0.0 else np.inf
@@ -187,6 +247,6 @@ def resolution_words(track: FlightTrack) -> str:
 
 
 def _step(values: Floats) -> float:
-    """The grid, rpm, that readings (T,) are on: the least distance of two different ones."""
+    """Return the grid, rpm, that readings (T,) are on: the least distance of two different ones."""
     apart = np.diff(np.unique(values))
     return float(apart.min()) if apart.size else 0.0

@@ -28,8 +28,10 @@ from thrustmargin.models.checks.loss_of_control import LossOfControl, before_los
 from thrustmargin.models.checks.stopped_rotor import stopped_rotors
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict, with_bad_part
+from thrustmargin.models.model.doubts import Doubt, doubts
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.model.model_misfit import ModelMisfit, model_misfit, with_misfit
 from thrustmargin.models.model.next_fill import NextFill, next_fill, unsound_fill
 from thrustmargin.models.model.rotor_faults import (
     FaultEpisode,
@@ -120,6 +122,8 @@ class Advice:
     #: done is no ground for a good answer.
     predicted_alone: bool
     withheld: bool  # no margin is claimed
+    misfit: ModelMisfit  # how measured rotor speeds agree with the model
+    doubts: tuple[Doubt, ...]
 
     @property
     def level(self) -> FlightLevel:
@@ -176,6 +180,8 @@ def advise(
     losses = loss_of_control(whole.track)
     analysis = replace(whole, track=before_loss(whole.track, losses)) if losses else whole
     track, seconds = analysis.track, analysis.track.row_seconds
+    misfit = ModelMisfit() if planned else model_misfit(analysis)
+    analysis = with_misfit(analysis, misfit)
     use = thrust_use(analysis, limit)
     fill, by_use, by_lost = next_fill(analysis, use, limit)
     free = analysis.redundancy_yaw_uncontrolled[track.flying]
@@ -219,7 +225,9 @@ def advise(
         if use.spent_s >= 1.0:
             levels.append(FlightLevel.NO_THRUST)
         of_load = _load_level(use, low, high)
-        if use.known_s > 0.0 and not (predicted_alone and of_load is FlightLevel.UNDER):
+        # A good answer needs the prediction, a measurement, and that they do not contradict.
+        groundless = predicted_alone or (misfit.found and not faults)
+        if use.known_s > 0.0 and not (groundless and of_load is FlightLevel.UNDER):
             levels.append(of_load)
         if use.known_s > 0.0 and analysis.claim.other_order:
             levels.append(FlightLevel.ORDER)
@@ -244,6 +252,13 @@ def advise(
             goes_on=goes_on,
             unsought_s=unsought_s,
             withheld=bool(analysis.withheld),
+            misfit=misfit,
+            doubts=doubts(
+                track,
+                beyond_gauge_kg=fill.beyond_gauge_kg,
+                model_fails=misfit.found and not faults,
+                unsought_s=unsought_s,
+            ),
         ),
         whole=whole,
         analysis=analysis,

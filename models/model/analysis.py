@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.effects.base import FlightState as FlightState
 from thrustmargin.models.effects.track_channels import own_channels
 from thrustmargin.models.errors import AirframeError
@@ -160,9 +161,17 @@ class FlightAnalysis:
         Of an error that is not known there is the value alone. No error reaches beyond all.
         """
         use = self.known_utilisation
-        errors = self.utilisation_error - self.utilisation_beyond, self.utilisation_error
-        down, up = (INTERVAL * np.nan_to_num(error) for error in errors)
+        down, up = (INTERVAL * np.nan_to_num(error) for error in self.row_errors)
         return np.maximum(use - down, 0.0), np.minimum(use + up, np.maximum(use, 1.0))
+
+    @property
+    def row_errors(self) -> tuple[Floats, Floats]:
+        """(T, R) standard errors of the known utilisation in single rows to the low and the high
+        side, with the scatter of the readings that its speeds are made of."""
+        single = 2.0 * reading_scatter(self.track).share * self.utilisation
+        low = self.utilisation_error - self.utilisation_beyond
+        one, other = (np.hypot(error, np.nan_to_num(single)) for error in (low, self.utilisation_error))
+        return one, other
 
     @property
     def from_outputs(self) -> Bools:
@@ -199,8 +208,7 @@ class FlightAnalysis:
         return self._more_than(limit, INTERVAL)
 
     def _more_than(self, limit: float, errors: float) -> Bools:
-        error = self.utilisation_error - (self.utilisation_beyond if errors < 0.0 else 0.0)
-        use = self.known_utilisation + errors * error
+        use = self.known_utilisation + errors * self.row_errors[errors > 0.0]
         with np.errstate(invalid="ignore"):
             return self.track.flying & np.any(use > limit, axis=1)
 

@@ -6,12 +6,12 @@ effects that were identified on top. `model_file` keeps it in one file.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from thrustmargin.models.effects.base import Placed, look_of
-from thrustmargin.models.effects.stored import EffectRecord, losses_of, placed_from
+from thrustmargin.models.effects.stored import EffectRecord, Identified, losses_of, placed_from
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.thermometer import Thermometer
@@ -197,3 +197,14 @@ def physics_model(airframe: Airframe) -> RotorModel:
         reference_density=airframe.reference_density,
         reference_voltage=airframe.nominal_voltage,
     )
+
+
+def heavier_model(model: RotorModel, mass: float) -> RotorModel:
+    """Return the model of the same aircraft with `mass` kg that no gauge reports.
+
+    The mass is the effect `extra_mass`, so it counts in rotor speed, redundancy and fill. Raises
+    ModelError for a mass outside the bounds of that effect.
+    """
+    known = Identified(value=mass, unit="kg", ci95=(mass, mass))
+    record = EffectRecord(name="extra_mass", rotor=None, parameters={"mass": known})
+    return replace(model, effects=(*model.effects, record))

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
+from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -27,6 +28,7 @@ from thrustmargin.models.physics.smoothing import known_median
 
 LASTING_S = 15  # s
 SPENT = 0.9  # of the largest thrust
+MEDIAN_ERROR = 1.2533  # standard error of a median over that of the mean, of normal scatter
 ALONE_S = 2.0  # s with nothing left of one rotor alone
 
 
@@ -71,13 +73,17 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
     of = np.flatnonzero(known), which[known].astype(int)
     up[known] = np.nan_to_num(above[of])
     down[known] = up[known] - np.nan_to_num(beyond[of])
+    scatter = reading_scatter(track)
+    of_second, of_median = (2.0 * INTERVAL * scatter.of_mean(s) for s in (1.0, LASTING_S))
+    single = MEDIAN_ERROR * of_median[of[1]] * most[known]
+    up[known], down[known] = np.hypot(up[known], single), np.hypot(down[known], single)
     now = worst_rotor(means)[0]
     flown = np.where(track.flying, track.row_seconds, 0.0)
     length = np.bincount(second, weights=flown).astype(np.float64)
     with np.errstate(invalid="ignore"):
         lasting_above, over = most > limit, now > limit
         surely, maybe = most - down > limit, most + up > limit
-        spent = means - np.nan_to_num(above - beyond) > SPENT
+        spent = means - np.hypot(np.nan_to_num(above - beyond), of_second * means) > SPENT
     if not known.any():  # a motor asked for all it has has nothing left, in any aircraft
         output = np.where(track.flying[:, None], track.throttle, np.nan)
         full = np.nan_to_num(_by_second(track.time_s, output)[1]) >= FULL_OUTPUT

@@ -34,6 +34,7 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.mission.ahead.battery import FlightBattery
     from thrustmargin.mission.ahead.plan_forecast import PlanForecast
+    from thrustmargin.models.model.doubts import Doubt
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.airframe import Airframe
@@ -155,6 +156,10 @@ def forecast(
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
     given = bool(model or airframe)
     before = _before(plan, rotor_model, given=given)
+    if before.beyond_gauge_kg > 0.0:
+        from thrustmargin.models.model.rotor_model import heavier_model
+
+        rotor_model = heavier_model(rotor_model, before.beyond_gauge_kg)
     known = before.parameters
     if parameters is not None:
         from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
@@ -182,6 +187,10 @@ def forecast(
         faults=before.faults,
         other_order=before.other_order,
     )
+    made = replace(made, doubts=before.doubts)
+    if before.beyond_gauge_kg > 0.0:
+        hidden = {"hidden mass": (f"{before.beyond_gauge_kg:.1f}",)}
+        made = replace(made, assumed={**hidden, **made.assumed})
     if before.unlike:
         made = replace(made, assumed={"unlike": (craft.title, before.unlike[0]), **made.assumed})
     elif before.unlike is None and not given:
@@ -279,6 +288,8 @@ class _FlightBefore:
     other_order: bool = False  # its motors were not in the order of the airframe
     #: Why it was no flight of this aircraft; empty where it was one, None without a flight.
     unlike: tuple[str, ...] | None = None
+    doubts: tuple[Doubt, ...] = ()
+    beyond_gauge_kg: float = 0.0  # that hover thrust showed beyond the reported load
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
@@ -301,6 +312,8 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         faults=[(0.0, found)] if found else None,
         other_order=other_order,
         unlike=claim.withheld,
+        doubts=advice.doubts,
+        beyond_gauge_kg=advice.fill.beyond_gauge_kg,
     )
 
 

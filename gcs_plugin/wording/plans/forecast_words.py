@@ -15,9 +15,19 @@ from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.mission.ahead.sortie_needs import Sortie
 from thrustmargin.mission.ahead.utilisation_along import Weakest
 from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.doubts import Doubt
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
 UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
+CONTRADICTED = "NO VERDICT: in the flight of this log rotor speeds and model contradict each other"
+#: What a good answer is given under, where the last flight left it in doubt.
+CONDITIONS: Mapping[Doubt, str] = {
+    Doubt.GAUGE: ", IF THE TANK LEVEL IS KNOWN (THE GAUGE WAS LEFT OUT)",
+    Doubt.VOLTAGE: ", IF THE VOLTAGE IS KNOWN (THE VOLTMETER WAS LEFT OUT)",
+    Doubt.ROTOR_SPEEDS: ", IF THE ROTOR SPEED SENSORS ARE RIGHT",
+    Doubt.BAROMETER: ", IF THE AIR IS KNOWN (THE BAROMETER WAS LEFT OUT)",
+    Doubt.ROTORS_NOT_SOUGHT: ", IF ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
+}
 #: What was taken for what is not known; {0} is filled in with it.
 ASSUMED: Mapping[str, str] = {
     "aircraft": "the aircraft is {0}: give --airframe",
@@ -42,6 +52,7 @@ ASSUMED: Mapping[str, str] = {
     "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
     "first part": "only {0} of {1} min are flown in detail: the rest as these",
     "alike": "{0} of {1} min are flown in detail: the rest is like them",
+    "hidden mass": "{0} kg that thrust showed in the last flight, and nobody reported: weigh it",
     "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
 }
 LEFT_OUT = "gusts and turbulence are not in it, nor the time of ways to and from a refill"
@@ -78,7 +89,9 @@ def verdict(made: PlanForecast) -> str:
         return no + say("over the maker's maximum take-off mass")
     level = made.level
     if level is FlightLevel.UNKNOWN:
-        return say(UNLIKE if "unlike" in made.assumed else NO_VERDICT)
+        if "unlike" in made.assumed:
+            return say(UNLIKE)
+        return say(CONTRADICTED if Doubt.MODEL in made.doubts else NO_VERDICT)
     if level is FlightLevel.BATTERY:
         return no + say("the battery does not last")
     if level is FlightLevel.NO_THRUST:
@@ -253,6 +266,7 @@ def _as_far(made: PlanForecast) -> str:
     """What the answer does not reach: stated in it, for it is read alone."""
     craft = made.assumed.get("aircraft")
     parts = [say(", IF THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
+    parts += [say(CONDITIONS[doubt]) for doubt in made.doubts if doubt in CONDITIONS]
     if made.not_understood:
         parts.append(say(", AS FAR AS THE PLAN IS UNDERSTOOD"))
     if "first part" in made.assumed:

@@ -266,6 +266,7 @@ def _source(
         meaning=Meaning.MOTOR_OUTPUTS,
         assumed=curve.is_assumed,
         parts=measured,
+        rejected=track.source("rotor_speed_rpm").rejected,
         remarks=remarks,
     )
 

@@ -35,7 +35,8 @@ def test_a_voltage_that_stands_still_is_left_out_after_the_first_minute_until_it
     assert 60.0 <= unknown[0] <= 72.0
     assert unknown[-1] == pytest.approx(84.9, abs=0.7)
     assert np.isfinite(found.voltage[:600]).all()
-    assert np.isfinite(shown(hover(9.0)).voltage).all()
+    falling = replace(hover(9.0), voltage=np.linspace(58.8, 58.0, 900))
+    assert np.isfinite(shown(falling).voltage).all()
 
 
 def test_the_rows_say_why_the_channel_is_none():

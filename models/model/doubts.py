@@ -1,0 +1,70 @@
+"""List what a flight's own evidence puts in doubt, as data that every command takes from its answer.
+
+A doubt is no fault of the aircraft: it is an instrument that was left out, a model that does not
+hold, or something that could not be looked at. Good answers are given with it as a condition.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import numpy as np
+
+from thrustmargin.models.checks.speed_readings import reading_scatter
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.provenance import Reason
+
+
+class Doubt(StrEnum):
+    """What is in doubt of a flight."""
+
+    GAUGE = "tank gauge"
+    LOAD = "load"  # hover thrust shows more than gauge or statement
+    VOLTAGE = "battery voltage"
+    ROTOR_SPEEDS = "rotor speeds"
+    BAROMETER = "barometer"
+    MODEL = "model"  # measured speeds contradict it
+    ROTORS_NOT_SOUGHT = "weak rotors not looked for"
+
+
+#: Why a channel is left out because its readings cannot be true.
+NO_MEASUREMENT = (
+    Reason.FROZEN,
+    Reason.BROKEN,
+    Reason.UNLOADED,
+    Reason.UNFOLLOWED,
+    Reason.IMPOSSIBLE,
+    Reason.COPIED,
+)
+_OF_CHANNEL = {
+    "tank_kg": Doubt.GAUGE,
+    "voltage": Doubt.VOLTAGE,
+    "rotor_speed_rpm": Doubt.ROTOR_SPEEDS,
+    "pressure": Doubt.BAROMETER,
+}
+NOT_SOUGHT = 0.2  # of the flight in which no weak rotor could be looked for
+
+
+def doubts(
+    track: FlightTrack, *, beyond_gauge_kg: float, model_fails: bool, unsought_s: float
+) -> tuple[Doubt, ...]:
+    """Return the doubts of a flight, in the order of `Doubt`.
+
+    `beyond_gauge_kg` is what hover thrust shows beyond the reported load, `model_fails` whether the
+    model contradicts the measured speeds, `unsought_s` the s in flight in which no weak rotor could
+    be looked for.
+    """
+    found = {
+        doubt
+        for channel, doubt in _OF_CHANNEL.items()
+        if any(one.reason in NO_MEASUREMENT for one in track.source(channel).rejected)
+    }
+    if np.any(reading_scatter(track).share > 0.0):
+        found.add(Doubt.ROTOR_SPEEDS)
+    if beyond_gauge_kg > 0.0:
+        found.add(Doubt.LOAD)
+    if model_fails:
+        found.add(Doubt.MODEL)
+    if track.flying_s > 0.0 and unsought_s >= NOT_SOUGHT * track.flying_s:
+        found.add(Doubt.ROTORS_NOT_SOUGHT)
+    return tuple(doubt for doubt in Doubt if doubt in found)
