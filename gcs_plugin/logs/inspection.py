@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.frozen import INSTRUMENTS
+from thrustmargin.models.checks.instruments import sprayed_by_thrust
 from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
@@ -42,6 +43,8 @@ _OTHER_UNIT = 2.0
 #: m/s² from which shaking is strong: a quiet mount keeps each axis within 3 to 5.
 _STRONG_SHAKING = 5.0
 
+#: Of the most that the pump gives: less is no spraying.
+LEAST_FLOW = 0.1
 #: Hz of rotor speeds below which the means of rotor_faults.py hold no three of them.
 SLOWEST_HZ = 0.75
 _MUCH_LOST = 1.0  # % of a file's bytes
@@ -70,6 +73,7 @@ _SPOILS = {
             "airspeed reading",
             "barometer",
             "accelerometer",
+            "pump",
             "tank",
         ),
         Spoils.NUMBERS,
@@ -125,8 +129,8 @@ def inspect_log(
             order = check_motor_order(flown, airframe)
             findings.append(_order(order))
         findings += [_compared(c) for c in found]
-        findings += _tank(log.track, airframe)
-    findings += [*_frozen(log.track), _speed_readings(log), _sensor(log.track)]
+        findings += [*_tank(log.track, airframe), *_pump(log, airframe)]
+    findings += [*left_out_findings(log.track), _speed_readings(log), _sensor(log.track)]
     if late := late_speeds(log.track):
         findings.append(Finding("rotor speed clock", Severity.WARNING, late))
     findings += [
@@ -204,7 +208,7 @@ def _order(order: MotorOrder) -> Finding:
     return Finding("motor order", _LEVELS.get(order.verdict, Severity.WARNING), words)
 
 
-def _frozen(track: FlightTrack) -> list[Finding]:
+def left_out_findings(track: FlightTrack) -> list[Finding]:
     """List the instruments whose readings cannot be true, and are left out."""
     found = {
         (instrument, words): Finding(instrument, Severity.WARNING, say(words))
@@ -241,6 +245,19 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
     if "tank_kg" in track.standard_errors:
         words += f": {track.source('tank_kg').words}"
     return [Finding("tank", Severity.OK if good else Severity.WARNING, words)]
+
+
+def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
+    """That the pump ran and nothing left the aircraft, by its thrust."""
+    found = sprayed_by_thrust(log.track, airframe, log.parameters)
+    least_l_s = LEAST_FLOW * airframe.pump_max_flow_l_min / 60.0
+    if found is None or not found.most_kg < least_l_s * airframe.liquid_density * found.pump_s:
+        return []
+    words = (
+        f"the pump ran {found.pump_s:.0f} s, and by thrust at most "
+        f"{max(found.most_kg, 0.0):.1f} kg left the aircraft: look at tank, pump and nozzles"
+    )
+    return [Finding("pump", Severity.WARNING, words)]
 
 
 def _sensor(track: FlightTrack) -> Finding:

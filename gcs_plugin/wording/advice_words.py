@@ -186,8 +186,8 @@ def misfit_words(advice: Advice) -> str:
     found, parts = advice.misfit, []
     if found.interval_fails:
         words = (
-            "rotor speeds are {size} {than} than load and air need, in level flight, and within the "
-            "model's error for {held} of the time, where {promised} are expected"
+            "rotor speeds are {size} {than} than load and air need, in level flight, and within "
+            "the model's error for {held} of the time, where {promised} are expected"
         )
         if abs(found.bias) < 0.005:
             words = (
@@ -205,12 +205,9 @@ def misfit_words(advice: Advice) -> str:
         )
     if found.speed_scale != 1.0:
         off = percent(abs(found.speed_scale - 1.0))
-        words = (
-            "by what turning takes, rotor speeds read {off} too low, or its inertia is another"
-            if found.speed_scale < 1.0
-            else "by what turning takes, rotor speeds read {off} too high, or its inertia is another"
-        )
-        parts.append(say(words, off=off))
+        low = "by what turning takes, rotor speeds read {off} too low, or its inertia is another"
+        high = "by what turning takes, rotor speeds read {off} too high, or its inertia is another"
+        parts.append(say(low if found.speed_scale < 1.0 else high, off=off))
     parts.append(say("check load, gauge and ESC telemetry; `identify` says what is missing"))
     return "; ".join(parts)
 

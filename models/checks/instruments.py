@@ -13,6 +13,7 @@ All work on the whole flight, or on all of it that has been flown so far.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,6 +40,7 @@ MEAN_S = 5.0  # s of the means, in which trembling averages out
 LIGHTER = 0.08
 STUCK = 0.25  # of the mass that left by thrust: a gauge that moved less did not see it
 BLOCK_S, FEWEST_BLOCKS = 10.0, 8
+APART = 4  # blocks
 #: Gain of mass by thrust on the gauge, over the ratio of the two masses: 0.96 to 1.12 in recorded
 #: flights. A thrust curve or an empty mass that is off moves numerator and denominator alike.
 POSSIBLE_GAIN = (0.75, 1.35)
@@ -54,6 +56,8 @@ WEATHER = 500.0  # m by which pressure altitude can differ from altitude: 55 hPa
 DRIFT = 60.0
 FASTEST = 30.0  # m/s over RATE_S; no aircraft that carries a tank climbs or falls so
 RATE_S = 3.0
+
+PUMP_S = 30.0  # s of spraying from which on it must show
 
 SAMPLES, VALUES = 100, 20  # equal ones, and different ones among them, that are no chance
 EQUAL = 0.99  # share of the samples
@@ -95,8 +99,9 @@ def gauge_unfollowed(
     """Return whether the tank level changes other than the mass that thrust shows.
 
     One estimate by thrust is enough for a gauge that hardly moves while the aircraft becomes
-    lighter; all that there are must agree on a gain that is wrong, for a wrong rotor speed makes
-    one as well. Motor outputs show no gain without the battery's voltage.
+    lighter; all that there are must agree on a gauge that falls while the aircraft does not, and on
+    a gain that is wrong, for a wrong rotor speed makes these as well. Motor outputs show no gain
+    without the battery's voltage.
     """
     gauge = track.measured("tank_kg")
     if not track.source("tank_kg").reported:
@@ -115,6 +120,10 @@ def gauge_unfollowed(
         lighter = share_lighter(mass[rows])
         if lighter > LIGHTER and np.ptp(level) < STUCK * lighter * lifted[0]:
             return True
+        fell = share_lighter(airframe.empty_mass + gauge[rows])
+        if fell > LIGHTER and lighter < STUCK * fell and _local_gain(lifted, level) < STUCK:
+            wrong.append(True)
+            continue
         gain, error, straight = _gain(lifted, level)
         over = known_median(mass[rows]) / (airframe.empty_mass + known_median(gauge[rows]))
         if not (error < LARGEST_ERROR * over and straight > STRAIGHT):
@@ -122,6 +131,14 @@ def gauge_unfollowed(
         low, high = ((gain + k * SURELY * error) / over for k in (-1.0, 1.0))
         wrong.append(high < POSSIBLE_GAIN[0] or low > POSSIBLE_GAIN[1])
     return bool(wrong) and all(wrong)
+
+
+def _local_gain(mass: Floats, level: Floats) -> float:
+    """Return the median gain of masses on levels, both (B,) kg, over APART blocks at a time: what
+    happens once, as the loss of a rotor, is in few of them. NaN where no level changes."""
+    changed = level[APART:] - level[:-APART]
+    moved = changed != 0.0
+    return known_median((mass[APART:] - mass[:-APART])[moved] / changed[moved])
 
 
 def _gain(mass: Floats, level: Floats) -> tuple[float, float, float]:
@@ -135,6 +152,46 @@ def _gain(mass: Floats, level: Floats) -> tuple[float, float, float]:
     left = off - slope * about
     error = float(np.sqrt(left @ left / (mass.size - 2) / squares))
     return slope, error, 1.0 - float(left @ left) / max(float(off @ off), 1e-12)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sprayed:
+    """What left the aircraft while its pump ran, by thrust."""
+
+    pump_s: float  # s in flight with the pump on
+    least_kg: float  # ends of the 99 % interval
+    most_kg: float
+
+
+def sprayed_by_thrust(
+    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
+) -> Sprayed | None:
+    """Return what left the aircraft over the seconds of spraying, by the thrust that it needed.
+
+    By rotor speeds, else by motor outputs. None with less than PUMP_S of spraying in flight, or
+    where thrust is known for too little of it.
+    """
+    seconds = np.where(track.flying & (track.spraying > 0.5), track.row_seconds, 0.0)
+    if not seconds.sum() >= PUMP_S:
+        return None
+    for mass in lifted_masses(track, airframe, parameters):
+        rows = track.flying & np.isfinite(mass)
+        if np.count_nonzero(rows) < 4 * FEWEST_ROWS:
+            continue
+        time_s = track.time_s[rows]
+        lifted = _block_medians(time_s, mass[rows], BLOCK_S)
+        pumped_s = _block_medians(time_s, np.cumsum(seconds)[rows], BLOCK_S)
+        if lifted.size < FEWEST_BLOCKS:
+            continue
+        slope, error, _ = _gain(lifted, pumped_s)
+        left, reach = -slope * np.ptp(pumped_s), SURELY * error * np.ptp(pumped_s)
+        whole = float(seconds.sum()) / max(float(np.ptp(pumped_s)), 1.0)
+        return Sprayed(
+            pump_s=float(seconds.sum()),
+            least_kg=(left - reach) * whole,
+            most_kg=(left + reach) * whole,
+        )
+    return None
 
 
 def barometer_fault(track: FlightTrack) -> bool:

@@ -24,6 +24,9 @@ LONGEST = 3.0  # times the usual step: beyond it is a pause
 LEAST_SHARED = 0.05
 #: and below which going the other way may be a slow channel's doing
 LEAST_OPPOSITE = 0.5
+#: Squared correlation, the one bound over the other, of what a wrong clock shows: it leaves all of
+#: it, where a table in wrong units may be coarse as well.
+LEAST_OF_CLOCK = 0.5
 #: Squared correlation of airspeed with velocity less wind from which they are one thing in two
 #: units; below it the tube may be blocked, or the wind another.
 LEAST_OF_AIR = 0.5
@@ -46,7 +49,9 @@ def motion_units(track: FlightTrack, *, by_table: bool = True) -> str | None:
             ("heading", turned(track), POSSIBLE),
             ("tilt", tilted(track), POSSIBLE_TILT),
         )
-        if bounds is not None and not (bounds[0] <= possible[1] and bounds[1] >= possible[0])
+        if bounds is not None
+        and not (bounds[0] <= possible[1] and bounds[1] >= possible[0])
+        and (by_table or bounds[0] > LEAST_OF_CLOCK * bounds[1])
     }
     if not wrong:
         return _air_units(track) if by_table else None

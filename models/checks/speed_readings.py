@@ -205,12 +205,10 @@ def _scatter(track: FlightTrack) -> ReadingScatter:
             continue
         interval_s = np.fmin(interval_s, row_step(track.time_s) * known.size / new.size)
         size, step = float(np.median(np.abs(new))), _step(known)
-        if step > FINE * size:
-            share[rotor] = step / np.sqrt(12.0) / size
-            continue
         bend = np.abs(new[2:] - 2.0 * new[1:-1] + new[:-2])
-        spread = _NORMAL * float(np.median(bend)) / np.sqrt(6.0) / size
-        share[rotor] = np.sqrt(max(spread**2 - USUAL_SCATTER**2, 0.0))
+        spread = _NORMAL * float(np.median(bend)) / np.sqrt(6.0)
+        spread = step / np.sqrt(12.0) if step > FINE * size else spread
+        share[rotor] = np.sqrt(max((spread / size) ** 2 - USUAL_SCATTER**2, 0.0))
     return ReadingScatter(share=share, interval_s=float(interval_s))
 
 

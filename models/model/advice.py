@@ -18,7 +18,7 @@ Made once from the analysis, the faults of its rotors and the loss of control; t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -122,8 +122,9 @@ class Advice:
     #: done is no ground for a good answer.
     predicted_alone: bool
     withheld: bool  # no margin is claimed
-    misfit: ModelMisfit  # how measured rotor speeds agree with the model
-    doubts: tuple[Doubt, ...]
+    #: How measured rotor speeds agree with the model; all unknown of a plan.
+    misfit: ModelMisfit = field(default_factory=ModelMisfit)
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def level(self) -> FlightLevel:

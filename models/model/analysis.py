@@ -170,7 +170,8 @@ class FlightAnalysis:
         side, with the scatter of the readings that its speeds are made of."""
         single = 2.0 * reading_scatter(self.track).share * self.utilisation
         low = self.utilisation_error - self.utilisation_beyond
-        one, other = (np.hypot(error, np.nan_to_num(single)) for error in (low, self.utilisation_error))
+        errors = (low, self.utilisation_error)
+        one, other = (np.hypot(error, np.nan_to_num(single)) for error in errors)
         return one, other
 
     @property

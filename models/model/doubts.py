@@ -1,4 +1,4 @@
-"""List what a flight's own evidence puts in doubt, as data that every command takes from its answer.
+"""List what a flight's own evidence puts in doubt, as data that every command takes over.
 
 A doubt is no fault of the aircraft: it is an instrument that was left out, a model that does not
 hold, or something that could not be looked at. Good answers are given with it as a condition.

@@ -153,6 +153,7 @@ def claimed(
     What comes after a loss of control is no flight to learn from: left out, with a remark. Nor are
     speeds that outputs made while telemetry was lost.
     """
+    from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
     from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
@@ -164,6 +165,8 @@ def claimed(
             reason = reason or f"{'; '.join(claim.withheld)}; {claim.remedy}"
             unused.append(UnusedLog(name=log.name, reason=reason))
             continue
+        for one in left_out_findings(log.track):
+            console.print(escape(f"{log.name}: {one.check}: {one.words}"), soft_wrap=True)
         if losses := loss_of_control(log.track):
             console.print(escape(f"{log.name}: {lost_rows(losses)}"), soft_wrap=True)
             log = replace(log, track=before_loss(log.track, losses))

@@ -22,11 +22,11 @@ UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
 CONTRADICTED = "NO VERDICT: in the flight of this log rotor speeds and model contradict each other"
 #: What a good answer is given under, where the last flight left it in doubt.
 CONDITIONS: Mapping[Doubt, str] = {
-    Doubt.GAUGE: ", IF THE TANK LEVEL IS KNOWN (THE GAUGE WAS LEFT OUT)",
-    Doubt.VOLTAGE: ", IF THE VOLTAGE IS KNOWN (THE VOLTMETER WAS LEFT OUT)",
-    Doubt.ROTOR_SPEEDS: ", IF THE ROTOR SPEED SENSORS ARE RIGHT",
-    Doubt.BAROMETER: ", IF THE AIR IS KNOWN (THE BAROMETER WAS LEFT OUT)",
-    Doubt.ROTORS_NOT_SOUGHT: ", IF ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
+    Doubt.GAUGE: "THE TANK LEVEL IS KNOWN (THE GAUGE WAS LEFT OUT)",
+    Doubt.VOLTAGE: "THE VOLTAGE IS KNOWN (THE VOLTMETER WAS LEFT OUT)",
+    Doubt.ROTOR_SPEEDS: "THE ROTOR SPEED SENSORS ARE RIGHT",
+    Doubt.BAROMETER: "THE AIR IS KNOWN (THE BAROMETER WAS LEFT OUT)",
+    Doubt.ROTORS_NOT_SOUGHT: "ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
 }
 #: What was taken for what is not known; {0} is filled in with it.
 ASSUMED: Mapping[str, str] = {
@@ -83,6 +83,8 @@ def verdict(made: PlanForecast) -> str:
     fill = ""
     if _has_tank(made):
         fill = say(" WITH {amount}", amount=amount(_fill(made), _liquid(made)))
+        if hidden := made.assumed.get("hidden mass"):
+            fill += say(" AND {kg} kg THAT NOBODY REPORTED", kg=hidden[0])
     lasting = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
     no = f"{say('DO NOT TAKE OFF{fill}', fill=fill)}: "
     if made.too_heavy:
@@ -266,7 +268,9 @@ def _as_far(made: PlanForecast) -> str:
     """What the answer does not reach: stated in it, for it is read alone."""
     craft = made.assumed.get("aircraft")
     parts = [say(", IF THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
-    parts += [say(CONDITIONS[doubt]) for doubt in made.doubts if doubt in CONDITIONS]
+    doubted = [say(CONDITIONS[doubt]) for doubt in made.doubts if doubt in CONDITIONS]
+    if doubted:
+        parts.append(say(", IF {conditions}", conditions=f" {say('AND')} ".join(doubted)))
     if made.not_understood:
         parts.append(say(", AS FAR AS THE PLAN IS UNDERSTOOD"))
     if "first part" in made.assumed:

@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import verdict_facts
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
 from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.doubts import Doubt
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.next_fill import NextFill, unsound_fill
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -286,8 +287,7 @@ def test_a_flight_without_a_verdict_says_why_in_its_line():
     assert not answer_of(replace(ADVICE, levels=(FlightLevel.UNDER,), predicted_alone=True)).why
 
 
-@pytest.mark.parametrize(("unsought_s", "said"), [(0.19, False), (0.2, True)])
-def test_that_no_weak_rotor_could_be_looked_for_is_a_fact(unsought_s, said):
-    """From a fifth of the flight on."""
-    advice = replace(ADVICE, unsought_s=unsought_s * ADVICE.airborne_s)
+@pytest.mark.parametrize("said", [False, True])
+def test_that_no_weak_rotor_could_be_looked_for_is_a_fact(said):
+    advice = replace(ADVICE, doubts=(Doubt.ROTORS_NOT_SOUGHT,) if said else ())
     assert ("weak rotors" in dict(facts(advice))) is said

@@ -214,3 +214,35 @@ def test_an_airspeed_in_its_unit_and_a_blocked_tube_are_let_pass():
     assert motion_units(in_wind(0.28)) is not None
     calm = in_wind(3.6)
     assert through_air(replace(calm, wind_ned=np.full_like(calm.wind_ned, np.nan))) is None
+
+
+def banked(clock: float = 1.0) -> FlightTrack:
+    """Turn at a bank of 60 degrees that rocks by 5, level: half of the turn is pitch rate."""
+    turn, bank = 0.4, np.radians(60.0 + 5.0 * np.sin(2.0 * np.pi * TIME / 7.0))
+    heading = (turn * TIME + 0.3 * np.sin(TIME) + np.pi) % (2.0 * np.pi) - np.pi
+    rate = turn + 0.3 * np.cos(TIME)
+    rolls = np.gradient(bank, TIME)
+    still = np.zeros_like(TIME)
+    rates = np.stack([rolls, rate * np.sin(bank), rate * np.cos(bank)], axis=1)
+    return FlightTrack.of(
+        name="banked.BIN",
+        time_s=clock * TIME,
+        rotor_count=4,
+        attitude=np.stack([bank, still, heading], axis=1),
+        angular_rate_frd=rates,
+    )
+
+
+def test_a_banked_turn_turns_as_its_yaw_and_pitch_rates_together_say():
+    track = banked()
+    # Trapezoids of a rate that swings once in 2 pi s are right to (0.1)² / 12.
+    assert turned(track) == pytest.approx((1.0, 1.0), abs=0.01)
+    assert motion_units(track) is None
+
+
+def test_a_clock_of_double_speed_is_at_fault_in_the_log_of_an_autopilot():
+    words = motion_units(banked(clock=0.5), by_table=False)
+    assert words is not None
+    assert "heading changes 2 times as much as yaw rate says" in words
+    assert "the clock of the log does not count seconds" in words
+    assert motion_units(banked(), by_table=False) is None

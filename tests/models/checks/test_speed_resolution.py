@@ -10,7 +10,7 @@ from tests.models.made_flights import F16, made_flight
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.models.checks.motor_order import check_motor_order
-from thrustmargin.models.checks.speed_readings import resolution_words
+from thrustmargin.models.checks.speed_readings import reading_scatter, resolution_words
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.model.rotor_model import physics_model
@@ -94,3 +94,36 @@ def test_a_hundred_rows_in_flight_say_something_from_steps_of_four_in_a_thousand
     assert flown(8.0) == ""  # 0.0040 of 2008 rpm
     assert flown(1.0, repeat=4) == ""  # 24 changes in 99 steps of 0.1 s: 0.41 s
     assert "new every 0.6 s only" in flown(1.0, repeat=6)  # 16 changes
+
+
+@pytest.mark.parametrize(
+    ("noise", "shown"), [(0.0, 0.0), (0.01, 0.0), (0.05, 0.046), (0.16, 0.159)]
+)
+@pytest.mark.parametrize("every", [1, 3])
+def test_scatter_of_single_readings_is_seen_beyond_what_rotors_do(noise, shown, every):
+    """A tenth of a second or three apart, of a speed that rises and falls by 5 % in 10 s."""
+    rng = np.random.default_rng(2)
+    time_s = np.arange(0.0, 120.0, 0.1)
+    speed = 2000.0 * (1.0 + 0.05 * np.sin(2.0 * np.pi * time_s / 10.0))
+    read = speed[:, None] * (1.0 + noise * rng.standard_normal((time_s.size, 4)))
+    read = np.repeat(read[::every], every, axis=0)[: time_s.size]
+    track = FlightTrack.of(name="noisy", time_s=time_s, rotor_count=4, rotor_speed_rpm=read)
+    found = reading_scatter(track)
+    assert found.share == pytest.approx(np.full(4, shown), abs=0.012)
+    assert found.interval_s == pytest.approx(0.1 * every, abs=0.02)
+    # A mean of n readings scatters by 1/sqrt(n).
+    assert found.of_mean(3.0) == pytest.approx(found.share / np.sqrt(30.0 / every), rel=0.1)
+    assert ("scatter by" in resolution_words(track)) is (shown > 0.02)
+
+
+def test_steps_of_250_rpm_are_a_scatter_by_the_step():
+    rng = np.random.default_rng(2)
+    true = 2000.0 + 300.0 * rng.standard_normal((600, 4))
+    track = FlightTrack.of(
+        name="coarse",
+        time_s=np.arange(600) / 10.0,
+        rotor_count=4,
+        rotor_speed_rpm=250.0 * np.round(true / 250.0),
+    )
+    # 250 / sqrt(12) of 2000 are 3.6 %, of which 2 % are usual.
+    assert reading_scatter(track).share == pytest.approx(np.full(4, 0.030), abs=0.003)

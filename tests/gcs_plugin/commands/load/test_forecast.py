@@ -8,6 +8,7 @@ import pytest
 
 from tests.gcs_plugin.logs.log_files import with_rotor_speeds
 from tests.mission.plans_made import TWO_LINES, plan_of
+from tests.stripped_logs import without
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.mission.plan import write_plan
 
@@ -232,3 +233,30 @@ def test_the_mission_of_a_flight_with_motors_in_another_order_may_not_take_off(
     log.write_bytes(with_rotor_speeds(flown, lambda speeds: speeds[:, [1, 0, 2, 3]]))
     _, out, _ = said(capsys, log, "--fill", "8", "--airframe", "topxgun-f16-sitl")
     assert out.startswith("DO NOT TAKE OFF WITH 8.0 kg (8.0 L): its motors are not in the airframe")
+
+
+def test_a_forecast_from_a_log_hears_what_its_report_doubts(tmp_path, capsys):
+    log = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
+    silent = without(log, tmp_path / "silent.tlog", "ESC_TELEMETRY_1_TO_4")
+    words = ("--fill", "4", "--flow", "1.5")
+    sound, bare = (said(capsys, path, *words)[1].splitlines()[0] for path in (log, silent))
+    assert sound.startswith("MAY TAKE OFF WITH 4.0 kg (4.0 L): ")
+    assert bare.startswith(
+        "MAY TAKE OFF WITH 4.0 kg (4.0 L), IF ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT): "
+    )
+    made = json.loads(said(capsys, silent, *words, "--json", "-")[1])
+    assert made["verdict"]["doubts"] == ["weak rotors not looked for"]
+
+
+def test_mass_that_thrust_showed_and_nobody_reported_flies_again(capsys):
+    """3 kg were on board that the gauge does not know of."""
+    log = ROOT / "sitl_logs/dev/extra_mass_3.tlog"
+    same = ROOT / "sitl_logs/campaign/v2_m10_q1.5.tlog"
+    made, light = (
+        json.loads(said(capsys, path, "--fill", "6", "--flow", "1.5", "--json", "-")[1])
+        for path in (log, same)
+    )
+    assert "load" in made["verdict"]["doubts"]
+    assert "AND 3.1 kg THAT NOBODY REPORTED" in made["verdict"]["words"]
+    fewer = light["largest_fill_kg"] - made["largest_fill_kg"]
+    assert fewer == pytest.approx(3.1, abs=0.7)
