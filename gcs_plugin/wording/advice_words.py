@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent, percent_within
 from thrustmargin.models.model.advice import Advice, FlightLevel
-from thrustmargin.models.model.doubts import Doubt
+from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
@@ -104,7 +104,7 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
         return say("ABOVE THE {limit} LIMIT FOR {long}", limit=limit, long=long)
     if level is FlightLevel.ORDER:
         return say("MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG")
-    if level is FlightLevel.UNKNOWN and Doubt.MODEL in advice.doubts:
+    if level is FlightLevel.UNKNOWN and Caveat.MODEL in advice.caveats:
         return say("CANNOT TELL: ROTOR SPEEDS AND MODEL CONTRADICT EACH OTHER")
     if level is FlightLevel.UNKNOWN:
         return say("NO VERDICT")
@@ -175,7 +175,7 @@ def suspects(advice: Advice) -> tuple[int, ...]:
 def no_ground(advice: Advice) -> str:
     """Return why a flight has no verdict, or a bad one that its own evidence speaks against; empty
     of any other."""
-    if Doubt.MODEL in advice.doubts:
+    if Caveat.MODEL in advice.caveats:
         return misfit_words(advice)
     alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
     return say(PREDICTED_ALONE) if alone else ""
@@ -267,7 +267,7 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
     found += [("model", sound_again(fault)) for fault in advice.repaired]
-    if Doubt.ROTORS_NOT_SOUGHT in advice.doubts:
+    if Caveat.ROTORS_NOT_SOUGHT in advice.caveats:
         found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
     if math.isfinite(use.lasting_most):
         found.append(("steady flight", _lasting(advice)))

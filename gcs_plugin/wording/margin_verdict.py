@@ -19,7 +19,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.doubts import Doubt
+from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
@@ -91,7 +91,7 @@ class MarginVerdict:
     fill_start_kg: float  # the same with the battery as it was at the start
     tank_start_kg: float
     beyond_gauge_kg: float  # that hover thrust shows beyond gauge or statement; 0: they agree
-    doubts: tuple[Doubt, ...]  # what the flight's own evidence puts in doubt
+    caveats: tuple[Caveat, ...]  # what the flight's own evidence leaves open
     model_coverage: float  # share of level flight in which rotor speeds were inside the interval
     model_bias: float  # median of ln of measured over predicted rotor speed, all rotors together
 

@@ -54,7 +54,7 @@ from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.doubts import Doubt
+from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.predict import Basis, identified_airframe
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -90,7 +90,7 @@ class PlanForecast:
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
-    doubts: tuple[Doubt, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
+    caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
 
     @property
     def level(self) -> FlightLevel:
@@ -99,7 +99,7 @@ class PlanForecast:
         if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
             return FlightLevel.BATTERY
         level = self.advised.advice.level
-        groundless = Doubt.MODEL in self.doubts and level is FlightLevel.UNDER
+        groundless = Caveat.MODEL in self.caveats and level is FlightLevel.UNDER
         return FlightLevel.UNKNOWN if groundless or "unlike" in self.assumed else level
 
     @property

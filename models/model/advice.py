@@ -28,7 +28,7 @@ from thrustmargin.models.checks.loss_of_control import LossOfControl, before_los
 from thrustmargin.models.checks.stopped_rotor import stopped_rotors
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict, with_bad_part
-from thrustmargin.models.model.doubts import Doubt, doubts
+from thrustmargin.models.model.caveats import Caveat, caveats
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.model_misfit import ModelMisfit, model_misfit, with_misfit
@@ -124,7 +124,7 @@ class Advice:
     withheld: bool  # no margin is claimed
     #: How measured rotor speeds agree with the model; all unknown of a plan.
     misfit: ModelMisfit = field(default_factory=ModelMisfit)
-    doubts: tuple[Doubt, ...] = ()
+    caveats: tuple[Caveat, ...] = ()
 
     @property
     def level(self) -> FlightLevel:
@@ -254,7 +254,7 @@ def advise(
             unsought_s=unsought_s,
             withheld=bool(analysis.withheld),
             misfit=misfit,
-            doubts=doubts(
+            caveats=caveats(
                 track,
                 beyond_gauge_kg=fill.beyond_gauge_kg,
                 model_fails=misfit.found and not faults,

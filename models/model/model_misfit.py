@@ -12,7 +12,7 @@ time, 0.00 with 3 kg that the gauge does not know of.
 
 Gain. Thrust that turns the body goes with the square of rotor speed, so the deviations of N^2 from
 the rotors' mean have a slope on the predicted ones that is the square of the scale of the speeds,
-whatever load, voltage and air are. Both regressions bound it (Frisch 1934). It is judged where the
+whatever load, voltage and air are. Both regressions bound it (Frisch 1934). It counts where the
 two go together (squared correlation 0.8) inside the training of the model, and where no motor
 outputs are known to compare the speeds with: another inertia has another gain as well. Recorded
 flights have 0.97 to 1.02, and 0.91 with a battery that sags.

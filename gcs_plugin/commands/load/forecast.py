@@ -34,7 +34,7 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.mission.ahead.battery import FlightBattery
     from thrustmargin.mission.ahead.plan_forecast import PlanForecast
-    from thrustmargin.models.model.doubts import Doubt
+    from thrustmargin.models.model.caveats import Caveat
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.airframe import Airframe
@@ -187,7 +187,7 @@ def forecast(
         faults=before.faults,
         other_order=before.other_order,
     )
-    made = replace(made, doubts=before.doubts)
+    made = replace(made, caveats=before.caveats)
     if before.beyond_gauge_kg > 0.0:
         hidden = {"hidden mass": (f"{before.beyond_gauge_kg:.1f}",)}
         made = replace(made, assumed={**hidden, **made.assumed})
@@ -288,7 +288,7 @@ class _FlightBefore:
     other_order: bool = False  # its motors were not in the order of the airframe
     #: Why it was no flight of this aircraft; empty where it was one, None without a flight.
     unlike: tuple[str, ...] | None = None
-    doubts: tuple[Doubt, ...] = ()
+    caveats: tuple[Caveat, ...] = ()
     beyond_gauge_kg: float = 0.0  # that hover thrust showed beyond the reported load
 
 
@@ -312,7 +312,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         faults=[(0.0, found)] if found else None,
         other_order=other_order,
         unlike=claim.withheld,
-        doubts=advice.doubts,
+        caveats=advice.caveats,
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
     )
 

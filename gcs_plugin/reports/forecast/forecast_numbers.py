@@ -24,7 +24,7 @@ def json_text(made: PlanForecast) -> str:
     sorties = () if made.needs.short_of else made.needs.sorties  # no split is possible
     content = {
         "schema": "thrustmargin.forecast/1",
-        "verdict": {"level": made.level, "words": verdict(made), "doubts": made.doubts},
+        "verdict": {"level": made.level, "words": verdict(made), "caveats": made.caveats},
         "conditions": made.given,  # `report --assumed` reads them
         "flight_s": made.flight_s,
         "tank_end_kg": float(made.flight.track.tank_kg[-1]),

@@ -165,7 +165,7 @@ def _verdict(
         fill_start_kg=fill.fresh_kg,
         tank_start_kg=fill.start_kg,
         beyond_gauge_kg=fill.beyond_gauge_kg,
-        doubts=advice.doubts,
+        caveats=advice.caveats,
         model_coverage=advice.misfit.coverage,
         model_bias=advice.misfit.bias,
     )

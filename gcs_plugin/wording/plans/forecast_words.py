@@ -15,18 +15,18 @@ from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.mission.ahead.sortie_needs import Sortie
 from thrustmargin.mission.ahead.utilisation_along import Weakest
 from thrustmargin.models.model.advice import FlightLevel
-from thrustmargin.models.model.doubts import Doubt
+from thrustmargin.models.model.caveats import Caveat
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
 UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
 CONTRADICTED = "NO VERDICT: in the flight of this log rotor speeds and model contradict each other"
-#: What a good answer is given under, where the last flight left it in doubt.
-CONDITIONS: Mapping[Doubt, str] = {
-    Doubt.GAUGE: "THE TANK LEVEL IS KNOWN (THE GAUGE WAS LEFT OUT)",
-    Doubt.VOLTAGE: "THE VOLTAGE IS KNOWN (THE VOLTMETER WAS LEFT OUT)",
-    Doubt.ROTOR_SPEEDS: "THE ROTOR SPEED SENSORS ARE RIGHT",
-    Doubt.BAROMETER: "THE AIR IS KNOWN (THE BAROMETER WAS LEFT OUT)",
-    Doubt.ROTORS_NOT_SOUGHT: "ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
+#: Conditions of a good answer that the last flight left open.
+CONDITIONS: Mapping[Caveat, str] = {
+    Caveat.GAUGE: "THE TANK LEVEL IS KNOWN (THE GAUGE WAS LEFT OUT)",
+    Caveat.VOLTAGE: "THE VOLTAGE IS KNOWN (THE VOLTMETER WAS LEFT OUT)",
+    Caveat.ROTOR_SPEEDS: "THE ROTOR SPEED SENSORS ARE RIGHT",
+    Caveat.BAROMETER: "THE AIR IS KNOWN (THE BAROMETER WAS LEFT OUT)",
+    Caveat.ROTORS_NOT_SOUGHT: "ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
 }
 #: What was taken for what is not known; {0} is filled in with it.
 ASSUMED: Mapping[str, str] = {
@@ -93,7 +93,7 @@ def verdict(made: PlanForecast) -> str:
     if level is FlightLevel.UNKNOWN:
         if "unlike" in made.assumed:
             return say(UNLIKE)
-        return say(CONTRADICTED if Doubt.MODEL in made.doubts else NO_VERDICT)
+        return say(CONTRADICTED if Caveat.MODEL in made.caveats else NO_VERDICT)
     if level is FlightLevel.BATTERY:
         return no + say("the battery does not last")
     if level is FlightLevel.NO_THRUST:
@@ -268,9 +268,9 @@ def _as_far(made: PlanForecast) -> str:
     """What the answer does not reach: stated in it, for it is read alone."""
     craft = made.assumed.get("aircraft")
     parts = [say(", IF THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
-    doubted = [say(CONDITIONS[doubt]) for doubt in made.doubts if doubt in CONDITIONS]
-    if doubted:
-        parts.append(say(", IF {conditions}", conditions=f" {say('AND')} ".join(doubted)))
+    open_ones = [say(CONDITIONS[one]) for one in made.caveats if one in CONDITIONS]
+    if open_ones:
+        parts.append(say(", IF {conditions}", conditions=f" {say('AND')} ".join(open_ones)))
     if made.not_understood:
         parts.append(say(", AS FAR AS THE PLAN IS UNDERSTOOD"))
     if "first part" in made.assumed:

@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import verdict_facts
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.doubts import Doubt
+from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.next_fill import NextFill, unsound_fill
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -289,5 +289,5 @@ def test_a_flight_without_a_verdict_says_why_in_its_line():
 
 @pytest.mark.parametrize("said", [False, True])
 def test_that_no_weak_rotor_could_be_looked_for_is_a_fact(said):
-    advice = replace(ADVICE, doubts=(Doubt.ROTORS_NOT_SOUGHT,) if said else ())
+    advice = replace(ADVICE, caveats=(Caveat.ROTORS_NOT_SOUGHT,) if said else ())
     assert ("weak rotors" in dict(facts(advice))) is said

@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.logs.read import read_log
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.doubts import Doubt
+from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.model_misfit import ModelMisfit, model_misfit, with_misfit
 
@@ -38,7 +38,7 @@ def test_a_sound_flight_agrees_with_its_model_in_level_and_gain():
     assert not found.found
     made = advise(analysed()).advice
     assert made.level is FlightLevel.UNDER
-    assert Doubt.MODEL not in made.doubts
+    assert Caveat.MODEL not in made.caveats
 
 
 @pytest.mark.parametrize(("scale", "beyond"), [(0.9, 0.235), (0.95, 0.108)])
@@ -49,7 +49,7 @@ def test_speeds_that_read_low_give_no_good_answer_and_more_may_be_in_use(scale, 
     assert found.thrust_beyond == pytest.approx(beyond, abs=0.01)  # 1/scale² - 1
     made = advise(analysed(scale)).advice
     assert made.level is FlightLevel.UNKNOWN
-    assert Doubt.MODEL in made.doubts
+    assert Caveat.MODEL in made.caveats
 
 
 @pytest.mark.parametrize(("scale", "shown"), [(0.9, 0.9), (1.0, 1.0), (1.1, 1.1), (0.97, 1.0)])
@@ -93,5 +93,5 @@ def test_half_a_minute_of_flight_is_enough_and_ten_seconds_are_not():
 def test_readings_that_scatter_are_held_against_the_model_by_their_mean():
     noise = 1.0 + 0.16 * RNG.standard_normal(LIGHT.rotor_speed_rpm.shape)
     found = advise(analysed(rotor_speed_rpm=LIGHT.rotor_speed_rpm * noise)).advice
-    assert Doubt.ROTOR_SPEEDS in found.doubts
+    assert Caveat.ROTOR_SPEEDS in found.caveats
     assert FlightLevel.NO_THRUST not in found.levels

@@ -245,7 +245,7 @@ def test_a_forecast_from_a_log_hears_what_its_report_doubts(tmp_path, capsys):
         "MAY TAKE OFF WITH 4.0 kg (4.0 L), IF ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT): "
     )
     made = json.loads(said(capsys, silent, *words, "--json", "-")[1])
-    assert made["verdict"]["doubts"] == ["weak rotors not looked for"]
+    assert made["verdict"]["caveats"] == ["weak rotors not looked for"]
 
 
 def test_mass_that_thrust_showed_and_nobody_reported_flies_again(capsys):
@@ -256,7 +256,7 @@ def test_mass_that_thrust_showed_and_nobody_reported_flies_again(capsys):
         json.loads(said(capsys, path, "--fill", "6", "--flow", "1.5", "--json", "-")[1])
         for path in (log, same)
     )
-    assert "load" in made["verdict"]["doubts"]
+    assert "load" in made["verdict"]["caveats"]
     assert "AND 3.1 kg THAT NOBODY REPORTED" in made["verdict"]["words"]
     fewer = light["largest_fill_kg"] - made["largest_fill_kg"]
     assert fewer == pytest.approx(3.1, abs=0.7)

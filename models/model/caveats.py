@@ -1,6 +1,6 @@
-"""List what a flight's own evidence puts in doubt, as data that every command takes over.
+"""List what a flight's own evidence leaves open, as data that every command takes over.
 
-A doubt is no fault of the aircraft: it is an instrument that was left out, a model that does not
+A caveat is no fault of the aircraft: it is an instrument that was left out, a model that does not
 hold, or something that could not be looked at. Good answers are given with it as a condition.
 """
 
@@ -15,8 +15,8 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.provenance import Reason
 
 
-class Doubt(StrEnum):
-    """What is in doubt of a flight."""
+class Caveat(StrEnum):
+    """One thing that a flight's own evidence leaves open."""
 
     GAUGE = "tank gauge"
     LOAD = "load"  # hover thrust shows more than gauge or statement
@@ -37,34 +37,34 @@ NO_MEASUREMENT = (
     Reason.COPIED,
 )
 _OF_CHANNEL = {
-    "tank_kg": Doubt.GAUGE,
-    "voltage": Doubt.VOLTAGE,
-    "rotor_speed_rpm": Doubt.ROTOR_SPEEDS,
-    "pressure": Doubt.BAROMETER,
+    "tank_kg": Caveat.GAUGE,
+    "voltage": Caveat.VOLTAGE,
+    "rotor_speed_rpm": Caveat.ROTOR_SPEEDS,
+    "pressure": Caveat.BAROMETER,
 }
 NOT_SOUGHT = 0.2  # of the flight in which no weak rotor could be looked for
 
 
-def doubts(
+def caveats(
     track: FlightTrack, *, beyond_gauge_kg: float, model_fails: bool, unsought_s: float
-) -> tuple[Doubt, ...]:
-    """Return the doubts of a flight, in the order of `Doubt`.
+) -> tuple[Caveat, ...]:
+    """Return the caveats of a flight, in the order of `Caveat`.
 
     `beyond_gauge_kg` is what hover thrust shows beyond the reported load, `model_fails` whether the
     model contradicts the measured speeds, `unsought_s` the s in flight in which no weak rotor could
     be looked for.
     """
     found = {
-        doubt
-        for channel, doubt in _OF_CHANNEL.items()
+        caveat
+        for channel, caveat in _OF_CHANNEL.items()
         if any(one.reason in NO_MEASUREMENT for one in track.source(channel).rejected)
     }
     if np.any(reading_scatter(track).share > 0.0):
-        found.add(Doubt.ROTOR_SPEEDS)
+        found.add(Caveat.ROTOR_SPEEDS)
     if beyond_gauge_kg > 0.0:
-        found.add(Doubt.LOAD)
+        found.add(Caveat.LOAD)
     if model_fails:
-        found.add(Doubt.MODEL)
+        found.add(Caveat.MODEL)
     if track.flying_s > 0.0 and unsought_s >= NOT_SOUGHT * track.flying_s:
-        found.add(Doubt.ROTORS_NOT_SOUGHT)
-    return tuple(doubt for doubt in Doubt if doubt in found)
+        found.add(Caveat.ROTORS_NOT_SOUGHT)
+    return tuple(caveat for caveat in Caveat if caveat in found)
