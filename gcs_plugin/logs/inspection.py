@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.frozen import INSTRUMENTS
+from thrustmargin.models.checks.held import attitude_denied
 from thrustmargin.models.checks.instruments import sprayed_by_thrust
 from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
@@ -32,7 +33,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.atmosphere import G0, pressure_altitude
 from thrustmargin.models.provenance import Meaning
 
 #: m/s² that a body feels in steady flight on average, between these
@@ -73,6 +74,7 @@ _SPOILS = {
             "airspeed reading",
             "barometer",
             "accelerometer",
+            "attitude",
             "pump",
             "tank",
         ),
@@ -131,6 +133,7 @@ def inspect_log(
         findings += [_compared(c) for c in found]
         findings += [*_tank(log.track, airframe), *_pump(log, airframe)]
     findings += [*left_out_findings(log.track), _speed_readings(log), _sensor(log.track)]
+    findings += _gyro(log.track)
     if late := late_speeds(log.track):
         findings.append(Finding("rotor speed clock", Severity.WARNING, late))
     findings += [
@@ -285,6 +288,24 @@ def _sensor(track: FlightTrack) -> Finding:
         level = Severity.WARNING if level is Severity.OK else level
         words += f"; strong vibration, {shaking:.3g} m/s² (standard deviation)"
     return Finding("accelerometer", level, words)
+
+
+def _gyro(track: FlightTrack) -> list[Finding]:
+    """That the attitude turns and the aircraft does not, by accelerometer and barometer."""
+    height = pressure_altitude(track.pressure)
+    denied = attitude_denied(track.time_s, track.attitude, track.specific_force_frd, height)
+    seconds = float(track.row_seconds[denied].sum())
+    if not seconds > 0.0:
+        return []
+    rates = track.angular_rate_frd[np.isfinite(track.angular_rate_frd).all(axis=1)]
+    words = (
+        f"the attitude turns for {seconds:.0f} s in which accelerometer and barometer stand still: "
+        "no attitude of the aircraft"
+    )
+    if len(rates):
+        roll, pitch, yaw = np.median(rates, axis=0)
+        words += f"; gyro {roll:.2f}, {pitch:.2f}, {yaw:.2f} rad/s in the middle: calibrate it"
+    return [Finding("attitude", Severity.WARNING, words)]
 
 
 def instrument_offsets(log: FlightLog) -> list[str]:

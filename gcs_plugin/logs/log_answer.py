@@ -39,6 +39,6 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
 
 def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
     """What the whole log of an aircraft that is not known shows."""
-    texts = [text for _, text in log.messages]
+    texts = [*log.earlier_texts, *(text for _, text in log.messages)]
     options = {"texts": texts, "autopilot": log.autopilot}
     return first_contact(log.track, claim, log.parameters, log.facts, **options)

@@ -153,6 +153,7 @@ def _boot(
     said, sent = streams.get("SYSTEM_TIME"), streams.get("PARAM_VALUE")
     values = () if sent is None else _named_values(sent.columns)
     sent_s = () if sent is None else sent.time_s.tolist()
+    changes = tuple((at, *one) for at, one in zip(sent_s, values, strict=True))
     by_gps = None if said is None else unix_minus_clock(said.columns)
     return Recording(
         path=path,
@@ -162,7 +163,8 @@ def _boot(
         parameters_whole=whole,
         waypoints=_waypoints(frames, chosen, clock.last_row),
         messages=_texts(streams),
-        events=tuple(parameter_events((at, *one) for at, one in zip(sent_s, values, strict=True))),
+        events=tuple(parameter_events(changes)),
+        parameters_sent=changes,
         unix_minus_clock=clock.stamp_minus_clock if by_gps is None else by_gps,
         quality=quality,
         vehicle=chosen,

@@ -81,6 +81,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         parameters=parameters,
         messages=tuple((m.timestamp * 1e-6, clean(str(m.message))) for m in log.logged_messages),
         events=tuple(parameter_events([*initial, *changed], first=True)),
+        parameters_sent=(*initial, *changed),
         unix_minus_clock=_unix_offset(topics),
         quality=LogQuality(
             bytes=path.stat().st_size,

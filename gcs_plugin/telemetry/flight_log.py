@@ -64,7 +64,7 @@ def tabulate(recording: Recording, signals: Signals, options: Options) -> Flight
     facts = vehicle_facts(
         recording.parameters,
         mav_type=recording.mav_type,
-        texts=(text for _, text in recording.messages),
+        texts=(*recording.earlier_texts, *(text for _, text in recording.messages)),
         whole=recording.parameters_whole,
     )
     motors = motor_map(

@@ -20,15 +20,15 @@ from thrustmargin.models.checks.held import (
 )
 from thrustmargin.models.flight import Bools, Floats, FlyingBy, Origin
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.atmosphere import G0, pressure_altitude
 from thrustmargin.models.physics.flight_phases import stretches
 from thrustmargin.models.physics.smoothing import known_means
 from thrustmargin.models.provenance import Provenance
 
 NAN = float("nan")
 
-#: MAV_LANDED_STATE: in the air, taking off, landing.
-IN_AIR, TAKING_OFF, LANDING = 2, 3, 4
+#: MAV_LANDED_STATE: on the ground, in the air, taking off, landing.
+ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
 #: m above the place of take-off or landing below which the legs may still touch
 CLEAR = 0.2
 #: share of the thrust in cruise below which a rotor only idles
@@ -59,6 +59,48 @@ def airborne(
     channels: Mapping[str, Floats],
     airframe: Airframe | None = None,
 ) -> Airborne:
+    """Return which of T rows are off the ground, the last one only if no landing is reported after
+    it: many logs end with that report, less than a row later."""
+    found = _airborne(signals, clock_s, channels, airframe)
+    if not found.flying[-1:].any() or not _down_after(signals, float(clock_s[-1])):
+        return found
+    flying = found.flying.copy()
+    flying[-1] = False
+    return replace(found, flying=flying)
+
+
+def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
+    """Return (T,) where the vehicle was disarmed after its last report of being landed or not: what
+    crashed reports no landing."""
+    armed = best(signals, "armed")
+    if armed is None:
+        return np.zeros(clock_s.size, dtype=np.bool_)
+    off_s = armed.time_s[known_rows(armed.values) & (armed.values <= 0)]
+    said_s = landed.time_s[known_rows(landed.values)]
+    off, said = (
+        np.append(-np.inf, times)[np.searchsorted(times, clock_s, side="right")]
+        for times in (off_s, said_s)
+    )
+    return off > said
+
+
+def _down_after(signals: Signals, end: float) -> bool:
+    """Return whether the vehicle reports that it landed or was disarmed at `end` s or later."""
+    for channel, down in (("landed", (ON_GROUND,)), ("armed", (0.0,))):
+        found = best(signals, channel)
+        if found is None or not found.time_s.size:
+            continue
+        if found.time_s[-1] >= end and found.values[-1] in down:
+            return True
+    return False
+
+
+def _airborne(
+    signals: Signals,
+    clock_s: Floats,
+    channels: Mapping[str, Floats],
+    airframe: Airframe | None,
+) -> Airborne:
     """Which of T rows are off the ground: never disarmed ones, never with outputs that only idle.
 
     Of the others those that the landed state says, else those with half of the thrust in cruise
@@ -87,6 +129,7 @@ def airborne(
             close = ~np.isfinite(state) & (first_s - clock_s <= HEARD_S)
             state = np.where(close, first[0], state)
         said = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
+        said &= ~_disarmed_since(signals, landed, clock_s)
         if height is None:
             return Airborne(said, FlyingBy.LANDED_STATE, landed.source.words)
         body = _body(channels, squares, output)
@@ -137,9 +180,14 @@ def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
     if armed is None:
         return np.ones(clock_s.size, dtype=np.bool_)
     state = last_before(armed, clock_s)
-    known = armed.values[known_rows(armed.values)]
+    rows = known_rows(armed.values)
+    known = armed.values[rows]
     # Before its first report it was as that says.
-    return np.where(np.isfinite(state), state, known[0]) > 0
+    on = np.where(np.isfinite(state), state, known[0]) > 0
+    # Disarmed and armed again in a pause of the log, the row after it is the first of another time.
+    off_s = armed.time_s[rows][known <= 0]
+    on[1:] &= np.diff(np.searchsorted(off_s, clock_s, side="right")) == 0
+    return on
 
 
 def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
@@ -267,7 +315,7 @@ def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
 
 
 def _body(channels: Mapping[str, Floats], squares: Floats, output: Floats | None = None) -> Floats:
-    """(T, 9) as of `held`: a speed of 0 says nothing."""
+    """Return (T, 15) as of `held`: a speed of 0 says nothing."""
     nothing = np.full((squares.size, 3), NAN)
     return np.column_stack(
         (
@@ -276,6 +324,9 @@ def _body(channels: Mapping[str, Floats], squares: Floats, output: Floats | None
             channels.get("velocity_ned", nothing),
             np.where(squares > 0.0, squares, NAN),
             nothing[:, 0] if output is None else output,
+            channels.get("specific_force_frd", nothing),
+            channels.get("asked_attitude", nothing[:, :2]),
+            pressure_altitude(channels.get("pressure", nothing[:, 0])),
         )
     )
 

@@ -115,6 +115,8 @@ class LogHeader:
     parameters: Mapping[str, float] = field(default_factory=dict)
     waypoints: tuple[PlanItem, ...] = ()
     messages: tuple[tuple[float, str], ...] = ()  # (s, text)
+    #: Texts of the same boot from before this sortie: frame and version hold until a restart.
+    earlier_texts: tuple[str, ...] = ()
     events: tuple[VehicleEvent, ...] = ()  # of a recording those that no text says
     vehicle: int = 1
     vehicles: tuple[int, ...] = (1,)
@@ -137,6 +139,8 @@ class Recording(LogHeader):
     )  # channel -> what is there, why not used
     notes: tuple[str, ...] = ()
     parameters_whole: bool = True  # False: the vehicle has more than are in the log
+    #: (s, name, value) of every time that a parameter was sent, in order.
+    parameters_sent: tuple[tuple[float, str, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

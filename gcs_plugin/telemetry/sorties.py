@@ -126,7 +126,8 @@ def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) ->
     `rows` are from the first on the ground to the first in the air again.
     """
     down, up = float(clock_s[rows.start]), float(clock_s[rows.stop - 1])
-    armed_s, armed = _within(signals, "armed", down, up)
+    # In a pause of the log it may have been disarmed before the first row on the ground.
+    armed_s, armed = _within(signals, "armed", float(clock_s[rows.start - 1]), up)
     if np.any(armed == 0):
         off = np.flatnonzero(armed == 0)
         again = armed_s[off[-1] + 1 :]
@@ -164,8 +165,30 @@ def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording,
     quality = recording.quality
     gaps = tuple(gap for gap in quality.gaps if start <= gap[0] < end)
     messages = tuple(said for said in recording.messages if start <= said[0] < end)
-    part = replace(recording, messages=messages, quality=replace(quality, gaps=gaps))
+    part = replace(
+        recording,
+        messages=messages,
+        events=tuple(event for event in recording.events if start <= event.time_s < end),
+        earlier_texts=tuple(text for time_s, text in recording.messages if time_s < start),
+        parameters=_parameters_at(recording, end),
+        quality=replace(quality, gaps=gaps),
+    )
     return part, dict(_cut_signals(signals, span))
+
+
+def _parameters_at(recording: Recording, end: float) -> dict[str, float]:
+    """Return the parameters as they were sent last before `end`, s of the vehicle's clock.
+
+    One that was sent only later is taken as it was then: it says at least what it is called.
+    """
+    known = dict(recording.parameters)
+    first: dict[str, float] = {}
+    last: dict[str, float] = {}
+    for time_s, name, value in recording.parameters_sent:
+        first.setdefault(name, value)
+        if not time_s >= end:
+            last[name] = value
+    return known | first | last
 
 
 def _cut_signals(signals: Signals, span: Span) -> Iterator[tuple[str, tuple[Signal, ...]]]:

@@ -8,9 +8,18 @@ and never faster than RUN,
 - its tilt stands still for CALM seconds as nothing in the air does, where it rose by less than
   RISEN; where it rose by more, as on the ground; or
 - it leans to and fro, by LEANS more than its speed over ground answers to; or
-- its thrust, steady for a block, is LIFTS times that of another that carries, NEAR seconds away.
+- its thrust, steady for a block, is LIFTS times that of another that carries, NEAR seconds away,
+  and no accelerometer is there to be asked.
 In flight the first would make it rise, and no tank empties so soon. Where height, tilt or speed
 is unknown, that says nothing.
+
+The accelerometer decides before all of these, for what is carried by its thrust feels that thrust
+and nothing else:
+- it is held where one-second means about the axis of thrust stay within FELT while thrust changes
+  by LIFTS, or those about all axes while ASKED of tilt is asked for and not done;
+- it is held where, half of the time, attitude and accelerometer together would make it fall or
+  rise by FALLS for SUSTAINED, and the barometer moves by less than RISEN: then the attitude turns,
+  of a gyro with an offset, and not the aircraft.
 """
 
 from __future__ import annotations
@@ -19,8 +28,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from thrustmargin.models.flight import Bools, Floats, down_axis
+from thrustmargin.models.flight import Bools, Floats, body_axes, down_axis
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 
@@ -50,15 +60,25 @@ CARRIES = 0.5  # of the largest thrust of a block: with less it is on its legs
 HOVERS = 0.8
 STEADY = 0.35  # of a block's mean, between its 10th and 90th percentile: no step within it
 TURNED = np.radians(60.0)  # tilt from which it is turned over, and not held
+#: m/s² between the 5th and 95th percentile of one-second means: at most 0.05 of benches and of
+#: aircraft that are held down, 0.4 and more of flights that change their thrust so.
+FELT = 0.15
+FEWEST_SECONDS = 5
+ASKED = np.radians(20.0)  # tilt asked for that a body in the air would take
+#: m/s² down or up, and s: a fall of 10 m, or a loop; nothing flies so at one height.
+FALLS, SUSTAINED = 5.0, 2.0
 
 
 def held(time_s: Floats, body: Floats) -> bool:
     """Whether an aircraft with its motors on, of T rows, is held.
 
-    `body` (T, 9): height m, roll, pitch and yaw rad, velocity north, east and down m/s, and what
-    thrust goes with: mean squared speed and mean output, of any unit; NaN where unknown.
+    `body` (T, 15): height m, roll, pitch and yaw rad, velocity north, east and down m/s, what
+    thrust goes with: mean squared speed and mean output, of any unit, specific force m/s² about
+    three axes, and roll and pitch that are asked for, rad; NaN where unknown.
     """
-    height, attitude, velocity_ned, thrusts = body[:, 0], body[:, 1:4], body[:, 4:7], body[:, 7:].T
+    height, attitude, velocity_ned, thrusts = body[:, 0], body[:, 1:4], body[:, 4:7], body[:, 7:9].T
+    if feels_nothing(time_s, body):
+        return True
     known = np.flatnonzero(np.isfinite(height))
     if known.size == 0 or np.nanmax(height) - height[known[0]] >= HANDS:
         return False
@@ -75,7 +95,83 @@ def held(time_s: Floats, body: Floats) -> bool:
         return False
     if _leans(time_s, attitude, velocity_ned, whole):
         return True
+    if np.isfinite(body[:, 9:12]).all(axis=1).any():
+        return False
     return any(_lifts(time_s, attitude, thrust, whole) for thrust in thrusts)
+
+
+def feels_nothing(time_s: Floats, body: Floats) -> bool:
+    """Return whether the accelerometer of T rows shows that no thrust carries it.
+
+    `body` (T, 15) as of `held`. False where fewer than FEWEST_SECONDS of it are known.
+    """
+    if time_s.size == 0:
+        return False
+    seconds = np.floor(time_s - time_s[0]).astype(np.intp)
+    force = _means(seconds, body[:, 9:12])
+    if np.count_nonzero(np.isfinite(force).all(axis=1)) < FEWEST_SECONDS:
+        return False
+    if np.mean(attitude_denied(time_s, body[:, 1:4], body[:, 9:12], body[:, 14])) >= 0.5:
+        return True
+    felt = _spread(force)
+    if felt[2] > FELT:
+        return False
+    for thrust in body[:, 7:9].T:
+        alive = thrust[np.isfinite(thrust) & (thrust > 0.0)]
+        if alive.size >= FEWEST_ROWS:
+            low, high = np.percentile(alive, (5, 95))
+            if high >= LIFTS * low:
+                return True
+    tilt, asked = (_spread(_means(seconds, body[:, k])) for k in (slice(1, 3), slice(12, 14)))
+    return bool(np.max(felt) <= FELT and np.max(asked) >= ASKED + np.max(tilt))
+
+
+def attitude_denied(
+    time_s: Floats, attitude: Floats, force_frd: Floats, barometer: Floats
+) -> Bools:
+    """Return (T,) where attitude and specific force cannot both be true.
+
+    With both the aircraft would fall or rise by FALLS m/s² for SUSTAINED s and more, and its
+    barometric height stands.
+
+    `attitude` (T, 3) rad, `force_frd` (T, 3) m/s², `barometer` (T,) m. False where one is unknown.
+    """
+    denied = np.zeros(time_s.size, dtype=np.bool_)
+    downward = G0 + np.sum(body_axes_down(attitude) * force_frd, axis=1)
+    known = np.isfinite(downward) & np.isfinite(barometer)
+    wild = known & (np.abs(downward) > FALLS)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], wild.astype(np.int8), [0]])))
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        lasted = time_s[end - 1] - time_s[first]
+        if lasted >= SUSTAINED and np.ptp(barometer[first:end]) < RISEN:
+            denied[first:end] = True
+    return denied
+
+
+def body_axes_down(attitude: Floats) -> Floats:
+    """Return (T, 3) the component down of the body's axes forward, right, down, at roll, pitch, yaw
+    (T, 3) rad."""
+    return np.stack([axis[:, 2] for axis in body_axes(attitude)], axis=1)
+
+
+def _means(seconds: NDArray[np.intp], values: Floats) -> Floats:
+    """Return the means (S, K) of the known values (T, K) of each second; NaN where none is."""
+    return np.stack([_mean_by(seconds, column) for column in values.T], axis=1)
+
+
+def _mean_by(seconds: NDArray[np.intp], values: Floats) -> Floats:
+    known = np.isfinite(values)
+    count = np.bincount(seconds[known], minlength=seconds[-1] + 1)
+    total = np.bincount(seconds[known], values[known], minlength=seconds[-1] + 1)
+    return np.divide(total, count, out=np.full(count.size, np.nan), where=count > 0)
+
+
+def _spread(values: Floats) -> Floats:
+    """Return the distance (K,) of the 5th and 95th percentile of the known rows of (S, K)."""
+    known = values[np.isfinite(values).all(axis=1)]
+    if len(known) < FEWEST_SECONDS:
+        return np.zeros(values.shape[1])
+    return np.diff(np.percentile(known, (5, 95), axis=0), axis=0)[0]
 
 
 def without_held(
@@ -83,9 +179,11 @@ def without_held(
 ) -> Bools:
     """The rows that fly (T,), without those runs, (first, end), from the ground on that are held.
 
-    `body` (T, 9) as of `held`.
+    `body` (T, 15) as of `held`.
     """
     result = flying.copy()
+    if feels_nothing(time_s[flying], body[flying]):  # of runs that are each too short to tell
+        return np.zeros_like(flying)
     for first, end in runs:
         rows = first + np.flatnonzero(flying[first:end])
         from_ground = rows.size and (first > 0 or body[rows[0], 0] <= RISEN)
@@ -162,7 +260,7 @@ class HeldSoFar:
     held: bool = False
     down_s: float = np.nan  # since when it does not fly; NaN while it does
     first: float = np.nan  # m, the ground, or the height of the first row that seemed to fly
-    rows: Floats = field(default_factory=lambda: np.empty((0, 10)))  # time and body of such rows
+    rows: Floats = field(default_factory=lambda: np.empty((0, 16)))  # time and body of such rows
 
 
 def held_so_far(
@@ -170,7 +268,7 @@ def held_so_far(
 ) -> tuple[Bools, HeldSoFar]:
     """(T,) rows that are held, or not off the ground yet, by what came up to each; what is carried.
 
-    `flying` by all else, `off`: the motors are off, `body` (T, 9) as of `held`. Off the ground it
+    `flying` by all else, `off`: the motors are off, `body` (T, 15) as of `held`. Off the ground it
     is `clear` m above where its motors were off.
     """
     found, now = np.zeros(time_s.size, dtype=np.bool_), before

@@ -13,8 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from thrustmargin.models.checks.held import attitude_denied
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, FlyingBy, down_axis
-from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.atmosphere import G0, pressure_altitude
 
 #: rad: no autopilot lets anybody ask for more in the modes that spraying is flown in.
 TURNED_TILT = np.radians(70.0)
@@ -25,6 +26,7 @@ SPIN_RATE = 6.0  # rad/s, about one turn a second
 FALL_FORCE = 0.3 * G0  # m/s²: hardly held by anything
 DRIVEN = 0.12  # mean output above which motors do more than idle: it may turn over on its legs
 FALL_SPEED = 3.0  # m/s downwards: less is a gust, or a landing
+HEIGHT_S = 1.0  # over which a height shows how fast it falls
 HIT_FORCE = 3.0 * G0  # m/s², mean of a row
 #: Calm flight: tilt in rad and rate in rad/s below which, and s for which it must be.
 CALM_TILT, CALM_RATE, CALM_S = np.radians(40.0), 2.5, 3.0
@@ -125,9 +127,17 @@ def movements(track: FlightTrack) -> Movements:
     rate = np.linalg.norm(track.angular_rate_frd, axis=1)
     force = np.linalg.norm(track.specific_force_frd, axis=1)
     sink = track.velocity_ned[:, 2]
+    fell = ~_height_denies(track, sink)
     # As asked for with the heading that it has.
     asked = down_axis(np.column_stack([track.asked_attitude, track.attitude[:, 2]]))
     off = np.arccos(np.clip(np.sum(asked * down, axis=1), -1.0, 1.0))
+    denied = attitude_denied(
+        track.time_s,
+        track.attitude,
+        track.specific_force_frd,
+        pressure_altitude(track.pressure),
+    )
+    tilt, off = (np.where(denied, np.nan, angle) for angle in (tilt, off))
     return Movements(
         calm=~(tilt > CALM_TILT)
         & ~(off > OFF_TILT)
@@ -137,10 +147,35 @@ def movements(track: FlightTrack) -> Movements:
             LossKind.NOT_AS_ASKED: (off > OFF_TILT, off),
             LossKind.TURNED_OVER: ((tilt > TURNED_TILT) & ~(off < OFF_TILT), tilt),
             LossKind.SPUN: (rate > SPIN_RATE, rate),
-            LossKind.FELL: ((force < FALL_FORCE) & (sink > FALL_SPEED), sink),
-            LossKind.HIT: ((force > HIT_FORCE) & _after_fall(track, sink), force),
+            LossKind.FELL: ((force < FALL_FORCE) & (sink > FALL_SPEED) & fell, sink),
+            LossKind.HIT: (
+                (force > HIT_FORCE) & _after_fall(track, np.where(fell, sink, 0.0)),
+                force,
+            ),
         },
     )
+
+
+def _height_denies(track: FlightTrack, sink: Floats) -> Bools:
+    """Return (T,) where a height falls by less than half of what a sink rate (T,) m/s says, or by
+    no more than FALL_SPEED: an estimated rate drifts when an accelerometer is off.
+
+    Height by barometer, else above ground, over HEIGHT_S about the row; False where unknown.
+    """
+    heights = (pressure_altitude(track.pressure), track.height_agl)
+    known = [h for h in heights if np.isfinite(h).any()]
+    denies = np.zeros(sink.size, dtype=np.bool_)
+    suspect = np.nan_to_num(sink) > FALL_SPEED
+    if not known or not suspect.any():
+        return denies
+    time_s, height = track.time_s, known[0]
+    has = np.isfinite(height)
+    before, after = (
+        np.clip(time_s + side * HEIGHT_S, time_s[has][0], time_s[has][-1]) for side in (-0.5, 0.5)
+    )
+    fall = np.interp(before, time_s[has], height[has]) - np.interp(after, time_s[has], height[has])
+    fell = fall / np.maximum(after - before, 1e-3)
+    return suspect & (fell < np.maximum(0.5 * np.nan_to_num(sink), FALL_SPEED))
 
 
 def losing(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
@@ -184,7 +219,7 @@ def _watched(track: FlightTrack) -> Bools:
 
 def _driven(track: FlightTrack) -> Bools:
     """(T,) rows, on the ground too, in which the motors of an armed aircraft do more than idle."""
-    off = track.flying_by in (FlyingBy.DISARMED, FlyingBy.CONSTANT_OUTPUTS)
+    off = track.flying_by in (FlyingBy.DISARMED, FlyingBy.CONSTANT_OUTPUTS, FlyingBy.HELD)
     total = np.nan_to_num(track.throttle).sum(axis=1)
     return (total > DRIVEN * track.rotor_count) & (not off)
 

@@ -75,7 +75,7 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
     return VehicleParameters(
         parameters=log.parameters,
         facts=log.facts,
-        texts=tuple(text for _, text in log.messages),
+        texts=(*log.earlier_texts, *(text for _, text in log.messages)),
         highest_voltage=highest_voltage(log.track),
         gauge=log.track.reports("tank_kg"),
         words=path.name,

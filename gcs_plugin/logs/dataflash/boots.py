@@ -133,13 +133,12 @@ def _recording_of(
 ) -> Recording:
     """A Recording from the streams of one boot."""
     parameters: dict[str, float] = {}
-    changes: list[VehicleEvent] = []
+    sent: tuple[tuple[float, str, float], ...] = ()
     if "PARM" in streams:
         columns = columns_of(streams["PARM"])
         names, values = columns.texts("Name"), columns.number("Value").tolist()
         parameters = dict(zip(names, values, strict=True))
-        sent = zip(streams["PARM"].time_s.tolist(), names, values, strict=True)
-        changes = list(parameter_events(sent))
+        sent = tuple(zip(streams["PARM"].time_s.tolist(), names, values, strict=True))
     own = parameter(parameters, "MAV_SYSID")
     own = int(own) if 0 < own < 256 else 1
     if vehicle is not None and vehicle != own:
@@ -151,7 +150,8 @@ def _recording_of(
         parameters=parameters,
         waypoints=_waypoints(streams.get("CMD")),
         messages=_texts(streams.get("MSG")),
-        events=(*_errors(streams.get("ERR")), *changes),
+        events=(*_errors(streams.get("ERR")), *parameter_events(sent)),
+        parameters_sent=sent,
         unix_minus_clock=_unix_offset(streams.get("GPS")),
         quality=quality,
         vehicle=own,

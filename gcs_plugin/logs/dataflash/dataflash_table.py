@@ -97,6 +97,7 @@ _FASTEST_GYRO = 35.0  # rad/s: full scale of those that autopilots have, 2000 de
 _ON_GROUND, _IN_AIR = 1.0, 2.0
 #: LogEvent: 18 landed, 28 not landed any more, 11 disarmed.
 _EVENTS = {18: _ON_GROUND, 28: _IN_AIR, 11: _ON_GROUND}
+_BEFORE = {18: _IN_AIR, 28: _ON_GROUND}
 #: LogEvent: 10 armed, 11 disarmed.
 _ARMING = {10: 1.0, 11: 0.0}
 
@@ -262,12 +263,24 @@ def _landed(stream: Stream) -> list[Signal]:
     if not np.any(state == _IN_AIR):
         return []
     source = _of("EV", "Id").remarked("28 not landed, 18 landed")
-    return [ordered_signal("landed", source, stream.time_s[reported], state[reported])]
+    signal = ordered_signal("landed", source, stream.time_s[reported], state[reported])
+    # Of a change: before the first of them it was the other. Who is disarmed may have stood.
+    before = _BEFORE.get(int(number[reported][0]))
+    if before is not None:
+        time_s, values = np.append(-np.inf, signal.time_s), np.append(before, signal.values)
+        signal = signal._replace(time_s=time_s, values=values)
+    return [signal]
 
 
 def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
-    """Armed or not by each change that is logged: before the first it was the other."""
+    """Return the signals of armed or not by each change that is logged: before the first it was
+    the other.
+
+    A crash check disarms, and whoever is armed again was disarmed before, whether or not the log
+    goes on while disarmed.
+    """
     made = []
+    crashed_s = _crash_checks(streams)
     for name, column, meaning in (("ARM", "ArmState", None), ("EV", "Id", _ARMING)):
         if name not in streams:
             continue
@@ -278,13 +291,32 @@ def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
         said = np.isfinite(state)
         if not said.any():
             continue
-        signal = ordered_signal("armed", _of(name, column), streams[name].time_s[said], state[said])
-        time_s = np.concatenate([[-np.inf], signal.time_s])
-        values = np.concatenate([[1.0 - signal.values[0]], signal.values])
-        made.append(signal._replace(time_s=time_s, values=values))
+        time_s = np.append(streams[name].time_s[said], crashed_s)
+        values = np.append(state[said], np.zeros(crashed_s.size))
+        signal = ordered_signal("armed", _of(name, column), time_s, values)
+        again = np.flatnonzero((signal.values[1:] > 0) & (signal.values[:-1] > 0)) + 1
+        before_s = np.nextafter(signal.time_s[again], -np.inf)
+        made.append(
+            signal._replace(
+                time_s=np.append(-np.inf, np.insert(signal.time_s, again, before_s)),
+                values=np.append(1.0 - signal.values[0], np.insert(signal.values, again, 0.0)),
+            )
+        )
     return made
 
 
+def _crash_checks(streams: Mapping[str, Stream]) -> Floats:
+    """Return the times (n,) s at which the crash check disarmed."""
+    if "ERR" not in streams:
+        return np.empty(0)
+    columns = columns_of(streams["ERR"])
+    part, code = columns.number("Subsys"), columns.number("ECode")
+    return streams["ERR"].time_s[(part == _CRASH_CHECK) & (code == _CRASHED)]
+
+
+#: Subsystem and code of an ERR message by which ArduPilot's crash check disarmed
+#: (libraries/AP_Logger/AP_Logger.h, ArduCopter/crash_check.cpp).
+_CRASH_CHECK, _CRASHED = 12, 1
 #: Messages that need more than scaling, in the order of preference.
 _METHODS = (
     ("RCOU", _servos),

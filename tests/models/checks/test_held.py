@@ -6,7 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thrustmargin.models.checks.held import HeldSoFar, held, held_so_far, may_hover, without_held
+from thrustmargin.models.checks.held import (
+    HeldSoFar,
+    attitude_denied,
+    held,
+    held_so_far,
+    may_hover,
+    without_held,
+)
 from thrustmargin.models.physics.airframe import load_airframe
 
 TIME_S = np.arange(0.0, 60.0, 0.1)
@@ -17,8 +24,10 @@ NAN = float("nan")
 def body(
     height: Any = 0.0, roll: Any = 0.0, east: Any = 0.0, squares: Any = NAN, output: Any = NAN
 ) -> np.ndarray:
-    """(T, 9) of an aircraft that points north, a little restless about pitch."""
-    rows = np.zeros((TIME_S.size, 9))
+    """(T, 15) of an aircraft that points north, a little restless about pitch, without an
+    accelerometer, a barometer and an attitude that is asked for."""
+    rows = np.full((TIME_S.size, 15), NAN)
+    rows[:, :9] = 0.0
     rows[:, 2] = 0.02 * np.sin(5.0 * TIME_S)
     for column, values in ((0, height), (1, roll), (5, east), (7, squares), (8, output)):
         rows[:, column] = values
@@ -58,7 +67,8 @@ def test_thrust_that_does_not_lift_is_that_of_a_bench(of):
     assert not held(TIME_S, body(**{of: np.where(TIME_S < 30.0, 0.45, 1.0)}))
     assert not held(TIME_S, body(**{of: np.where(TIME_S % 10.0 < 1.0, 1.6, 1.0)}))
     # A tank that empties over minutes is no step: 1 to 1.6 over ten minutes.
-    slow, each = np.arange(0.0, 600.0, 0.5), np.zeros((1200, 9))
+    slow, each = np.arange(0.0, 600.0, 0.5), np.full((1200, 15), NAN)
+    each[:, :9] = 0.0
     each[:, 2], each[:, 7] = 0.02 * np.sin(5.0 * slow), np.linspace(1.6, 1.0, 1200)
     assert not held(slow, each)
 
@@ -129,3 +139,70 @@ def test_a_listener_waits_until_it_is_clear_of_where_its_motors_were_off():
     found = TIME_S[listened(rows, 5)]
     assert (found[0], found[-1]) == (2.0, pytest.approx(29.9))
     assert not listened(body(height=NAN), 5).any()  # where the ground is, is not known
+
+
+def with_force(rows: np.ndarray, force: Any = 0.0, asked: Any = NAN, barometer: Any = NAN):
+    """The same with an accelerometer that feels gravity and `force` m/s² more about its axis of
+    thrust, an attitude that is asked for, and a barometer."""
+    rows = rows.copy()
+    rows[:, 9:11] = 0.0
+    rows[:, 11] = -G0 + force
+    rows[:, 12] = asked
+    rows[:, 13] = 0.0
+    rows[:, 14] = barometer
+    return rows
+
+
+TREMBLES = 0.03 * np.sin(40.0 * TIME_S)
+
+
+@pytest.mark.parametrize("of", ["squares", "output"])
+def test_thrust_that_the_accelerometer_does_not_feel_carries_nothing(of):
+    """Whatever the height says: an estimate drifts."""
+    runs_up = {of: np.linspace(1.0, 2.0, TIME_S.size), "height": np.linspace(0.0, 40.0, 600)}
+    assert held(TIME_S, with_force(body(**runs_up), TREMBLES))
+    # What is carried by it feels the half of it that is more.
+    assert not held(TIME_S, with_force(body(**runs_up), 0.5 * np.sin(TIME_S / 5.0)))
+    # Thrust of a hover alone, steady within a third, shows nothing.
+    steady = {of: 1.0 + 0.1 * np.sin(TIME_S), "height": 1.8}
+    assert not held(TIME_S, with_force(body(**steady), TREMBLES))
+
+
+def test_a_run_up_on_the_legs_before_a_flight_does_not_make_the_flight_held():
+    """20 s at two thirds of the thrust with which it then hovers: its accelerometer shakes."""
+    thrust = np.where(TIME_S < 20.0, 0.65, 1.0)
+    shakes = 0.4 * np.sin(TIME_S / 2.0) * (TIME_S > 20.0)
+    flight = with_force(body(height=np.where(TIME_S < 20.0, 0.0, 1.5), output=thrust), shakes)
+    assert not held(TIME_S, flight)
+    unknown = flight.copy()
+    unknown[:, 9:12] = NAN
+    assert held(TIME_S, unknown)
+
+
+def test_a_tilt_that_is_asked_for_and_not_done_is_that_of_a_bench():
+    asked = np.radians(45.0) * (np.sin(TIME_S / 3.0) > 0.0)
+    assert held(TIME_S, with_force(body(height=0.2), TREMBLES, asked=asked))
+    followed = with_force(body(height=30.0, roll=asked, east=NAN), TREMBLES, asked=asked)
+    assert not held(TIME_S, followed)
+
+
+def test_an_attitude_that_turns_while_nothing_falls_is_of_a_gyro_and_not_of_the_aircraft():
+    """0.42 rad/s of offset: upside down for 5 of 15 s, which is a fall of hundreds of metres."""
+    roll = (0.42 * TIME_S + np.pi) % (2.0 * np.pi) - np.pi
+    still = with_force(body(roll=roll, height=np.linspace(0.0, 30.0, 600)), barometer=0.1)
+    assert held(TIME_S, still)
+    assert attitude_denied(TIME_S, still[:, 1:4], still[:, 9:12], still[:, 14]).mean() > 0.5
+    # It falls as the attitude says, or no barometer speaks.
+    falls = with_force(body(roll=roll, height=40.0), barometer=-0.5 * G0 * TIME_S**2)
+    assert not attitude_denied(TIME_S, falls[:, 1:4], falls[:, 9:12], falls[:, 14]).any()
+    unknown = with_force(body(roll=roll, height=40.0))
+    assert not attitude_denied(TIME_S, unknown[:, 1:4], unknown[:, 9:12], unknown[:, 14]).any()
+
+
+def test_runs_that_are_each_too_short_are_held_together():
+    """Five runs of 3 s each without propellers."""
+    flying = (TIME_S % 12.0) < 3.0
+    rows = with_force(body(output=np.linspace(0.3, 1.0, TIME_S.size)), TREMBLES)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(int), [0]])))
+    runs = list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+    assert not without_held(flying, runs, TIME_S, rows).any()
