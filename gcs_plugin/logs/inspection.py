@@ -227,7 +227,7 @@ def _speed_readings(log: FlightLog) -> Finding:
         level, words = Severity.WARNING, "; ".join(log.unmeasured)
     elif log.track.reports("rotor_speed_rpm"):
         level, words = Severity.OK, "no reading is held, lone, or zero while thrust was asked"
-        if np.any(reading_scatter(log.track).share > 0.0):
+        if reading_scatter(log.track).notable:
             level, words = Severity.WARNING, ""
         words = "; ".join(filter(None, (words, resolution_words(log.track))))
         rate = next(c.rate_hz for c in log.channels if c.name == "rotor_speed_rpm")

@@ -165,6 +165,9 @@ LEAST_ROWS = 100  # in flight, to say anything
 #: Share of the speed by which readings differ from those beside them in flights whose sensors are
 #: sound: manoeuvres and gusts (1.2 % at most in those recorded, of a simulated and a real quad).
 USUAL_SCATTER = 0.02
+#: From which a single reading is said to say little: 8 % of thrust. A simulated flight in gusts that
+#: its outputs do not show has 3 %.
+NOTABLE = 0.04
 LEAST_READINGS = 30  # of a rotor, whose scatter is then known to 15 %
 
 
@@ -174,9 +177,21 @@ class ReadingScatter:
 
     share: Floats  # (R,) standard deviation of a reading, as a share of the speed; 0: not shown
     interval_s: float  # between two readings; NaN unknown
+    in_steps: bool = False  # of a sensor that shows coarse steps: its error lasts
+
+    @property
+    def notable(self) -> bool:
+        """Whether single readings say little: beyond NOTABLE, or by coarse steps."""
+        most = float(self.share.max(initial=0.0))
+        return most > (0.0 if self.in_steps else NOTABLE)
 
     def of_mean(self, seconds: float) -> Floats:
-        """Return the standard deviation (R,) of means over `seconds`, as a share of the speed."""
+        """Return the standard deviation (R,) of means over `seconds`, as a share of the speed.
+
+        A mean of steps is as far off as a step: the speed may stay between two of them.
+        """
+        if self.in_steps:
+            return self.share
         return self.share / np.sqrt(max(np.nan_to_num(seconds / self.interval_s), 1.0))
 
 
@@ -197,6 +212,7 @@ _SCATTER: WeakKeyDictionary[FlightTrack, ReadingScatter] = WeakKeyDictionary()
 
 def _scatter(track: FlightTrack) -> ReadingScatter:
     speeds, interval_s = track.measured("rotor_speed_rpm")[track.flying], np.nan
+    in_steps = False
     share = np.zeros(track.rotor_count)
     for rotor, values in enumerate(speeds.T):
         known = values[np.isfinite(values)]
@@ -207,9 +223,10 @@ def _scatter(track: FlightTrack) -> ReadingScatter:
         size, step = float(np.median(np.abs(new))), _step(known)
         bend = np.abs(new[2:] - 2.0 * new[1:-1] + new[:-2])
         spread = _NORMAL * float(np.median(bend)) / np.sqrt(6.0)
-        spread = step / np.sqrt(12.0) if step > FINE * size else spread
+        if step > FINE * size:
+            spread, in_steps = step / np.sqrt(12.0), True
         share[rotor] = np.sqrt(max((spread / size) ** 2 - USUAL_SCATTER**2, 0.0))
-    return ReadingScatter(share=share, interval_s=float(interval_s))
+    return ReadingScatter(share=share, interval_s=float(interval_s), in_steps=in_steps)
 
 
 _NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
@@ -229,9 +246,9 @@ def resolution_words(track: FlightTrack) -> str:
             f"rotor speeds come in steps of {step:.0f} rpm ({100 * share:.1f} %): they are used, "
             "and what is smaller shows in their mean only"
         )
-    if (scatter := float(reading_scatter(track).share.max(initial=0.0))) > USUAL_SCATTER:
+    if (scatter := reading_scatter(track)).notable:
         return (
-            f"rotor speeds scatter by {100 * scatter:.0f} % from one reading to the next: single "
+            f"rotor speeds scatter by {100 * scatter.share.max():.0f} % from one reading to the next: single "
             "ones say little, check the ESC telemetry"
         )
     changed = float(np.median(np.mean(np.diff(rpm, axis=0) != 0.0, axis=0)))

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-import numpy as np
-
 from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.provenance import Reason
@@ -59,7 +57,7 @@ def caveats(
         for channel, caveat in _OF_CHANNEL.items()
         if any(one.reason in NO_MEASUREMENT for one in track.source(channel).rejected)
     }
-    if np.any(reading_scatter(track).share > 0.0):
+    if reading_scatter(track).notable:
         found.add(Caveat.ROTOR_SPEEDS)
     if beyond_gauge_kg > 0.0:
         found.add(Caveat.LOAD)
