@@ -165,8 +165,8 @@ LEAST_ROWS = 100  # in flight, to say anything
 #: Share of the speed by which readings differ from those beside them in flights whose sensors are
 #: sound: manoeuvres and gusts (1.2 % at most in those recorded, of a simulated and a real quad).
 USUAL_SCATTER = 0.02
-#: From which a single reading is said to say little: 8 % of thrust. A simulated flight in gusts that
-#: its outputs do not show has 3 %.
+#: From which a single reading is said to say little: 8 % of thrust. A simulated flight in gusts
+#: that its outputs do not show has 3 %.
 NOTABLE = 0.04
 LEAST_READINGS = 30  # of a rotor, whose scatter is then known to 15 %
 
@@ -248,8 +248,8 @@ def resolution_words(track: FlightTrack) -> str:
         )
     if (scatter := reading_scatter(track)).notable:
         return (
-            f"rotor speeds scatter by {100 * scatter.share.max():.0f} % from one reading to the next: single "
-            "ones say little, check the ESC telemetry"
+            f"rotor speeds scatter by {100 * scatter.share.max():.0f} % from one reading to the "
+            "next: single ones say little, check the ESC telemetry"
         )
     changed = float(np.median(np.mean(np.diff(rpm, axis=0) != 0.0, axis=0)))
     interval = row_step(track.time_s) / changed if changed > 0.0 else np.inf

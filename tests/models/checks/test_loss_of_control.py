@@ -197,3 +197,27 @@ def test_one_that_turns_over_on_its_legs_never_flew_and_is_lost():
 def test_level_flight_is_not_calm_while_a_steep_attitude_is_asked():
     calm = movements(flight(asked_deg=[(10.0, 12.0, 35.0), (20.0, 22.0, 25.0)])).calm
     np.testing.assert_array_equal(calm, ~between(10.0, 12.0))
+
+
+@pytest.mark.parametrize(("falls", "lost"), [(10.0, True), (3.0, False)])
+def test_a_climb_rate_that_the_barometer_denies_is_no_fall(falls, lost):
+    """10 m/s down by the estimate, motors off: by the barometer so much, or 3."""
+    time_s = np.arange(0.0, 20.0, 0.1)
+    down = time_s >= 15.0
+    height = 100.0 - np.where(down, falls * (time_s - 15.0), 0.0)
+    force = np.zeros((time_s.size, 3))
+    force[:, 2] = np.where(down, -1.0, -9.8)
+    velocity = np.zeros((time_s.size, 3))
+    velocity[:, 2] = np.where(down, 10.0, 0.0)
+    track = FlightTrack.of(
+        name="cut",
+        time_s=time_s,
+        rotor_count=4,
+        attitude=np.zeros((time_s.size, 3)),
+        angular_rate_frd=np.zeros((time_s.size, 3)),
+        specific_force_frd=force,
+        velocity_ned=velocity,
+        pressure=101_325.0 * np.exp(-height / 8_435.0),
+    )
+    found = loss_of_control(track)
+    assert bool(found) is lost
