@@ -73,6 +73,7 @@ class FaultTest:
         self._suspected_s = math.nan
         self._first: list[tuple[float, Floats, Floats]] | None = []
         self._passed, self._again, self._suspect = -1, -1, None
+        self._possible: frozenset[int] = frozenset()  # rotors that the last block did not exclude
 
     @property
     def _window(self) -> float:
@@ -129,6 +130,9 @@ class FaultTest:
             return
         share = change.share.reshape(steps.shape[:2])
         rotor = int(np.argmax(share.sum(axis=1)))
+        possible = frozenset(np.flatnonzero(share.sum(axis=1) > EXCLUDED).tolist())
+        # In a block's noise another may seem excluded: two on end must say so.
+        last, self._possible = self._possible | possible, possible
         self._sound = 1.0 / (1.0 + math.exp(min(change.log_ratio - LIKE_A_TURN, 50.0)))
         if math.isnan(self._held_s):
             likely = change.log_ratio > LIKE_A_TURN and share[rotor].sum() > SURE
@@ -143,6 +147,8 @@ class FaultTest:
             alike = time_s - self._suspected_s >= 0.5 * self._window
             if change.log_ratio > THRESHOLD and (named or alike):
                 self._group = self._suspect.rotors if self._suspect else ()
+                if named and len(last) > 1 and not last & self.faults.keys():
+                    self._group = tuple(sorted(last))
                 self._held_s, self._before, self._suspect = time_s, self.faults, None
                 self._named = rotor
                 self._test.hold()
@@ -153,7 +159,10 @@ class FaultTest:
         else:
             alone = share[rotor].sum() > SURE
             before, self._passed = self._passed, rotor if alone else -1
-            sure = alone and before == rotor
+            # While rotors are still on their way to a new state, nearly all is not enough.
+            late = time_s - self._held_s >= 0.5 * self._window
+            apart = late or not self._group or last == {rotor}
+            sure = alone and before == rotor and apart
             # It is the rotor that was named until another is as sure.
             if not (sure or self._group) and share[self._named].any():
                 rotor = self._named

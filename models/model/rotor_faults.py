@@ -9,6 +9,11 @@ take longer:
     motor       y_i = ln N_i² - ln f(x_i), less the median rotor's, f the autopilot's thrust curve:
                 speed against output. A motor that reaches 1 - s of its speed moves its own by
                 2 ln(1 - s) and no other; battery and air move all alike.
+A row is predicted without the effect of the load factor: that one looks two seconds ahead, and what
+is felt of it moves all rotors alike, as an input. So a part is named a second sooner than all of a
+prediction is known.
+A row is no evidence where the model does not hold (`Evidence`): with a voltage that no battery of
+these cells has, or in a fall; and of a second part not while a motor gives all it has.
 A part is named when the ratio passes `THRESHOLD` and one rotor has SURE of it. Its size is bounded
 by LEAST and MOST, and narrows for as long as a change is sought; then the size counts as known, and
 another change is sought from there, one back to sound included.
@@ -19,10 +24,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from functools import lru_cache
 
 import numpy as np
 
+from thrustmargin.models.checks.full_battery import POSSIBLE_VOLTAGE
+from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
@@ -38,8 +46,9 @@ from thrustmargin.models.model.fault_test import (
     Kind,
     RotorFault,
 )
-from thrustmargin.models.model.predict import model_channels, table_of
+from thrustmargin.models.model.predict import model_channels, predict, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.motor_output import output_curve
@@ -55,11 +64,30 @@ IDLING = 0.05  # of full thrust, below which a motor's speed shows how it slows,
 UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the ground
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 
+FALLING = 6.0  # m/s downwards, faster than a descent: the air no longer meets the rotors from above
+#: Effects that look far ahead, and are inputs of the test instead.
+AS_INPUTS = ("load_factor",)
+
 FEWEST_ROTORS = 4
 #: Rows of a block, and s that it waits for them: telemetry of 1 Hz takes 3 s.
 FEWEST_ROWS, LONGEST_BLOCK = 3, 4.0
 #: Times, s, and the faults that stand from there on.
 FaultHistory = list[tuple[float, tuple[RotorFault, ...]]]
+
+
+class Evidence(IntEnum):
+    """What the rows of a block may show."""
+
+    ANY = 0
+    NO_SECOND_FAULT = 1  # a motor is at full output: what another needs, it cannot have
+    NO_FAULT = 2  # the aircraft falls, or its battery has a voltage that none has
+
+
+@lru_cache(maxsize=8)
+def fault_model(model: RotorModel) -> RotorModel:
+    """Return the model that faults are sought against: without the effects of AS_INPUTS."""
+    kept = tuple(effect for effect in model.effects if effect.name not in AS_INPUTS)
+    return model if len(kept) == len(model.effects) else replace(model, effects=kept)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,20 +167,28 @@ class RotorFaults:
         long = rows[-1, 0] - rows[0, 0]
         if long <= 0.0:
             return
+        evidence = max(rows[:, -1])
+        rows = rows[:, :-1]
         mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
         slope = (rows[-1] - rows[0])[1:] / long
         excess, motors = mean[:rotors], mean[rotors : 2 * rotors]
         # A sum is finite where all that it is of is, and quicker to be had.
         if UNLOADED < np.add.reduce(excess) / rotors < math.inf:
             turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
-            self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
+            if self._may_find(evidence):
+                self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
             self.tested["propeller"] = self._tests[0].current
         if math.isfinite(np.add.reduce(motors)):
             outputs = slice(2 * rotors, 3 * rotors)
             moves = np.array([motors, mean[outputs], slope[outputs]]).T
             moves -= _median(moves)
-            self._tests[1].add(self._begun_s, moves[:, 0], moves[:, 1:])
+            if self._may_find(evidence):
+                self._tests[1].add(self._begun_s, moves[:, 0], moves[:, 1:])
             self.tested["motor"] = self._tests[1].current
+
+    def _may_find(self, evidence: float) -> bool:
+        """Whether a block may change what stands: what was found before stays as it is."""
+        return evidence < (Evidence.NO_SECOND_FAULT if self.current else Evidence.NO_FAULT)
 
 
 @lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
@@ -240,16 +276,21 @@ def _hover_rpm(model: RotorModel) -> Floats:
 
 
 def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
-    """(N, 5 + 3 R) what the tests read in each of N rows.
+    """Return (N, 6 + 3 R) what the tests read in each of N rows.
 
     Time; of each rotor the excess of its speed squared over the model's, as a share of the mean,
-    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown.
+    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown; `Evidence`.
+    The rows at least `fault_model(model).look_ahead_s` before the last of the analysis are final.
 
     NaN for a speed from a motor's output: one motor differs from the next by more than is sought.
     """
     track = analysis.track
     measured = np.where(analysis.from_outputs[rows], np.nan, track.rotor_speed_rpm[rows])
-    predicted = analysis.prediction.rotor_speed_rpm[rows]
+    model = fault_model(analysis.model)
+    prediction = analysis.prediction
+    if model is not analysis.model and not analysis.withheld:
+        prediction = predict(model, track, analysis.density, start=analysis.start)
+    predicted = prediction.rotor_speed_rpm[rows]
     if faults_in_model(analysis.model):
         predicted = predicted * _as_sound(analysis.model)
     curve = output_curve({}, track.source("throttle"))
@@ -261,7 +302,18 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
     load = np.linalg.norm(track.specific_force_frd[rows], axis=1) / G0 - 1.0
     turning = np.column_stack([load, track.angular_rate_frd[rows]])
     turning = np.where(np.isfinite(turning), turning, 0.0)
-    return np.column_stack([track.time_s[rows], excess, motors, output, turning])
+    found = _evidence(track.rows(rows), analysis.model.airframe)
+    return np.column_stack([track.time_s[rows], excess, motors, output, turning, found])
+
+
+def _evidence(track: FlightTrack, airframe: Airframe) -> Floats:
+    """Return (T,) `Evidence` of each row; what is unknown limits nothing."""
+    with np.errstate(invalid="ignore"):
+        full = (track.throttle >= FULL_OUTPUT).any(axis=1)
+        dead = track.voltage < POSSIBLE_VOLTAGE[0] * airframe.nominal_voltage
+        falls = track.velocity_ned[:, 2] > FALLING
+    limits = np.where(full, Evidence.NO_SECOND_FAULT, Evidence.ANY)
+    return np.where((dead & (track.voltage > 0.0)) | falls, Evidence.NO_FAULT, limits)
 
 
 def mode_directions(model: RotorModel) -> Floats:
@@ -303,6 +355,7 @@ def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
 
 def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
     airframe = model.airframe
+    model = fault_model(model)
     rotors = airframe.rotor_count
     size = math.sqrt(rotors)
     steps, torque = (a @ modes for a in loss_steps(model))

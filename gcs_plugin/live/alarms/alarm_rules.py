@@ -285,7 +285,8 @@ def rotor_speeds(s: AlarmSettings, now: LinkNow) -> AlarmChecks:
     return one_alarm(on, off, heard, severity=lambda *_: WARNING, text=lambda *_: text)
 
 
-#: Checked in each row, in each row whose prediction is final, and by a LinkNow.
+#: Checked in each row, in each in which faults can be sought, in each whose prediction is final,
+#: and by a LinkNow.
 OF_ROWS = (
     # An aircraft that lies there has not regained it: calm flight alone clears it.
     AlarmRule("control", 0.0, 3.0, control, Missing.ATTITUDE, on_ground="kept"),
@@ -301,17 +302,17 @@ OF_ROWS = (
     AlarmRule("misfit", 0.0, 0.0, misfit, on_ground="kept"),
     AlarmRule("motor order", 0.0, 0.0, motor_order, on_ground="kept"),
 )
+#: On the ground nothing of the flight stands, but for a rotor that was found bad.
+OF_SOUGHT_ROWS = tuple(
+    AlarmRule(
+        *(name, 0.0, 0.0, partial(faulty, kind), Missing.SPEEDS),
+        on_ground="kept",
+        sampled=True,
+        of_airframe=True,
+    )
+    for name, kind in PARTS
+)
 OF_SETTLED_ROWS = (
-    # On the ground nothing of the flight stands, but for a rotor that was found bad.
-    *(
-        AlarmRule(
-            *(name, 0.0, 0.0, partial(faulty, kind), Missing.SPEEDS),
-            on_ground="kept",
-            sampled=True,
-            of_airframe=True,
-        )
-        for name, kind in PARTS
-    ),
     AlarmRule(
         "predicted margin", LASTS, 3.0, predicted_margin, Missing.LOAD, lull=LULL, of_airframe=True
     ),
@@ -324,4 +325,4 @@ OF_THE_LINK = (
     TELEMETRY,
     AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds, Missing.LINK),
 )
-RULES = (*OF_ROWS, *OF_SETTLED_ROWS, *OF_THE_LINK)
+RULES = (*OF_ROWS, *OF_SOUGHT_ROWS, *OF_SETTLED_ROWS, *OF_THE_LINK)

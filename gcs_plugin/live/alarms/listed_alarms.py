@@ -28,6 +28,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_checks import (
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
     OF_ROWS,
     OF_SETTLED_ROWS,
+    OF_SOUGHT_ROWS,
     OF_THE_LINK,
     PARTS,
     TELEMETRY,
@@ -90,19 +91,23 @@ class Alarms:
         pumped_kg: Floats,
         virtual_kg: Floats,
         settled: slice | None = None,
+        sought: slice | None = None,
         margin_ahead: Floats | None = None,
         esc_failures: Floats | None = None,
     ) -> list[AlarmEvent]:
         """Take the rows from `first` on, in order; arrays are (T,), as long as the analysis.
 
-        What rests on the prediction is checked in the rows `settled`, where that may come later.
+        What rests on the prediction is checked in the rows `settled`, and faults of rotors and
+        motors in the rows `sought`, where these may come later.
         `pumped_kg` is the liquid pumped so far, `virtual_kg` the virtual gauge, `margin_ahead` the
         least predicted margin on the rest of the route; NaN where unknown. `esc_failures` (T, R)
         are ESC_FAILURE_FLAGS, NaN where an ESC does not report on itself.
         """
         new, final = slice(first, None), slice(first, None) if settled is None else settled
+        known = final if sought is None else sought
         self._rest(analysis, new)
-        faults, balances = self._detected(analysis, final, clock_s, pumped_kg, virtual_kg)
+        faults = self._faulty(analysis, known, clock_s)
+        balances = self._balanced(analysis, final, clock_s, pumped_kg, virtual_kg)
         now = RowsNow(
             analysis=analysis,
             rows=new,
@@ -114,7 +119,7 @@ class Alarms:
             stopped=self._stopped.add(analysis.track.rows(new)),
         )
         events: list[AlarmEvent] = []
-        for rules, rows in ((OF_ROWS, new), (OF_SETTLED_ROWS, final)):
+        for rules, rows in ((OF_ROWS, new), (OF_SOUGHT_ROWS, known), (OF_SETTLED_ROWS, final)):
             times, flying = clock_s[rows], analysis.track.flying[rows]
             for rule in rules:
                 found, missing = rule.checks(self.settings, replace(now, rows=rows)), rule.needs
@@ -135,36 +140,48 @@ class Alarms:
         elif heard.size and np.isnan(self._rest_voltage):
             self._rest_voltage = float(heard[0])
 
-    def _detected(
+    def _faulty(
+        self, analysis: FlightAnalysis, rows: slice, clock_s: Floats
+    ) -> list[dict[Kind, tuple[RotorFault, ...]]]:
+        """Return by row what was tested of rotors and motors, and found."""
+        track, at = analysis.track, range(analysis.track.time_s.size)[rows]
+        faults: list[dict[Kind, tuple[RotorFault, ...]]] = [{} for _ in at]
+        if analysis.withheld or not at:
+            return faults
+        if self._faults is None:
+            self._faults = RotorFaults(analysis.model)
+        for n, (row, signals) in enumerate(zip(at, fault_signals(analysis, rows), strict=True)):
+            time_s = float(clock_s[row])
+            if not track.flying[row]:
+                self._faults.landed(time_s)
+            elif self._faults.add(time_s, signals):
+                faults[n] = self._faults.tested
+        return faults
+
+    def _balanced(
         self,
         analysis: FlightAnalysis,
         rows: slice,
         clock_s: Floats,
         pumped_kg: Floats,
         virtual_kg: Floats,
-    ) -> tuple[list[dict[Kind, tuple[RotorFault, ...]]], list[TankBalance | None]]:
-        """What is sought in the course of a flight: the faults and the tank, by row."""
+    ) -> list[TankBalance | None]:
+        """Return by row how gauge, pump and thrust agree about the tank, once a second."""
         track, at = analysis.track, range(analysis.track.time_s.size)[rows]
-        faults: list[dict[Kind, tuple[RotorFault, ...]]] = [{} for _ in at]
         balances: list[TankBalance | None] = [None for _ in at]
         if analysis.withheld:
-            return faults, balances
-        if self._faults is None:
-            self._faults = RotorFaults(analysis.model)
-        signals, gauge = fault_signals(analysis, rows), track.measured("tank_kg")
-        for n, (row, of_faults) in enumerate(zip(at, signals, strict=True)):
+            return balances
+        gauge = track.measured("tank_kg")
+        for n, row in enumerate(at):
             time_s = float(clock_s[row])
             if not track.flying[row]:
                 self._balance = BalanceWatch()
-                self._faults.landed(time_s)
                 continue
-            if self._faults.add(time_s, of_faults):
-                faults[n] = self._faults.tested
             tank = (float(a[row]) for a in (gauge, pumped_kg, virtual_kg))
             self._balance.add(time_s, *tank)
             if time_s - self._weighed_s >= 1.0:
                 self._weighed_s, balances[n] = time_s, self._balance.balance()
-        return faults, balances
+        return balances
 
     def heard(
         self,

@@ -43,6 +43,7 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse, heavier
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
 from thrustmargin.models.model.predict import identified_airframe
+from thrustmargin.models.model.rotor_faults import fault_model
 from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Rows of which screens show a mean, and in which a loss of control lasts: so many stay at least.
@@ -85,6 +86,7 @@ class VehicleMonitor:
         self._model = model
         self._inferred = Inferred()
         self._unsettled = 0  # of the known rows, the last so many
+        self._unsought = 0  # likewise, in which no fault was sought yet
         self._ahead = LookAhead(model)
         self._landed = LandedFlights(system, model, settings, later)
         self._sortie = SortieRows(model, self.alarms, self._landed.answer)
@@ -93,6 +95,7 @@ class VehicleMonitor:
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
         self._look_back_s, self._look_ahead_s = model.look_back_s, model.look_ahead_s
+        self._fault_look_s = fault_model(model).look_ahead_s
 
     @property
     def state(self) -> VehicleState:
@@ -195,7 +198,7 @@ class VehicleMonitor:
         """The next update: with new rows, or (None) with the last predictions settled."""
         last = self.last
         if last is None or (new is not None and not goes_on(last, new)):
-            last, self._unsettled, self._inferred = None, 0, Inferred()
+            last, self._unsettled, self._unsought, self._inferred = None, 0, 0, Inferred()
             self._ahead.restart()
             self._sortie = SortieRows(self._model, self.alarms, self._landed.answer)
         window, start, reported = slice(0, 0), None, None
@@ -224,6 +227,12 @@ class VehicleMonitor:
             until = int(np.searchsorted(track.time_s, sure_s, side="right"))
             settled = max(until, unsettled)
         self._unsettled = total - settled
+        unsought, sought = first - self._unsought, total
+        if self._model.effects and new is not None:
+            sure_s = track.time_s[-1] - self._fault_look_s
+            until = int(np.searchsorted(track.time_s, sure_s, side="right"))
+            sought = max(until, unsought)
+        self._unsought = total - sought
         arrays = {
             name: np.zeros(0) if last is None else getattr(last, name)[window] for name in CARRIED
         }
@@ -236,6 +245,7 @@ class VehicleMonitor:
             analysis,
             first,
             settled=slice(unsettled, settled),
+            sought=slice(unsought, sought),
             clock_s=arrays["clock_s"],
             pumped_kg=arrays["delivered_kg"],
             virtual_kg=virtual,

@@ -11,11 +11,14 @@ from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.fault_test import FaultTest
+from thrustmargin.models.model.fault_test import FaultTest, RotorFault
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_faults import (
+    Evidence,
     RotorFaults,
     _motor_test,
     _propeller_test,
+    fault_model,
     fault_signals,
     loss_steps,
     mode_directions,
@@ -56,7 +59,8 @@ def test_the_signals_of_a_row():
     np.testing.assert_allclose(found[5:9], [level, level + 2.0 * math.log(1.05), level, np.nan])
     np.testing.assert_allclose(found[9:13], math.log(share))
     load = math.hypot(0.6, 1.2) - 1.0
-    np.testing.assert_allclose(found[13:], [load, 0.1, 0.0, 0.3])
+    # Last what the row may show: all outputs are below the end of their range.
+    np.testing.assert_allclose(found[13:], [load, 0.1, 0.0, 0.3, 0.0])
 
 
 def test_a_motor_that_nearly_idles_shows_no_part():
@@ -107,8 +111,8 @@ def test_a_propellers_prior():
     np.testing.assert_allclose(prior.noise, 0.02)
     np.testing.assert_allclose(prior.inputs, turns((1.0, 1.0, 1.0, 1.0)))
     assert (prior.flights, prior.alone) == (0, True)
-    # What the model knows of a manoeuvre it has taken but for a tenth.
-    for key, left in (("load_factor", (0.1, 1, 1, 1)), ("manoeuvre_moment", (1, 0.1, 0.1, 0.1))):
+    # What the model knows of a turn it has taken but for a tenth; the load factor is not asked for.
+    for key, left in (("load_factor", (1, 1, 1, 1)), ("manoeuvre_moment", (1, 0.1, 0.1, 0.1))):
         known = replace(MODEL, effects=(recorded(key),))
         np.testing.assert_allclose(_propeller_test(known, MODES)._prior.inputs, turns(left))
     steps, torque = (a @ MODES for a in loss_steps(MODEL))
@@ -253,7 +257,7 @@ def test_a_rotor_that_was_named_stays_it_until_another_is_as_sure():
 
 
 def row_of(time_s: float, excess=(0.0,) * 4) -> np.ndarray:
-    return np.array([time_s, *excess, *(14.0,) * 4, *(-1.0,) * 4, 0.0, 0.0, 0.0, 0.0])
+    return np.array([time_s, *excess, *(14.0,) * 4, *(-1.0,) * 4, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def blocks(faults: RotorFaults, rows) -> list[float]:
@@ -286,7 +290,8 @@ def test_which_blocks_a_test_reads(rows, excess, propeller, motor):
 class Heard:
     """What a test is given."""
 
-    current = ()
+    current: tuple[RotorFault, ...] = ()
+    time_s: float | None = None
 
     def add(self, time_s, values, inputs) -> None:
         self.time_s, self.values, self.inputs = time_s, values, inputs
@@ -301,10 +306,10 @@ def test_a_block_is_the_mean_of_its_rows_and_its_slopes_from_first_to_last():
     rows = np.array([row_of(5.0 + k / 10) for k in range(7)])
     at = np.array([0, 1, 1, 1, 1, 1, 4])[:, None]  # mean 9/7, 4 from the first to the last
     rises = np.arange(1.0, 17.0)
-    rows[:, 1:] += at * rises
+    rows[:, 1:-1] += at * rises
     faults.add(5.0, rows[0])
     faults._end(rows)
-    means = rows[0, 1:] + 9.0 / 7.0 * rises
+    means = rows[0, 1:-1] + 9.0 / 7.0 * rises
     slopes = 4.0 / 0.6 * rises
     assert (propeller.time_s, motor.time_s) == (5.0, 5.0)
     np.testing.assert_allclose(propeller.values, means[:4] @ MODES, atol=1e-12)
@@ -330,3 +335,62 @@ def test_a_part_can_have_been_changed_in_half_a_minute_on_the_ground():
         faults.landed(10.0)
         faults.add(10.0 + pause, row_of(10.0 + pause))
         assert bool(faults.current) == kept
+
+
+@pytest.mark.parametrize(
+    ("evidence", "before", "heard"),
+    [
+        (Evidence.ANY, False, True),
+        (Evidence.ANY, True, True),
+        (Evidence.NO_SECOND_FAULT, False, True),
+        (Evidence.NO_SECOND_FAULT, True, False),
+        (Evidence.NO_FAULT, False, False),
+    ],
+)
+def test_rows_in_which_the_model_does_not_hold_name_nobody_new(evidence, before, heard):
+    """One row of it in a block is enough; what was found stands, and is confirmed."""
+    faults = RotorFaults(MODEL)
+    propeller, motor = Heard(), Heard()
+    tests: Any = (propeller, motor)
+    faults._tests[:] = tests
+    if before:
+        propeller.current = (RotorFault(kind="propeller", rotor=1, size=0.2, lower=0.1, upper=0.3),)
+    rows = np.array([row_of(5.0 + k / 10) for k in range(7)])
+    rows[3, -1] = evidence
+    faults.add(5.0, rows[0])
+    faults._end(rows)
+    assert (propeller.time_s is not None) is heard
+    assert (motor.time_s is not None) is heard
+    assert faults.tested["propeller"] == propeller.current
+
+
+@pytest.mark.parametrize(
+    ("channels", "evidence"),
+    [
+        ({}, Evidence.ANY),
+        ({"throttle": [[0.5, 0.5, 0.5, 0.99]]}, Evidence.NO_SECOND_FAULT),
+        ({"voltage": [24.0]}, Evidence.NO_FAULT),  # 1.7 V a cell of 14
+        ({"voltage": [42.0]}, Evidence.ANY),  # 3.0 V
+        ({"voltage": [0.0]}, Evidence.ANY),  # not reported
+        ({"velocity_ned": [[0.0, 0.0, 7.0]]}, Evidence.NO_FAULT),
+        ({"velocity_ned": [[0.0, 0.0, 4.0]]}, Evidence.ANY),
+    ],
+)
+def test_what_a_row_may_show(channels, evidence):
+    track = FlightTrack.of(
+        name="x",
+        time_s=np.array([7.0]),
+        rotor_count=4,
+        **{name: np.array(values) for name, values in channels.items()},
+    )
+    found = fault_signals(analyse(track, MODEL, np.full(1, F16.reference_density)), slice(None))
+    assert found[0, -1] == evidence
+
+
+def test_faults_are_sought_without_the_effect_that_looks_two_seconds_ahead():
+    model = shipped_model()
+    assert model.look_ahead_s == pytest.approx(1.9, abs=0.1)
+    assert fault_model(model).look_ahead_s == pytest.approx(0.8, abs=0.1)
+    assert {e.name for e in model.effects} - {e.name for e in fault_model(model).effects} == {
+        "load_factor"
+    }
