@@ -95,7 +95,7 @@ def held(time_s: Floats, body: Floats) -> bool:
         return False
     if _leans(time_s, attitude, velocity_ned, whole):
         return True
-    if np.isfinite(body[:, 9:12]).all(axis=1).any():
+    if _felt_seconds(time_s, body) >= FEWEST_SECONDS:
         return False
     return any(_lifts(time_s, attitude, thrust, whole) for thrust in thrusts)
 
@@ -107,10 +107,10 @@ def feels_nothing(time_s: Floats, body: Floats) -> bool:
     """
     if time_s.size == 0:
         return False
+    if _felt_seconds(time_s, body) < FEWEST_SECONDS:
+        return False
     seconds = np.floor(time_s - time_s[0]).astype(np.intp)
     force = _means(seconds, body[:, 9:12])
-    if np.count_nonzero(np.isfinite(force).all(axis=1)) < FEWEST_SECONDS:
-        return False
     if np.mean(attitude_denied(time_s, body[:, 1:4], body[:, 9:12], body[:, 14])) >= 0.5:
         return True
     felt = _spread(force)
@@ -124,6 +124,12 @@ def feels_nothing(time_s: Floats, body: Floats) -> bool:
                 return True
     tilt, asked = (_spread(_means(seconds, body[:, k])) for k in (slice(1, 3), slice(12, 14)))
     return bool(np.max(felt) <= FELT and np.max(asked) >= ASKED + np.max(tilt))
+
+
+def _felt_seconds(time_s: Floats, body: Floats) -> int:
+    """Return in how many seconds the accelerometer of T rows says something."""
+    known = np.isfinite(body[:, 9:12]).all(axis=1)
+    return int(np.unique(np.floor(time_s[known])).size)
 
 
 def attitude_denied(

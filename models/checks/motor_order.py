@@ -45,6 +45,8 @@ SLOW_ROWS, SLOW_SHARE = 5, 0.8
 #: below which the rows do not show how it turns; flights have 0.2 to 0.9.
 RESOLVED = 0.1
 TURNED = 0.1  # rad within which all rotors are turned by one angle
+#: By which moments, per share of their largest, of one assignment are those of another.
+ALIKE = 1e-6
 #: s; a row this far from its neighbours is not differentiated.
 _LONGEST_STEP = 0.5
 #: Rows of the running mean that is removed: five seconds at 10 Hz.
@@ -246,12 +248,12 @@ def _correlations(
     power = response @ response
     gram, cross = speeds.T @ speeds, speeds.T @ response
     # A moment is a weighted sum of the speeds, so every assignment comes from the same sums.
-    moment_power = np.einsum("pi,ij,pj->p", weights, gram, weights)
+    moment_power = np.sum((weights @ gram) * weights, axis=1)
     scale = np.sqrt(np.maximum(moment_power * power, 1e-300))
     with np.errstate(invalid="ignore"):
         correlated = np.where(moment_power > 1e-12 * np.trace(gram), weights @ cross / scale, 0.0)
     lagged = speeds[1:].T @ speeds[:-1]
-    own = np.einsum("pi,ij,pj->p", weights, lagged, weights) / np.maximum(moment_power, 1e-300)
+    own = np.sum((weights @ lagged) * weights, axis=1) / np.maximum(moment_power, 1e-300)
     alike = np.clip(own * float(response[1:] @ response[:-1]) / max(power, 1e-300), 0.0, 0.999)
     # Rows overlap by half, because each difference spans two steps.
     samples = 0.5 * step.size * (1.0 - alike) / (1.0 + alike)
@@ -291,7 +293,7 @@ def _decided(
     flat = likelihood.ravel()
     best = int(np.argmax(flat))
     # Assignments that exchange identical places are the same aircraft.
-    alike = np.all(np.isclose(layouts, layouts[:, best, None, :]), axis=(0, 2))
+    alike = np.all(np.abs(layouts - layouts[:, best, None, :]) < ALIKE, axis=(0, 2))
     others = flat[~alike]
     lead = float(flat[best] - others.max()) if others.size else float(flat[best])
     first = int(np.argmax(alike))
