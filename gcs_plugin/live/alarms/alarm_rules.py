@@ -46,6 +46,7 @@ from thrustmargin.models.physics.margin import ceiling
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
 LASTS = 7.5  # s: over half of the 15 s of the report's lasting use: a turn is no alarm
 LULL = 20.0  # s: from one corner of a field to the next
+STANDS_APART = 0.05  # of the largest thrust by which one rotor works harder than all others
 MOVEMENT_ROWS = 20  # rows of two seconds, in which every sign of a loss has lasted its time
 CELL_HYSTERESIS = 0.2  # V
 #: alarm, and the fault that it is of
@@ -121,6 +122,9 @@ def _low(
     limit, at = 1.0 - s.max_utilisation, range(len(use))
     rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)
     least = 1.0 - use[at, rotor]
+    others = np.where(np.arange(use.shape[1]) == rotor[:, None], np.nan, use)
+    # Of rotors that work about as hard another would be named with every gust.
+    apart = ~(use[at, rotor] - np.fmax.reduce(others, axis=1, initial=-np.inf) < STANDS_APART)
     low, high = (1.0 - end[at, rotor] for end in ends[::-1])
     on = least < limit
     off = off | (clears & (least > limit + s.margin_hysteresis))
@@ -130,7 +134,7 @@ def _low(
         return WARNING if sure else NOTICE
 
     def text(row: int, _: int) -> str:
-        of = int(rotor[row]) + 1 if rotors else None
+        of = int(rotor[row]) + 1 if rotors and apart[row] else None
         ends = float(low[row]), float(high[row])
         return words.margin_words(what, float(least[row]), limit, ends=ends, rotor=of)
 

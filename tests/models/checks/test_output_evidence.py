@@ -39,7 +39,8 @@ def hover(load, rows: int = 900, *, speeds: float = 1.0, gauge=None) -> FlightTr
         rotor_count=4,
         rotor_speed_rpm=np.tile(rpm[:, None], (1, 4)),
         throttle=np.tile(np.sqrt(weight / FULL)[:, None], (1, 4)),
-        voltage=np.linspace(58.9, 58.7, rows) + 0.01 * RNG.standard_normal(rows),
+        voltage=np.linspace(58.9, 58.7, rows)
+        + 0.01 * np.random.default_rng(5).standard_normal(rows),
         pressure=np.full(rows, 101_325.0),
         altitude=np.zeros(rows),
         velocity_ned=np.zeros((rows, 3)),

@@ -83,7 +83,7 @@ def test_a_margin_under_the_limit_is_raised_after_its_hold_time_and_cleared_afte
 
 def test_the_alarm_asks_for_the_margin_that_the_largest_utilisation_leaves():
     track = hover(10.0, rpm=math.sqrt(0.45) * AIRFRAME.max_rotor_speed_rpm)
-    for allowed, words in ((0.5, []), (0.4, ["Thrust margin 55% below 60%, rotor 1: fly gently"])):
+    for allowed, words in ((0.5, []), (0.4, ["Thrust margin 55% below 60%: fly gently"])):
         events = watched(track, Alarms(AlarmSettings(max_utilisation=allowed)))
         assert [e[4] for e in events if e[2] == "margin"] == words
 
@@ -273,11 +273,23 @@ def test_while_an_alarm_stands_its_words_follow_the_numbers():
         watched(replace(track, time_s=track.time_s + 10.0 * turn), alarms)
         said.append([a.text for a in alarms.listed.values() if a.name == "margin"])
     assert said == [
-        ["Thrust margin 40% below 50%, rotor 1: fly gently"],
-        ["Thrust margin 45% below 50%, rotor 1: fly gently"],
+        ["Thrust margin 40% below 50%: fly gently"],
+        ["Thrust margin 45% below 50%: fly gently"],
         # Within the hysteresis it still stands, and does not repeat the old number.
-        ["Thrust margin 52% near 50%, rotor 1: fly gently"],
+        ["Thrust margin 52% near 50%: fly gently"],
     ]
+
+
+@pytest.mark.parametrize(("more", "named"), [(0.06, True), (0.04, False)])
+def test_a_rotor_is_named_where_it_works_harder_than_all_others(more, named):
+    """By 5 points of its largest thrust: of rotors alike each gust would name another."""
+    track = hover(10.0, rpm=math.sqrt(0.6) * AIRFRAME.max_rotor_speed_rpm)
+    speeds = track.rotor_speed_rpm.copy()
+    speeds[:, 2] = math.sqrt(0.6 + more) * AIRFRAME.max_rotor_speed_rpm
+    alarms = Alarms()
+    watched(replace(track, rotor_speed_rpm=speeds), alarms)
+    (text,) = (a.text for a in alarms.listed.values() if a.name == "margin")
+    assert ("rotor 3" in text) is named
 
 
 def test_a_margin_alarm_keeps_no_number_of_speeds_that_are_lost_and_is_cleared_by_the_prediction():
