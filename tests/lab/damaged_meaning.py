@@ -81,15 +81,13 @@ Edit = Callable[[Message, float], bool]
 class Damage:
     """What is wrong of a flight: the `part` that does not tell the truth, and the `edit` for it.
 
-    `rotors` are those (from 1) whose telemetry is wrong; `order` has, for the channel of each
-    rotor, the rotor of which its data are.
+    `rotors` are those (from 1) whose telemetry is wrong.
     """
 
     name: str
     part: str
     edit: Edit
     rotors: frozenset[int] = frozenset(range(1, ROTORS + 1))
-    order: tuple[int, ...] = ()
 
 
 def _gauge(name: str, change: Callable[[float, float], float | None]) -> Damage:
@@ -291,9 +289,7 @@ def _others(rng: np.random.Generator) -> Iterator[Damage]:
         return True
 
     kinds = {outputs: swap_all, "ESC_TELEMETRY_1_TO_4": swap_all}
-    order = tuple(int(k) for k in _swapped(range(1, ROTORS + 1), one, other))
-    edit = _fields(f"m_order{one}{other}", "motor order", kinds).edit
-    yield Damage(f"m_order{one}{other}", "motor order", edit, frozenset(), order)
+    yield _fields(f"m_order{one}{other}", "motor order", kinds)
 
 
 def damages(rng: np.random.Generator) -> list[Damage]:
@@ -500,15 +496,13 @@ def _blamed(
 ) -> list[str]:
     """Return the sound rotors, and the instruments that are right, that an answer names surely."""
     found = []
-    order = next((one.order for one in wrong if one.order), tuple(range(1, ROTORS + 1)))
     parts = {one.part for one in wrong}
     sensors = frozenset[int]().union(*(d.rotors for d in wrong if d.part == "rotor speeds"))
     for kind, rotors in answer.alarms:
         if kind in SENSORS:
             right = set(rotors) <= sensors
         else:  # where the names are said to be wrong, only that there is one is claimed
-            named = {order[rotor - 1] for rotor in rotors} & weak
-            right = bool(weak) and (bool(named) or "rotor names" in answer.said)
+            right = bool(weak) and (bool(weak & {*rotors}) or "rotor names" in answer.said)
         if not right:
             which = " or ".join(map(str, rotors))
             found.append(f"rotor {which} by {kind}, weak: {sorted(weak) or 'none'}")

@@ -169,16 +169,6 @@ def test_scores_of_a_weak_rotor():
     assert score(unnamed, SOUND, frozenset(), wrong).score == "blamed"
 
 
-def test_a_weak_rotor_on_another_output_is_right_by_its_channel():
-    truth = replace(SOUND, level="damaged", alarms=(("propeller", (1,)),))
-    one = of_kind("m_order")
-    channel = one.order.index(1) + 1  # where the data of rotor 1 are
-    answer = replace(truth, alarms=(("propeller", (channel,)),))
-    assert score(answer, truth, frozenset({1}), [one]).score == "right"
-    sound = replace(truth, alarms=(("propeller", (channel % 4 + 1,)),))
-    assert score(sound, truth, frozenset({1}), [one]).score == "blamed"
-
-
 def test_speed_sensors_are_blamed_by_their_rotor():
     one = of_kind("r_copy")
     (rotor,) = one.rotors
@@ -186,6 +176,7 @@ def test_speed_sensors_are_blamed_by_their_rotor():
         found = (("rotor speed sensors", f"rotor {named}: no measurement"),)
         answer = replace(SOUND, findings=found)
         assert score(answer, SOUND, frozenset(), [one]).score == expected
+        assert score(answer, SOUND, frozenset(), [of_kind("r_x090"), one]).score == "right"
         answer = replace(SOUND, alarms=(("sensor", (named,)),))
         assert score(answer, SOUND, frozenset(), [one]).score == expected
 

@@ -83,12 +83,15 @@ def test_what_lacks_is_named_and_a_command_that_was_not_asked_is_not(tmp_path: P
     assert total.startswith("2 files compared, 0 differ, 1 only old, 0 only new;")
 
 
-def test_a_number_of_another_type_or_sign_differs(tmp_path: Path, old: Path):
-    changed = {**REPORT, "why": False, "fill_kg": "9.75"}
+def test_a_value_of_another_type_differs(tmp_path: Path):
+    before = {"why": None, "fill_kg": 9.75, "rotors": [{"use": 0.5}, {"use": False}]}
+    changed = {"why": False, "fill_kg": "9.75", "rotors": [{"use": 0.5}, {"use": 0}]}
+    old = written(tmp_path / "old", before, CONSOLE, "time_s,use\n")
     new = written(tmp_path / "new", changed, CONSOLE, "time_s,use\n0,0.5\n1,0.6\n2,\n")
     lines = list(compare(old, new).lines())
     assert f'{FLIGHT}/report.json: fill_kg: 9.75 -> "9.75"' in lines
     assert f"{FLIGHT}/report.json: why: null -> false" in lines
+    assert f"{FLIGHT}/report.json: rotors[1].use: false -> 0" in lines
 
 
 def test_what_is_no_answer_is_taken_out():
