@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 # The import name as folders, for pyright: it does not follow an editable install.
 LINKS := $(VENV)/links/thrustmargin
 
-.PHONY: demo fleet-demo test pytest lab check bench measured mutation fuzz package screenshots clean
+.PHONY: demo fleet-demo test pytest lab check answers bench measured mutation fuzz package screenshots clean
 
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
@@ -32,6 +32,11 @@ check: $(VENV)/.test
 
 bench: $(VENV)/.test
 	$(BIN)/python -m pytest tests/lab/bench --benchmark-only -o python_files='bench_*.py' -s -v
+
+# What every command answers on all bundled logs: make answers OUT=new [AGAINST=old] [REVISION=c6b276a9]
+# [ANSWERS_ARGS='--core --logs FOLDER --short']. Fails where the answers in OUT and AGAINST differ.
+answers: $(VENV)/.test
+	$(BIN)/python -m tests.lab.answers --out $(OUT) $(if $(REVISION),--revision $(REVISION)) $(if $(AGAINST),--against $(AGAINST)) $(ANSWERS_ARGS)
 
 # make measured DATA=../shared/measured [ONLY="px4_ulog ..."]
 measured: $(VENV)/.test

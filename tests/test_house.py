@@ -16,6 +16,7 @@ TESTED_BY = {
 NOT_MIRRORED = {
     "tests": "this, and what all tests share",
     "tests/lab": "what measures the product, run by `make lab` and by hand",
+    "tests/lab/answers": "what every command answers, and what changed, by `make answers`",
     "tests/lab/bench": "measurements of speed and memory, run by `make bench`",
     "tests/lab/fuzz": "damaged files of every kind into their readers, run by `make fuzz`",
     "tests/lab/measured": "the loop on measured data of others, run by `make measured`",
