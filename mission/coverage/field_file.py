@@ -42,6 +42,7 @@ _BOUNDARY, _HOLES = "1", ("3", "4", "6")
 DAMAGED_ARCHIVE = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, NotImplementedError),
     *(RuntimeError, OSError, EOFError, ValueError, LookupError, OverflowError),
+    MemoryError,  # a dictionary of gigabytes that a damaged head asks for
 )
 
 #: Name and polygon in longitude, latitude in degrees.

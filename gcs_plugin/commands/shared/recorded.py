@@ -131,7 +131,7 @@ def _options_of(log: Path) -> Chosen:
         return Chosen()
     try:
         content = json.loads(regular(path).read_text("utf-8"))
-        table: _Table = from_json_values(_Table, content, "it")
+        table: _Table = from_json_values(_Table, content, "options")
         if table.max_utilisation is not None and not 0.0 < table.max_utilisation <= 1.0:
             raise ValueError(f"a limit of {table.max_utilisation:g}")
         reading_keywords(table.reading)
