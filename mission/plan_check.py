@@ -17,13 +17,15 @@ import pymap3d
 import shapely
 
 from thrustmargin.mission.plan_items import (
-    DO_JUMP,
     FIRMWARE_ARDUPILOT,
+    FRAME_ABOVE_GROUND,
+    FRAME_ABOVE_HOME,
+    FRAME_AMSL,
     FenceCircle,
     FencePolygon,
     MissionPlan,
 )
-from thrustmargin.mission.steps import DO_JUMP_TAG, PlanSteps, Step
+from thrustmargin.mission.steps import TAKE_OFFS, PlanSteps, Step, jumps_back
 from thrustmargin.models.flight import Floats
 
 PlanFault = Literal[
@@ -33,6 +35,10 @@ PlanFault = Literal[
     "pump on between lines",
     "pump on in turns",
     "pump on at return",
+    "at the height of home",
+    "far above home",
+    "far above home by sea level",
+    "below home",
     "mixed height frames",
     "jumps back",
     "fence crossed",
@@ -48,9 +54,15 @@ ALONG = 20.0
 MULTIROTORS = frozenset({0, 2, 13, 14, 15, 29, 35, 43})
 #: A way between lines longer than so many spacings is no turn.
 TURN = 2.0
+#: m: a height above home within this is none.
+NO_HEIGHT = 0.5
+#: m above home beyond which no drone may fly over flat land in most countries; and below it that
+#: no field lies: a height of another reference.
+HIGH, LOW = 120.0, 120.0
 #: m between two places that no sprayer flies in one mission.
 FAR = 20_000.0
 _AT_HEIGHT = ("fly", "spline", "turns")
+_WITH_HEIGHT = ("take-off", "climb", *_AT_HEIGHT)
 _HOMEWARD = ("return", "land")
 
 
@@ -60,6 +72,7 @@ class PlanFinding:
 
     fault: PlanFault
     items: tuple[int, ...]  # numbers; () is the plan as a whole
+    height: float = math.nan  # m above home, the farthest of the items; NaN of other faults
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,17 +119,50 @@ def check_plan(
     heights = [s for s in flown if s.place is not None and s.kind in _AT_HEIGHT]
     usual = Counter(s.frame for s in heights).most_common(1)
     found["mixed height frames"] += [s.item for s in heights if s.frame != usual[0][0]]
-    found["jumps back"] += [i.number for i in plan.items if i.command in (DO_JUMP, DO_JUMP_TAG)]
+    found["jumps back"] += jumps_back(plan)
+    above = _heights(plan, steps)
+    for fault, numbers in above.items():
+        found[fault] += list(numbers)
     last = flown[-1].index if flown and flown[-1].kind == "return" else math.inf
     if plan.vehicle not in MULTIROTORS:
         found["another vehicle"].append(0)
     after = [i for k, i in enumerate(steps.executed) if k > last]
     found["never flown"] += [i.number for i in after if i.place is not None]
     return tuple(
-        PlanFinding(fault=fault, items=tuple(dict.fromkeys(n for n in found[fault] if n)))
+        PlanFinding(
+            fault=fault,
+            items=tuple(dict.fromkeys(n for n in found[fault] if n)),
+            height=max(above.get(fault, {}).values(), key=abs, default=math.nan),
+        )
         for fault in get_args(PlanFault)
         if found[fault]
     )
+
+
+def _heights(plan: MissionPlan, steps: PlanSteps) -> dict[PlanFault, dict[int, float]]:
+    """Return the items of each fault of height, by number, with their m above home.
+
+    Take-off and every place flown to count; the end of a landing is at home's height as it should
+    be. Heights above ground or of no reference that is known are left out.
+    """
+    found: dict[PlanFault, dict[int, float]] = defaultdict(dict)
+    flown = {step.index for step in steps.steps if step.kind in _WITH_HEIGHT}
+    for index, item in enumerate(steps.executed):
+        altitude = item.parameters[6]
+        above = altitude - (plan.home[2] if item.frame == FRAME_AMSL else 0.0)
+        sea = item.frame == FRAME_AMSL
+        known = item.frame in (FRAME_AMSL, FRAME_ABOVE_HOME, FRAME_ABOVE_GROUND)
+        placed = item.place is not None or item.command in TAKE_OFFS
+        if index not in flown or not known or not placed or not math.isfinite(above):
+            continue
+        if abs(above) <= NO_HEIGHT:
+            found["at the height of home"][item.number] = above
+        elif above > HIGH:
+            fault: PlanFault = "far above home by sea level" if sea else "far above home"
+            found[fault][item.number] = above
+        elif above < -LOW:
+            found["below home"][item.number] = above
+    return found
 
 
 def _legs(plan: MissionPlan, steps: Sequence[Step]) -> _Legs:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -77,6 +77,7 @@ _KINDS: Mapping[int, StepKind] = {
     DELAY: "wait",
     PAYLOAD_PLACE: "fly",
 }
+TAKE_OFFS = frozenset({TAKEOFF, VTOL_TAKEOFF})
 #: Those whose first parameter is s to wait there.
 _WAITS = frozenset({WAYPOINT, SPLINE_WAYPOINT, LOITER_TIME, DELAY})
 
@@ -276,9 +277,8 @@ class _Walk:
             self.pump = value > 0.5
 
 
-def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
-    """The items in the order of execution; jumps are followed, unless that takes too many."""
-    items = plan.items
+def _jump_targets(items: Sequence[PlanItem]) -> dict[int, int]:
+    """Index of each jump in `items` -> that of the item it leads to; left out where none is."""
     numbers = Counter(item.number for item in items)
     at_number: dict[float, int] = {
         item.number: k for k, item in enumerate(items) if numbers[item.number] == 1
@@ -286,6 +286,31 @@ def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
     at_tag: dict[float, int] = {
         item.parameters[0]: k for k, item in enumerate(items) if item.command == JUMP_TAG
     }
+    goals = {
+        k: (at_number if item.command == DO_JUMP else at_tag).get(item.parameters[0])
+        for k, item in enumerate(items)
+        if item.command in (DO_JUMP, DO_JUMP_TAG)
+    }
+    return {k: goal for k, goal in goals.items() if goal is not None}
+
+
+def jumps_back(plan: MissionPlan) -> list[int]:
+    """Return the numbers of the jumps by which items are flown again.
+
+    A jump forward leaves items out and repeats none; one to nothing counts, its target unknown.
+    """
+    targets = _jump_targets(plan.items)
+    return [
+        item.number
+        for k, item in enumerate(plan.items)
+        if item.command in (DO_JUMP, DO_JUMP_TAG) and targets.get(k, k) <= k
+    ]
+
+
+def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
+    """The items in the order of execution; jumps are followed, unless that takes too many."""
+    items = plan.items
+    targets = _jump_targets(items)
     left: dict[int, float] = {}
     done: list[PlanItem] = []
     at = jumps = 0
@@ -296,23 +321,24 @@ def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
             done.append(item)
             at += 1
             continue
-        target, repeats, *_ = item.parameters
-        goal = (at_number if item.command == DO_JUMP else at_tag).get(target)
+        repeats, goal = item.parameters[1], targets.get(at)
+        # A jump forward comes back only by another one: it has no end of its own to reach.
+        back = goal is None or goal <= at
         jumps += 1
         why: Why | None = None
         if goal is None or not math.isfinite(repeats):
             why = "jump to nothing"
         elif goal == at:
             why = "jump to itself"
-        elif repeats < 0.0:
+        elif back and repeats < 0.0:
             why = "jump without end"
-        elif len(done) + jumps > len(items) + MOST_AGAIN:
+        elif back and len(done) + jumps > len(items) + MOST_AGAIN:
             why, done = "jump without end", done[:before_jumps]
         if goal is None or why is not None:
             walk.name(item, why or "jump to nothing", *ALL)
             return done
-        if left.setdefault(at, repeats) >= 1.0:
-            before_jumps = min(before_jumps, len(done))
+        if left.setdefault(at, math.inf if repeats < 0.0 else repeats) >= 1.0:
+            before_jumps = min(before_jumps, len(done)) if back else before_jumps
             left[at] -= 1.0
             at = goal
             continue

@@ -7,9 +7,14 @@ from __future__ import annotations
 
 import errno
 import os
+import platform
+import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
+
+_DRAFT = re.compile(r"\..+\.([0-9]{1,10})-[0-9a-f]{8}\.part", re.DOTALL)
 
 
 def regular(path: Path) -> Path:
@@ -17,7 +22,10 @@ def regular(path: Path) -> Path:
 
     Raises OSError when it is missing or a folder, a pipe or a device, which may never end.
     """
-    path.stat()
+    try:
+        path.stat()
+    except ValueError as error:  # a name with a zero byte, as a damaged file may hold
+        raise OSError(errno.EINVAL, "its name is none that a file can have", str(path)) from error
     if not path.is_file():
         what = "it is a folder" if path.is_dir() else "it is a pipe or a device; copy it to a file"
         raise OSError(errno.EINVAL, what, str(path))
@@ -33,6 +41,36 @@ def not_utf8(name: str, error: UnicodeDecodeError) -> str:
     )
 
 
+def _computer() -> str:
+    """Return letters for this computer: on a shared disk another one has the same process ids."""
+    return sha256(platform.node().encode()).hexdigest()[:8]
+
+
+def _remove_stale(folder: Path) -> None:
+    """Remove drafts in `folder` whose program, of this computer, no longer runs.
+
+    Only a kill that cannot be heard leaves one. A process id that another program has by now keeps
+    its draft for a later run; so does a folder that cannot be read.
+    """
+    if os.name != "posix":  # elsewhere asking for a process would end it
+        return
+    with suppress(OSError):
+        for draft in folder.glob(f".*-{_computer()}.part"):
+            found = _DRAFT.fullmatch(draft.name)
+            if found is not None and not _runs(int(found[1])):
+                draft.unlink(missing_ok=True)
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
+
+
 @contextmanager
 def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
     """Yields the path of a draft to write; it replaces `path` only when the block ends well.
@@ -40,11 +78,14 @@ def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
     The draft is beside it, or in the folder `drafts` of the same disk.
 
     On any error, Ctrl-C included, the draft is removed and what stood at `path` stays as it was.
+    The draft of a program of this computer that was killed is removed by the next that writes here.
     Raises OSError when the folder is missing or cannot be written, or `path` is no file.
     """
     if path.exists():
         regular(path)
-    draft = (drafts or path.parent) / f".{path.name}.{os.getpid()}.part"
+    folder = drafts or path.parent
+    draft = folder / f".{path.name}.{os.getpid()}-{_computer()}.part"
+    _remove_stale(folder)
     try:
         yield draft
         with draft.open("r+b") as written:
@@ -52,11 +93,11 @@ def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
         os.replace(draft, path)
         if os.name == "posix":
             # The new name is on the disk only when its folder is.
-            folder = os.open(path.parent, os.O_RDONLY)
+            entry = os.open(path.parent, os.O_RDONLY)
             try:
-                os.fsync(folder)
+                os.fsync(entry)
             finally:
-                os.close(folder)
+                os.close(entry)
     except OSError as error:
         # A full disk does not say of which file, a folder that is read-only names the draft.
         if error.filename in (None, str(draft), draft):

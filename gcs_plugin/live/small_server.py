@@ -1,14 +1,18 @@
 """A small HTTP server beside the monitor: few requests at once, each with its time, nothing taken.
 
 The threads and files are those that the monitor needs, so whoever reaches the port must not be able
-to take them all.
+to take them all. Nor may one peer keep others out: where all places are taken, the next request
+gets that of the oldest one of the peer that has the most.
 """
 
 from __future__ import annotations
 
+import socket
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
@@ -16,6 +20,7 @@ from thrustmargin.models.errors import LinkError
 
 MOST = 32  # requests at once
 SLOWEST = 10.0  # s that a slow peer may hold a thread
+HANG_UP = 1.0  # s in which the thread of a request that was hung up on ends
 #: Names of this computer in a request. Any other is that of a web page which leads here.
 OWN_NAMES = ("127.0.0.1", "localhost")
 
@@ -63,26 +68,50 @@ class SmallServer:
 
 
 class _Server(ThreadingHTTPServer):
-    """A thread a request, of which there are MOST at once: others are hung up on."""
+    """A thread a request, of which there are MOST at once: for another an old one is hung up on."""
 
     daemon_threads = True
     request_queue_size = 2 * MOST
 
     def __init__(self, *args: Any) -> None:
+        # An answer takes milliseconds: whoever is old among so many is slow.
+        self._peers: dict[Any, str] = {}  # connection -> address, the oldest first
+        self._change = threading.Lock()
         self._room = threading.BoundedSemaphore(MOST)
         super().__init__(*args)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        if self._room.acquire(blocking=False):
-            super().process_request(request, client_address)
-        else:
-            self.shutdown_request(request)
+        if not self._room.acquire(blocking=False):
+            self._hang_up_on_one()
+            if not self._room.acquire(timeout=HANG_UP):
+                self.shutdown_request(request)
+                return
+        with self._change:
+            self._peers[request] = client_address[0]
+        super().process_request(request, client_address)
+
+    def _hang_up_on_one(self) -> None:
+        """End the oldest request of the peer with the most; its thread closes it and ends."""
+        with self._change:
+            if not self._peers:
+                return
+            counts = Counter(self._peers.values())
+            most = max(counts, key=lambda peer: counts[peer])
+            oldest = next(request for request, peer in self._peers.items() if peer == most)
+            del self._peers[oldest]
+            with suppress(OSError):  # it may have hung up itself
+                oldest.shutdown(socket.SHUT_RDWR)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         try:
             super().process_request_thread(request, client_address)
         finally:
             self._room.release()
+
+    def shutdown_request(self, request: Any) -> None:
+        with self._change:
+            self._peers.pop(request, None)
+            super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         if not isinstance(sys.exc_info()[1], OSError):  # a peer that hangs up is no news

@@ -67,27 +67,37 @@ def stated_columns(path: Path, unit_of: Callable[[str], str | None]) -> dict[str
         lines = tomllib.loads(regular(file).read_text(encoding="utf-8"))
     except OSError as error:
         raise LogError(f"{file.name} cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # TOML, UTF-8, too many digits; nested too deep
         raise LogError(f"{file.name}: not a file of columns: {error}") from error
     units = {name: "" if name in QUATERNION else unit_of(name) for name in lines}
     return {name: _their(file.name, name, line, units[name]) for name, line in lines.items()}
 
 
+def _number(value: Any) -> float | None:
+    """Return a finite number of TOML; None for anything else, and for what no float can hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if isfinite(number) else None
+
+
 def _their(file: str, name: str, line: Any, own: str | None) -> TheirColumn:
     if own is None:
         raise LogError(f"{file}: {name!r} is no column of ours; docs/tables.md lists them")
-    if isinstance(line, int | float) and not isinstance(line, bool) and isfinite(line):
-        return TheirColumn("", offset=float(line))
+    if (number := _number(line)) is not None:
+        return TheirColumn("", offset=number)
     line = {"column": line} if isinstance(line, str) else line
     if not isinstance(line, dict) or not isinstance(line.get("column"), str) or not line["column"]:
         raise LogError(f'{file}: {name} needs a number, or a heading such as "t"')
     known = {"column", "unit", "factor", "offset"}
     if extra := sorted(line.keys() - known):
         raise LogError(f"{file}: {name} has {extra[0]!r}; it may have {', '.join(sorted(known))}")
-    numbers: list[Any] = [line.get("factor", 1.0), line.get("offset", 0.0)]
-    if any(isinstance(n, bool) or not isinstance(n, int | float) for n in numbers):
+    factor, offset = _number(line.get("factor", 1.0)), _number(line.get("offset", 0.0))
+    if factor is None or offset is None:
         raise LogError(f"{file}: factor and offset of {name} must be numbers")
-    factor, offset = (float(n) for n in numbers)
     unit, units = line.get("unit", own), {own: Scale(), **UNITS[own]}
     if not isinstance(unit, str) or unit not in units:
         listed = ", ".join(u for u in units if u)

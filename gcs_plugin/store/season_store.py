@@ -156,6 +156,8 @@ class SeasonStore:
             return self.dataset(name, aircraft).to_table(columns=columns)
         except (pa.ArrowException, TypeError) as error:
             raise DataError(other_layout(f"{self.url}/{name}", error)) from error
+        except (OSError, UnicodeDecodeError) as error:  # as pyarrow calls a damaged file, too
+            raise DataError(damaged_table(f"{self.url}/{name}", error)) from error
 
     def dataset(self, name: str, aircraft: str | None = None) -> pa_dataset.Dataset:
         """The same, not read yet."""
@@ -177,6 +179,12 @@ class SeasonStore:
             format="parquet",
             partitioning=ds.HivePartitioning(folders),
         )
+
+
+def damaged_table(where: str, error: Exception) -> str:
+    """What to do about a table that cannot be read."""
+    why = (str(error).splitlines() or [type(error).__name__])[0]
+    return f"{where} cannot be read ({why:.200}); bring it back from a copy, or take its logs anew"
 
 
 def other_layout(where: str, error: Exception) -> str:

@@ -85,7 +85,7 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
     except FileExistsError:
         held = _held(store)
         if held is not None and _since_renewed(store, own) < STALE_S:
-            raise _refused(store, held["who"]) from None
+            raise _refused(store, held.get("who")) from None
         store.delete(LOCK)
         try:
             take()
@@ -100,7 +100,7 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
 
     def mine() -> bool:
         held = _held(store)
-        if held is None or held["owner"] != own:
+        if held is None or held.get("owner") != own:
             lost.set()
         return not lost.is_set()
 
@@ -135,6 +135,7 @@ def _since_renewed(store: SeasonStore, own: str) -> float:
 
 def _held(store: SeasonStore) -> dict[str, Any] | None:
     try:
-        return json.loads(store.files.cat_file(store.path(LOCK)))
-    except (FileNotFoundError, ValueError):
+        held = json.loads(store.files.cat_file(store.path(LOCK)))
+    except (FileNotFoundError, ValueError, RecursionError):
         return None
+    return held if isinstance(held, dict) else None

@@ -74,6 +74,7 @@ def first_contact(
         layout=reported.layout,
         motor_order_known=reported.layout is not None,
         cells=0 if nominal is None else round(nominal.value / CELL),
+        cells_guessed=nominal is not None and nominal.guessed,
         hover_s=float(track.row_seconds[hover].sum()),
         esc_speeds=track.reports("rotor_speed_rpm"),
         gauge=track.reports("tank_kg") and track.source("tank_kg").kind not in NO_GAUGE,
@@ -92,10 +93,14 @@ def highest_voltage(track: FlightTrack) -> float:
 
 
 def open_questions(reported: ReportedAirframe, *, gauge: bool) -> tuple[str, ...]:
-    """Keys of QUESTIONS that only the owner can answer; without a gauge also the load."""
+    """Keys of QUESTIONS that only the owner can answer; without a gauge also the load.
+
+    A number of cells that is guessed is asked for too.
+    """
+    nominal = reported.quantities.get("nominal_voltage")
     asked = {
         "layout": reported.layout is None,
-        "cells": "nominal_voltage" not in reported.quantities,
+        "cells": nominal is None or nominal.guessed,
         "mass": True,
         "wheelbase": "arm" not in reported.quantities,
         "power_set": True,

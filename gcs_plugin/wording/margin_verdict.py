@@ -20,6 +20,7 @@ from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flig
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.caveats import Caveat
+from thrustmargin.models.model.inferred.speed_basis import SpeedBasis
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
@@ -135,21 +136,23 @@ def _to_do(advice: Advice) -> tuple[Fact, ...]:
 
 
 def _beyond(worst: Moment) -> tuple[Fact, ...]:
-    """That a rotor made more than the airframe says that it can, and what may be wrong."""
+    """That a rotor made more than the airframe says that it can, and what may be wrong.
+
+    The poles of a motor turn eRPM into speeds, and have no part in speeds made from outputs.
+    """
     if not worst.capacity_use_low > 1.0:  # one reading of sensors that scatter shows nothing
         return ()
     more = numbers.percent(worst.capacity_use)
-    return (
-        Fact(
-            "beyond the ceiling",
-            say(
-                "rotor {rotor} shows {more} of what the airframe says it can make: check the "
-                "battery voltage, max_rotor_speed_rpm and motor_poles (eRPM)",
-                rotor=worst.rotor,
-                more=more,
-            ),
-        ),
+    words = (
+        "rotor {rotor} shows {more} of what the airframe says it can make: check the "
+        "battery voltage, max_rotor_speed_rpm and motor_poles (eRPM)"
     )
+    if worst.basis == SpeedBasis.MOTOR_OUTPUTS:
+        words = (
+            "rotor {rotor} shows {more} of what the airframe says it can make: check the "
+            "battery voltage and max_rotor_speed_rpm"
+        )
+    return (Fact("beyond the ceiling", say(words, rotor=worst.rotor, more=more)),)
 
 
 def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
@@ -214,7 +217,13 @@ def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float 
 
 
 def _outputs_go_on(analysis: FlightAnalysis) -> str:
-    """That motor outputs are there where speeds are not: of an ESC that was heard none is made."""
+    """That motor outputs are there where speeds are not: of an ESC that was heard none is made.
+
+    Empty where no ESC was ever heard: the log has no ESC telemetry to look at.
+    """
+    heard = np.isfinite(analysis.utilisation) & ~analysis.from_outputs
+    if not heard.any():
+        return ""
     silent = analysis.track.flying & ~analysis.any_measured
     outputs = np.any(analysis.track.throttle > 0.0, axis=1)[silent]
     known = outputs.size and float(np.mean(outputs)) > 0.5

@@ -72,18 +72,27 @@ def percent_within(share: float, low: float, high: float) -> str:
 
 
 def within(
-    value: float, low: float, high: float, unit: str = "", *, factor: float = 1.0, most: int = 2
+    value: float,
+    low: float,
+    high: float,
+    unit: str = "",
+    *,
+    factor: float = 1.0,
+    most: int = 2,
+    beside: float = 0.0,
 ) -> tuple[str, str]:
     """`8 %` and `(7.8 to 8.2)`: an amount and its interval, no digit more than that allows.
 
     The last digit shown is the first of the half width, at most `most` decimals, or one more where
     the ends would look alike or one of them would look like 0. Amounts of a small aircraft are in a
-    smaller unit: `2.7 g` of 0.0027 kg. Without an interval the second text is empty.
+    smaller unit: `2.7 g` of 0.0027 kg, unless the largest amount `beside` it in a table, in `unit`,
+    is not. Without an interval the second text is empty.
     """
     largest = max(abs(value), abs(low), abs(high)) * abs(factor)
     if unit in SMALLER and largest < SMALL:
-        finer, unit = SMALLER[unit]
-        factor, largest = factor * finer, largest * finer
+        if beside < SMALL:
+            finer, unit = SMALLER[unit]
+            factor, largest = factor * finer, largest * finer
         if 0.0 < largest < 1.0:
             most = max(most, 1 - math.floor(math.log10(largest)))
     value, ends = value * factor, sorted((low * factor, high * factor))

@@ -213,6 +213,7 @@ class FirstContact:
     layout: str | None
     motor_order_known: bool
     cells: int  # 0: not known
+    cells_guessed: bool  # one figure alone says them, or chemistries differ
     hover_s: float  # steady, in which weight can be compared with speeds or outputs
     esc_speeds: bool
     gauge: bool  # of the tank
@@ -283,7 +284,9 @@ def found_words(contact: FirstContact) -> str:
     """What the log says of the aircraft, as a list."""
     layout = contact.layout or say("layout not known")
     order = say("in its motor order" if contact.motor_order_known else "motor order not known")
-    cells = say("{count} cells", count=contact.cells)
+    cells = say("{count} cells" if contact.cells != 1 else "{count} cell", count=contact.cells)
+    if contact.cells_guessed:
+        cells += f" ({say('guessed')})"
     hover = contact.hover_s if known(contact.hover_s) else 0.0
     has = {
         "ESC speeds": contact.esc_speeds,

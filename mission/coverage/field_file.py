@@ -9,7 +9,10 @@ from __future__ import annotations
 import io
 import json
 import logging
+import lzma
+import struct
 import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from itertools import islice
@@ -34,6 +37,13 @@ WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326")
 _SHAPEFILE = b"\x00\x00\x27\x0a"
 #: ISOXML kinds of polygon: the boundary; and water, buildings and obstacles, which are holes of it.
 _BOUNDARY, _HOLES = "1", ("3", "4", "6")
+
+#: What zipfile and the decompressors under it raise over a damaged archive.
+DAMAGED_ARCHIVE = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, NotImplementedError),
+    *(RuntimeError, OSError, EOFError, ValueError, LookupError, OverflowError),
+    MemoryError,  # a dictionary of gigabytes that a damaged head asks for
+)
 
 #: Name and polygon in longitude, latitude in degrees.
 Named = tuple[str, shapely.Polygon]
@@ -125,7 +135,7 @@ def _kml_of(data: bytes, name: str) -> bytes:
                 raise PlanError(f"{name} unpacks to more than {LARGEST_FILE >> 20} MiB")
             with archive.open(inside[0]) as file:
                 return file.read(LARGEST_FILE)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError) as error:
+    except DAMAGED_ARCHIVE as error:
         raise PlanError(f"{name} is a damaged archive ({error}); save it again") from error
 
 
@@ -266,25 +276,30 @@ def _of_shapefile(data: bytes, path: Path) -> list[Named]:
     except Exception as error:  # pyshp lets what struct and array say through
         raise PlanError(f"{path.name} is damaged; save it again") from error
     found = [("", p) for s in shapes for p in _all_polygons(shapely.force_2d(s))]
-    return _in_degrees(found, system.read_text(encoding="utf-8", errors="replace"), path.name)
+    try:
+        words = system.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise PlanError(f"{system} cannot be read: {error.strerror}") from error
+    return _in_degrees(found, words, path.name)
 
 
 def _in_degrees(found: Sequence[Named], system: str, name: str) -> list[Named]:
     """Polygons in the coordinate system of this name or text, in longitude and latitude."""
     try:
         import pyproj
-        from pyproj.exceptions import CRSError
+        from pyproj.exceptions import ProjError
     except ImportError as error:
         raise InstallError(
             f"{name} is not in WGS 84; reading it needs: pip install 'thrustmargin[field]'"
         ) from error
     try:
         crs = pyproj.CRS.from_user_input(system)
-    except CRSError as error:
+        to_degrees = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+    except ProjError as error:
+        words = " ".join(system.split())
         raise PlanError(
-            f"{name} is in a coordinate system that is not known ({system:.60}); save it in WGS 84"
+            f"{name} is in a coordinate system that is not known ({words:.60}); save it in WGS 84"
         ) from error
-    to_degrees = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
 
     def degrees(points: np.ndarray) -> np.ndarray:
         return np.column_stack(to_degrees.transform(points[:, 0], points[:, 1]))

@@ -55,6 +55,7 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, utilisation
 from thrustmargin.models.physics.motor_layouts import ardupilot_layout, bearings
 from thrustmargin.models.physics.smoothing import known_median
+from thrustmargin.models.provenance import SourceKind
 from thrustmargin.models.vehicle_facts import StatedBattery, VehicleFacts, can_be_cells
 
 Range = tuple[float, float]
@@ -330,12 +331,15 @@ def _output(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> 
     brief = f"motor outputs of {100 * output:.0f} %"
     weighs = airframe.empty_mass + tank[1]
     words = f"{brief} would lift {mass:.3g} kg with the rotors of airframe {airframe.name}, "
-    words += f"which weighs {weighs:.3g} kg" + (" by the gauge" if known else " full")
+    stated = track.source("tank_kg").kind in (SourceKind.STATED, SourceKind.AIRFRAME)
+    by = " with the load that is stated" if stated else " by the gauge"
+    words += f"which weighs {weighs:.3g} kg" + (by if known else " full")
     # Without speeds of its own the gauge sets what the outputs mean: then it must agree with them.
     alone = not np.isfinite(outputs.over_speeds)
     if alone and outputs.surely_more_than(weighs):
         verdict = "contradicts"
-        words += ": gauge, empty mass or the airframe's largest rotor speed is wrong"
+        wrong = "load" if stated else "gauge"
+        words += f": {wrong}, empty mass or the airframe's largest rotor speed is wrong"
     brief += f" {_for_mass(track, airframe, np.sqrt(low * high))}"
     return Comparison(check="motor output", verdict=verdict, words=words, brief=brief)
 

@@ -49,6 +49,7 @@ class AirframeClaim:
     #: What no longer fits in a flight that was known to be of the airframe: a finding.
     misfit: tuple[str, ...] = ()
     other_order: bool = False  # its motors are not in the airframe's order: which is which?
+    odd_voltage: bool = False  # the battery's voltage is that of no battery of the airframe
     outputs: OutputEvidence | None = None  # what motor outputs say of the load, without the gauge
 
     @property
@@ -60,6 +61,13 @@ class AirframeClaim:
     @property
     def remedy(self) -> str:
         """What helps a flight without a claim to its margin, for people."""
+        if self.odd_voltage:
+            return (
+                "set the voltmeter's scale right if it reads wrong (BATT_VOLT_MULT, BAT1_V_DIV); "
+                "of another battery state its cells: "
+                f"`thrustmargin airframe new --from {self.source} --cells COUNT`, or name "
+                "another with --airframe"
+            )
         other, first = (
             ("one", "")
             if self.basis != "given"
@@ -97,7 +105,14 @@ def airframe_claim(
     against = tuple(c.words for c in found if c.verdict == "contradicts")
     if given:
         words = f"airframe {airframe.name}, given{_guessed_words(airframe)}"
-        return AirframeClaim(words=words, withheld=against, source=track.name, outputs=outputs)
+        odd = {c.check for c in found if c.verdict == "contradicts"} == {"voltage"}
+        return AirframeClaim(
+            words=words,
+            withheld=against,
+            source=track.name,
+            odd_voltage=odd,
+            outputs=outputs,
+        )
     if by := recognised(found):
         words = (
             f"airframe {airframe.name}, recognised ({by}); none was given{_guessed_words(airframe)}"

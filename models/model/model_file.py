@@ -36,6 +36,9 @@ DIGEST_KEY = "thrustmargin.sha256"
 #: arrays of RotorNetwork beside its layers
 STANDARDISATION = ("input_mean", "input_scale", "output_mean", "output_scale")
 
+#: What numpy and safetensors raise over kinds and shapes of numbers that numpy has not.
+OTHER_TENSORS = (TypeError, ValueError, LookupError, AttributeError, OverflowError)
+
 #: fields of RotorModel that are kept as JSON: key in the file, field, and what it is
 JSON_FIELDS: tuple[tuple[str, str, Any], ...] = (
     ("envelope", "training_domain", TrainingDomain | None),
@@ -113,7 +116,7 @@ def load_model(path: str | Path | None = None) -> RotorModel:
         with safe_open(str(regular(path)), framework="numpy") as file:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
+    except (OSError, SafetensorError, *OTHER_TENSORS) as error:
         raise _unreadable(path, error) from error
     text = metadata.get(METADATA_KEY, "null")
     if metadata.get(DIGEST_KEY, digest := _content_digest(text, tensors)) != digest:

@@ -144,7 +144,7 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
         ).read_text("utf-8")
     try:
         table = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # of too many digits, too
         raise AirframeError(f"{name_or_path}: not a TOML file: {error}") from error
     _raise(wrong_kinds(table), name_or_path)
     parent = table.pop("extends", None)

@@ -66,6 +66,53 @@ def test_heights_of_two_kinds_name_those_of_the_rarer():
     assert faults(replace(plan, items=tuple(items))) == {"mixed height frames": (7,)}
 
 
+def at_height(height, *numbers, frame=3):
+    """TWO_LINES with the items of these numbers at another height."""
+    items = [
+        replace(i, frame=frame, parameters=(*i.parameters[:6], height))
+        if i.number in numbers
+        else i
+        for i in plan_of(*TWO_LINES).items
+    ]
+    return replace(plan_of(*TWO_LINES), items=tuple(items))
+
+
+@pytest.mark.parametrize(
+    ("height", "numbers", "frame", "fault", "above"),
+    [
+        (0.0, (1, 3, 5), 3, "at the height of home", 0.0),
+        (0.4, (5,), 3, "at the height of home", 0.4),
+        (505.0, (3, 5), 3, "far above home", 505.0),
+        (505.0, (5,), 10, "far above home", 505.0),
+        (1005.0, (5,), 0, "far above home by sea level", 505.0),
+        (5.0, (5, 7), 0, "below home", -495.0),
+    ],
+)
+def test_heights_that_cannot_be_meant_are_found_with_their_items(
+    height, numbers, frame, fault, above
+):
+    plan = at_height(height, *numbers, frame=frame)
+    found = {f.fault: f for f in check_plan(plan, plan_steps(plan))}
+    assert found[fault].items == numbers
+    assert found[fault].height == pytest.approx(above)
+    others = {"at the height of home", "far above home", "below home"} - {fault}
+    assert not others & set(found)
+
+
+def test_heights_of_a_field_on_a_hill_and_of_a_landing_are_meant():
+    assert faults(at_height(90.0, 3, 5, 7, 9)) == {}
+    assert faults(at_height(-40.0, 3, 5, 7, 9)) == {}
+    landing = plan_of(*TWO_LINES[:-1], (21, spot(48.0, 11.0, 0.0)))
+    assert "at the height of home" not in faults(landing)
+    no_home = replace(at_height(505.0, 5, frame=0), home=(48.0, 11.0, float("nan")))
+    assert set(faults(no_home)) == {"mixed height frames"}
+
+
+def test_a_jump_forward_repeats_nothing():
+    rows = [TWO_LINES[0], (177, 4.0, -1.0), (16, spot(12.0, 11.0)), *TWO_LINES[2:]]
+    assert faults(plan_of(*rows)) == {}
+
+
 def box(south, west, north, east, *, inside):
     corners = ((south, west), (south, east), (north, east), (north, west))
     return FencePolygon(inside=inside, corners=corners)
@@ -99,7 +146,8 @@ def test_a_fence_that_crosses_itself_is_named_and_the_others_are_checked():
 
 def test_the_date_line_and_the_pole_are_places():
     east, west = spot(10.0, 179.9999), spot(10.0, -179.9999)
-    line = plan_of((22,), (216, 0.0), (16, east), (16, west), home=(10.0, 179.9995, 0.0))
+    up = (22, (0.0, 0.0, 3.0))
+    line = plan_of(up, (216, 0.0), (16, east), (16, west), home=(10.0, 179.9995, 0.0))
     assert faults(line, sprays=False) == {}
-    pole = plan_of((22,), (16, spot(90.0, 0.0)), (16, spot(90.0, 170.0)), home=(89.9999, 0.0, 0.0))
+    pole = plan_of(up, (16, spot(90.0, 0.0)), (16, spot(90.0, 170.0)), home=(89.9999, 0.0, 0.0))
     assert faults(pole, sprays=False) == {}

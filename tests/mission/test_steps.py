@@ -68,6 +68,22 @@ def test_a_jump_is_followed_as_often_as_it_says():
     assert [s.item for s in tagged.steps] == [2, 2, 2]
 
 
+@pytest.mark.parametrize("repeats", [-1.0, 1.0, 30000.0])
+def test_a_jump_forward_leaves_items_out_and_the_rest_is_flown(repeats):
+    rows = ((22,), (177, 4.0, repeats), (16, NORTH), (16, SOUTH), (16, NORTH), (20,))
+    found = plan_steps(plan_of(*rows))
+    assert [s.item for s in found.steps] == [1, 4, 5, 6]
+    assert not found.not_understood
+
+
+def test_a_jump_forward_in_a_repetition_is_taken_each_time():
+    rows = ((22,), (16, NORTH), (177, 5.0, -1.0), (16, SOUTH), (16, NORTH), (177, 2.0, 2.0), (20,))
+    found = plan_steps(plan_of(*rows))
+    assert [s.item for s in found.steps] == [1, *(2, 5) * 3, 7]
+    endless = plan_steps(plan_of(*rows[:5], (177, 2.0, -1.0)))
+    assert [w.item for w in endless.not_understood] == [6]
+
+
 def test_an_inner_jump_counts_anew_but_for_ardupilot():
     nested = ((16, NORTH), (177, 1.0, 1.0), (177, 1.0, 1.0))
     assert len(plan_steps(plan_of(*nested, firmware=12)).steps) == 4

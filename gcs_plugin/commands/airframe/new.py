@@ -126,7 +126,7 @@ class AirframeNew:
         except OSError as error:
             raise DataError(f"cannot write {self.out}: {error.strerror or error}") from error
         print_airframe(console, craft)
-        for note in (*reported.notes, *fitted.notes, *notes):
+        for note in (*reported.notes, *_guessed_cells(craft), *fitted.notes, *notes):
             console.print(f"note: {note}", soft_wrap=True)
         console.print(f"wrote {self.out}", soft_wrap=True)
         log = hover[0] if hover else found.log
@@ -149,6 +149,14 @@ def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -
         layout=owner.layout,
     )
     return replace(reported, quantities={**reported.quantities, **fitted.quantities})
+
+
+def _guessed_cells(craft: Airframe) -> tuple[str, ...]:
+    """Say that the number of cells is guessed, by what, and how to state it."""
+    nominal = craft.quantities["nominal_voltage"]
+    if not nominal.guessed:
+        return ()
+    return (f"the battery is guessed: {nominal.source}; state --cells COUNT",)
 
 
 def _made(

@@ -37,14 +37,15 @@ def logs_here(folder: Path) -> list[Path]:
 
 
 def open_fields(
-    answers: Answers, reported: ReportedAirframe, *, asks_load: bool
+    answers: Answers, reported: ReportedAirframe, *, asks_load: bool, asks_guessed: bool = False
 ) -> tuple[str, ...]:
     """Keys of QUESTIONS that have no answer yet, in their order.
 
     `asks_load`: the weight in a flight is compared with its thrust, and no gauge says what was on
-    board.
+    board. `asks_guessed`: a number of cells that was guessed is asked for.
     """
     owner, known = answers.owner, reported.quantities
+    nominal = known.get("nominal_voltage")
     thrust_known = owner.max_thrust_kgf is not None or "nameplate_max_thrust" in known
     set_known = owner.power_set not in (None, OTHER)
     no_set = not set_known and (
@@ -52,7 +53,7 @@ def open_fields(
     )
     is_open = {
         "layout": owner.layout is None and reported.layout is None,
-        "cells": owner.cells is None and "nominal_voltage" not in known,
+        "cells": owner.cells is None and (nominal is None or (asks_guessed and nominal.guessed)),
         "mass": owner.mass is None,
         "wheelbase": owner.arm is None and owner.wheelbase is None and "arm" not in known,
         "power_set": not set_known and not no_set,
@@ -90,7 +91,7 @@ def asked(answers: Answers, reported: ReportedAirframe, *, asks_load: bool) -> A
 
     Raises DataError when the answers end before the questions.
     """
-    while open_now := open_fields(answers, reported, asks_load=asks_load):
+    while open_now := open_fields(answers, reported, asks_load=asks_load, asks_guessed=True):
         answers = _answered(open_now[0], answers, reported)
     return answers
 

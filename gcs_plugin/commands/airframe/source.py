@@ -46,7 +46,9 @@ class VehicleParameters:
             (
                 f"{program}, autopilot {self.autopilot}" if self.autopilot else program,
                 f"layout {reported.layout or 'not known'}",
-                f"battery {cells.source}" if cells else "battery cells not known",
+                f"battery {cells.source}{', guessed' if cells.guessed else ''}"
+                if cells
+                else "battery cells not known",
                 "a tank gauge" if self.gauge else "no tank gauge",
             )
         )

@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.accuracy import trained_on
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.whole_file import whole_file
+from thrustmargin.models.whole_file import regular, whole_file
 
 
 def anonymous(
@@ -92,10 +92,11 @@ def own_key() -> str:
         with whole_file(path) as draft:
             draft.touch(0o600)
             draft.write_text(secrets.token_hex(32) + "\n", encoding="utf-8")
-    key = path.read_text(encoding="utf-8").strip()
+    key = ""
     try:
+        key = regular(path).read_text(encoding="utf-8").strip()
         known = len(bytes.fromhex(key)) == 32
-    except ValueError:
+    except (OSError, ValueError):
         known = False
     if not known:
         raise DataError(f"{path} is no key of pseudonyms; move it away and a new one is made")

@@ -52,7 +52,14 @@ def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
         made = PlanConditions(battery=battery, wind_ned=(north, east, down), **_numbers(known))
     except OSError as error:
         raise PlanError(f"{path} cannot be read: {error.strerror}") from error
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
         raise PlanError(
             f"{path.name} does not hold what a plan was forecast with; write it with: "
             "thrustmargin forecast PLAN --fill KG --json FILE.json"

@@ -14,8 +14,14 @@ from typing import Any
 
 from rich.console import Console
 
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    ReadingOptions,
+    reading_keywords,
+)
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.whole_file import regular
 
 OPTIONS = "options.json"
@@ -70,6 +76,16 @@ class Chosen:
         }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Table:
+    """What options.json holds, each by its kind."""
+
+    model: str | None
+    airframe: str | None
+    max_utilisation: float | None
+    reading: ReadingOptions
+
+
 def with_recorded(logs: Sequence[Path], user: Chosen, console: Console) -> Chosen:
     """The options for these logs; what is taken from a recording is printed on the console.
 
@@ -114,16 +130,20 @@ def _options_of(log: Path) -> Chosen:
     if log.suffix.lower() != ".tlog" or not path.exists():
         return Chosen()
     try:
-        table = json.loads(regular(path).read_text("utf-8"))
+        content = json.loads(regular(path).read_text("utf-8"))
+        table: _Table = from_json_values(_Table, content, "options")
+        if table.max_utilisation is not None and not 0.0 < table.max_utilisation <= 1.0:
+            raise ValueError(f"a limit of {table.max_utilisation:g}")
+        reading_keywords(table.reading)
         made = Chosen(
-            model=None if table["model"] is None else Path(table["model"]),
-            airframe=table["airframe"],
-            max_utilisation=table["max_utilisation"],
-            reading=ReadingOptions(**table["reading"]),
+            model=None if table.model is None else Path(table.model),
+            airframe=table.airframe,
+            max_utilisation=table.max_utilisation,
+            reading=table.reading,
         )
-    except (OSError, ValueError, TypeError, KeyError) as error:
+    except (OSError, ValueError, RecursionError, UsageError) as error:
         raise DataError(
-            f"{path} does not hold the options of a recording ({error!r:.80}); rename it, and give "
+            f"{path} does not hold the options of a recording ({error!s:.80}); rename it, and give "
             "the options yourself"
         ) from error
     return made

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat
 from thrustmargin.gcs_plugin.mavlink.frame import Bytes
 from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
 from thrustmargin.gcs_plugin.telemetry.recording import NotThisFormat, Recording, without_leaps
+from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 
 
@@ -43,6 +44,11 @@ def _found(path: Path) -> dict[str, Any]:
     if found.start.size == 0 or len(found.formats) < 2:
         raise NotThisFormat(
             f"{path.name}: no DataFlash message in {size} bytes; is its start missing?"
+        )
+    if any(f.name == "TIME" and f.columns == ("StartTime",) for f in found.formats.values()):
+        raise LogError(
+            f"{path.name}: a log of PX4 from before 2016 (sdlog2, .px4log), whose messages are not "
+            "known here; PX4 since version 1.4 writes .ulg, which is read: fly again with it"
         )
     clock = _clock(found)
     messages: dict[str, Messages] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -125,18 +125,31 @@ MOST_SETS = 5  # of effects that are listed
 def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
     """What was found, how sure, and below each its parameters with value and interval.
 
-    A row of an effect has neither; one of a parameter has no probability.
+    A row of an effect has neither; one of a parameter has no probability. Amounts of one unit
+    are all in it or all in the smaller one.
     """
     rows = []
+    largest: dict[str, float] = {}
+    for one in found.found:
+        for k, p in enumerate(one.term.effect.parameters):
+            factor, unit = shown_unit(p.unit, p.name)
+            ends = np.abs(factor * np.stack([v[:, k] for v in (one.value, one.lower, one.upper)]))
+            most = float(np.nanmax(ends, initial=0.0))
+            largest[unit] = max(largest.get(unit, 0.0), most)
     for one in found.found:
         thing = effect_thing(one.term, found.model.airframe.rotor_names)
         rows.append((thing, "", "", chance(one.probability)))
-        rows += [(*row, "") for row in _parameter_rows(found, one)]
+        rows += [(*row, "") for row in _parameter_rows(found, one, largest)]
     return rows
 
 
-def _parameter_rows(found: Identification, one: Found) -> list[tuple[str, str, str]]:
-    """Name, value with unit and interval; values of single flights where they are largest."""
+def _parameter_rows(
+    found: Identification, one: Found, beside: Mapping[str, float]
+) -> list[tuple[str, str, str]]:
+    """Name, value with unit and interval; values of single flights where they are largest.
+
+    `beside` has the largest amount of the table in each unit.
+    """
     parameters = one.term.effect.parameters
     own = [k for k, p in enumerate(parameters) if p.per_flight]
     size = np.abs(one.value[:, own[0]]) if own else np.zeros(one.value.shape[0])
@@ -148,7 +161,10 @@ def _parameter_rows(found: Identification, one: Found) -> list[tuple[str, str, s
         for f in largest if p.per_flight else [one.flight]:
             value, low, high = (float(v[f, k]) for v in (one.value, one.lower, one.upper))
             where = f", {found.problem.names[f]}" if p.per_flight else ""
-            rows.append((name + where, *within(value, low, high, unit, factor=factor, most=6)))
+            shown = within(
+                value, low, high, unit, factor=factor, most=6, beside=beside.get(unit, 0.0)
+            )
+            rows.append((name + where, *shown))
     return rows
 
 

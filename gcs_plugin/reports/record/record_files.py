@@ -54,7 +54,11 @@ def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[
         contents |= shapefile(done) if makes_shapefiles() else {}
     with ExitStack() as files:
         for name, data in contents.items():
-            files.enter_context(whole_file(folder / name)).write_bytes(data)
+            draft = files.enter_context(whole_file(folder / name))
+            draft.touch(
+                0o600
+            )  # it names people and places: other users of the computer do not read it
+            draft.write_bytes(data)
     for name in set(NAMES) - contents.keys():
         (folder / name).unlink(missing_ok=True)
     return [folder / name for name in contents]

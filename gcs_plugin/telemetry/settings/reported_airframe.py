@@ -8,7 +8,7 @@ counter-clockwise), BATn_N_CELLS.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Any
@@ -29,12 +29,33 @@ from thrustmargin.models.physics.motor_layouts import (
 )
 from thrustmargin.models.vehicle_facts import StatedBattery, VehicleFacts, can_be_cells
 
-#: V of a lithium polymer cell: nominal, and what these settings usually stand for.
+#: V of a lithium polymer cell, nominal; an airframe's nominal voltage counts cells by it.
 CELL = 3.7
-_CELL_OF = {"MOT_BAT_VOLT_MAX": 4.2, "MOT_BAT_VOLT_MIN": 3.3, "BATT_LOW_VOLT": 3.6}
-_FULL_CELL = 4.1  # V a cell at take-off
 #: Cells in series that batteries are sold with.
-_CELLS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 13, 14, 16, 18, 20, 24, 28)
+_CELLS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 13, 14, 15, 16, 18, 20, 22, 24, 28)
+#: Chemistry -> V of one cell that each setting usually stands for, and at take-off.
+_CHEMISTRIES: Mapping[str, Mapping[str, float]] = {
+    "LiPo": {"MAX": 4.2, "MIN": 3.3, "LOW": 3.6, "log": 4.1},
+    "HV LiPo": {"MAX": 4.35, "MIN": 3.3, "LOW": 3.6, "log": 4.25},
+    "Li-ion": {"MAX": 4.1, "MIN": 2.8, "LOW": 3.1, "log": 4.0},
+}
+#: V a cell by which owners depart from these. A full cell is set by its chemistry; where it is
+#: empty is set by habit; a flight may begin with a battery that is not full.
+_SPREAD = {"MAX": 0.05, "MIN": 0.25, "LOW": 0.2, "log": 0.15}
+#: Spreads beyond which a setting says nothing more: it is of another battery, or nobody set it.
+_MOST_SPREADS = 4.0
+#: Spreads by which the readings of two chemistries must differ for the worse to be dropped.
+_APART = 2.0
+#: V that a cell can have: at the end of a flight, and full by a high-voltage charger. At take-off
+#: no cell is below the first of the second pair; a voltmeter may read 2 % too much.
+_CELL_RANGE, _AT_TAKE_OFF = (2.8, 4.35), (3.4, 4.35 * 1.02)
+_SETTINGS = {
+    "MOT_BAT_VOLT_MAX": "MAX",
+    "Q_M_BAT_VOLT_MAX": "MAX",
+    "MOT_BAT_VOLT_MIN": "MIN",
+    "Q_M_BAT_VOLT_MIN": "MIN",
+    "BATT_LOW_VOLT": "LOW",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,21 +178,94 @@ def _battery(
         if 0 < cells <= MOST_CELLS and can_be_cells(cells, highest_voltage):
             words = f"{cells} cells of {CELL} V, by {whose}"
             return {"nominal_voltage": Quantity(round(cells * CELL, 2), "V", words)}
-    estimates = {
-        f"{name} {parameters[name]:g}": parameters[name] / cell
-        for setting, cell in _CELL_OF.items()
-        for name in (setting, setting.replace("MOT_", "Q_M_"))
+    return _cells_by_settings(parameters, highest_voltage)
+
+
+def _cells_by_settings(
+    parameters: Mapping[str, float], highest_voltage: float
+) -> dict[str, Quantity]:
+    """Nominal voltage by the cells that battery settings and the log's voltage fit best.
+
+    The cells are guessed where one figure alone says them, or where lithium polymer, high-voltage
+    and ion cells read the figures as different counts. Empty where no count of cells can have the
+    voltage, or nothing says it.
+    """
+    volts = {
+        f"{name} {parameters[name]:g}": (kind, parameters[name])
+        for name, kind in _SETTINGS.items()
         if 0.0 < parameters.get(name, 0.0) < inf
     }
     if isfinite(highest_voltage) and highest_voltage > 2.0:
-        measured = highest_voltage / _FULL_CELL
+        polymer = _CHEMISTRIES["LiPo"]
+        measured = highest_voltage / polymer["log"]
         # A setting of another battery, or one that nobody set, does not count against the flight.
-        estimates = {k: n for k, n in estimates.items() if abs(n - measured) < 0.2 * measured}
-        estimates[f"{highest_voltage:.1f} V in the log"] = measured
-    if not estimates:
+        volts = {
+            words: (kind, setting)
+            for words, (kind, setting) in volts.items()
+            if abs(setting / polymer[kind] - measured) < 0.2 * measured
+        }
+        volts[f"{highest_voltage:.1f} V in the log"] = ("log", highest_voltage)
+    readings = {
+        chemistry: best
+        for chemistry, usual in _CHEMISTRIES.items()
+        if (best := _best_cells(list(volts.values()), usual)) is not None
+    }
+    if not readings:
         return {}
-    middle = float(np.median(list(estimates.values())))
-    cells = min(_CELLS, key=lambda n: abs(n - middle))
-    source, guessed = ", ".join(estimates), len(estimates) < 2
-    words = f"{cells} cells of {CELL} V, by {source}"
+    misfit, cells = min(readings.values())
+    others = {
+        count: chemistry
+        for chemistry, (apart, count) in readings.items()
+        if count != cells
+        and apart < misfit + _APART
+        and _agreeing(volts.values(), count, chemistry) == len(volts)
+    }
+    chemistry = next(name for name, best in readings.items() if best == (misfit, cells))
+    agreeing = _agreeing(volts.values(), cells, chemistry)
+    words = f"{cells} cells of {CELL} V, by {', '.join(volts)}"
+    if others:
+        either = (f"{count} if {name}" for count, name in others.items())
+        words = f"{words}: {cells} if {chemistry}, {', '.join(either)}"
+    guessed = bool(others) or agreeing < 2
     return {"nominal_voltage": Quantity(round(cells * CELL, 2), "V", words, guessed)}
+
+
+def _agreeing(volts: Iterable[tuple[str, float]], cells: int, chemistry: str) -> int:
+    """Count the voltages that so many cells of a chemistry usually have."""
+    usual = _CHEMISTRIES[chemistry]
+    return sum(
+        abs(setting / cells - usual[kind]) < _MOST_SPREADS * _SPREAD[kind]
+        for kind, setting in volts
+    )
+
+
+def _best_cells(
+    volts: Sequence[tuple[str, float]], usual: Mapping[str, float]
+) -> tuple[float, int] | None:
+    """The misfit, in spreads, and the count of cells of one chemistry that fits `volts` best.
+
+    None where there are no voltages, or no count of cells can have them.
+    """
+    fits = [
+        (
+            sum(
+                min(abs(setting / cells - usual[kind]) / _SPREAD[kind], _MOST_SPREADS)
+                for kind, setting in volts
+            ),
+            cells,
+        )
+        for cells in _CELLS
+        if all(_possible(kind, setting / cells) for kind, setting in volts)
+    ]
+    return min(fits) if volts and fits else None
+
+
+def _possible(kind: str, volts: float) -> bool:
+    """Return whether a cell can have this voltage, that a setting or the log gives it.
+
+    The settings of an empty battery are often left at those of another one, and exclude nothing.
+    """
+    if kind == "log":
+        return _AT_TAKE_OFF[0] <= volts <= _AT_TAKE_OFF[1]
+    # Owners round, so that 52.2 V are 12 cells of 4.35 V.
+    return kind != "MAX" or _CELL_RANGE[0] <= volts <= _CELL_RANGE[1] + 1e-6

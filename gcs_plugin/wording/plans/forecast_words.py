@@ -250,7 +250,8 @@ def way_back_words(made: PlanForecast) -> str:
 
 def plan_faults(made: PlanForecast) -> tuple[str, ...]:
     """What is wrong with the plan or not understood of it, first."""
-    wrong = [f"{say('Plan')}: {fault_words(f.fault, f.items)}." for f in made.findings]
+    faults = [fault_words(f.fault, f.items, f.height) for f in made.findings]
+    wrong = [f"{say('Plan')}: {words}{'' if words.endswith('?') else '.'}" for words in faults]
     unknown = [f"{say('Not reckoned')}: {not_understood_words(n)}." for n in made.not_understood]
     return (*_cut(wrong), *_cut(unknown))
 

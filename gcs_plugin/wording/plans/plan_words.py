@@ -62,6 +62,16 @@ FAULTS: Mapping[str, tuple[str, str]] = {
     "pump on between lines": ("the pump is on between lines", "switch it off at the line end"),
     "pump on in turns": ("the pump stays on in turns", "switch it off at the line end"),
     "pump on at return": ("the pump is on during return or landing", "switch it off before"),
+    "at the height of home": ("{height} above home", "give each the height that it is flown at"),
+    "far above home": ("up to {height} above home", "is it meant above the sea?"),
+    "far above home by sea level": (
+        "up to {height} above home by heights above the sea",
+        "is it meant above home, and is home's height right?",
+    ),
+    "below home": (
+        "up to {height} below home",
+        "are these heights and home's of one kind (home, sea level)?",
+    ),
     "mixed height frames": (
         "heights are of different kinds (home, ground, sea level)",
         "use one kind",
@@ -91,9 +101,13 @@ def not_understood_words(one: NotUnderstood) -> str:
     return f"{say('item')} {one.item} (MAV_CMD {one.command}): {say(what)}; {say(to_do)} ({of})"
 
 
-def fault_words(fault: str, items: Sequence[int]) -> str:
-    """`items 4, 7, 9: the pump stays on in turns; switch it off at the line end`."""
-    words = "; ".join(map(say, FAULTS[fault]))
+def fault_words(fault: str, items: Sequence[int], height: float = math.nan) -> str:
+    """`items 4, 7, 9: the pump stays on in turns; switch it off at the line end`.
+
+    `height` is m above home, of faults of height.
+    """
+    what, to_do = FAULTS[fault]
+    words = f"{say(what, height=number(abs(height), 'm', 0))}; {say(to_do)}"
     if not items:
         return words
     more = say(" and {count} more", count=len(items) - _SHOWN) if len(items) > _SHOWN else ""

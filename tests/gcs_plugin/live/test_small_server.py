@@ -41,8 +41,8 @@ def test_many_who_connect_and_say_nothing_take_few_threads(made):
     port, path, stop = made()
     before = threading.active_count()
     idle = [socket.create_connection(("127.0.0.1", port), 5) for _ in range(60)]
-    idle[-1].settimeout(5)
-    assert idle[-1].recv(1) == b""  # hung up on
+    idle[0].settimeout(5)
+    assert idle[0].recv(1) == b""  # hung up on
     assert threading.active_count() - before <= 32
     for one in idle:
         one.close()
@@ -53,6 +53,25 @@ def test_many_who_connect_and_say_nothing_take_few_threads(made):
     stop()
     with pytest.raises(ConnectionRefusedError):
         answered(port, path)
+
+
+@pytest.mark.parametrize("made", [metrics, bar])
+def test_one_peer_with_many_slow_connections_keeps_nobody_out(made):
+    port, path, stop = made()
+    slow = [socket.create_connection(("127.0.0.1", port), 5) for _ in range(32)]
+    for one in slow:
+        one.sendall(b"GET / HTTP/1.1\r\nX: ")  # and never ends
+    other = http.client.HTTPConnection("127.0.0.1", port, 5, source_address=("127.0.0.2", 0))
+    began = time.monotonic()
+    for _ in range(3):
+        other.request("GET", path)
+        assert other.getresponse().status == 200
+        assert answered(port, path)[0] == 200  # of the address of the slow ones, too
+        other.close()
+    assert time.monotonic() - began < 3.0
+    for one in slow:
+        one.close()
+    stop()
 
 
 def test_who_says_nothing_is_hung_up_on(monkeypatch):

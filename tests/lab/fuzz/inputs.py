@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -10,20 +12,27 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import safetensors.numpy
+from rich.console import Console
+
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.logs.test_ulog import px4_log
 from tests.lab.fuzz.live_link import watched
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
+from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
+from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.link.signing import read_signing_key
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.bench_table import read_bench
+from thrustmargin.gcs_plugin.logs.csv_columns import stated_columns
+from thrustmargin.gcs_plugin.logs.csv_table import unit_of_column
 from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
 from thrustmargin.gcs_plugin.reports.fleet.parts import read_parts
 from thrustmargin.mission.coverage.field_file import read_field
 from thrustmargin.mission.plan import write_plan
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.model_file import load_model, save_model
+from thrustmargin.models.model.model_file import METADATA_KEY, load_model, save_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -43,6 +52,29 @@ PARTS = (
     "part,aircraft,position,installed_at,removed_at\n"
     "P1,A,propeller 1,2026-01-02,2026-03-02\nP2,A,propeller 1,2026-03-02,\n"
     "M7,A,motor 2,2026-01-02,\n"
+)
+ISOXML = (
+    '<?xml version="1.0"?><ISO11783_TaskData><PFD A="PFD1" C="north"><PLN A="1"><LSG A="1">'
+    + "".join(f'<PNT A="2" C="{y}" D="{x}"/>' for x, y in CORNERS)
+    + "</LSG></PLN></PFD></ISO11783_TaskData>"
+)
+OPTIONS = json.dumps(
+    Chosen(
+        airframe="topxgun-f16-sitl",
+        max_utilisation=0.5,
+        reading=ReadingOptions(vehicle=1, load=3.0, load_end=1.0, air_temperature_c=20.0),
+    ).as_table()
+)
+COLUMNS = b'time_s = "t"\nvoltage = { column = "V", unit = "mV", offset = 1 }\nairspeed = 3.0\n'
+CONDITIONS = json.dumps(
+    {
+        "conditions": {
+            "fill_kg": 8.0,
+            "density": 1.2,
+            "wind_ned": [0.0, 1.0, 0.0],
+            "battery": {"voltage": 50.0, "capacity_ah": 16.0},
+        }
+    }
 )
 BENCH = "rpm,thrust [N],power [W]\n" + "".join(
     f"{n},{4e-5 * n * n:.3f},{2e-8 * n**3:.2f}\n" for n in range(500, 3000, 250)
@@ -68,6 +100,35 @@ def _made(write: Callable[[Path], Any], name: str) -> bytes:
     with TemporaryDirectory() as folder:
         write(path := Path(folder) / name)
         return path.read_bytes()
+
+
+def _archive(method: int) -> bytes:
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", method) as archive:
+        archive.writestr("doc.kml", KML)
+    return held.getvalue()
+
+
+def _without_digest(model: bytes) -> bytes:
+    """Return a model file of an earlier version: damage in it is read, not refused by a digest."""
+    tensors = safetensors.numpy.load(model)
+    size = int.from_bytes(model[:8], "little")
+    metadata = json.loads(model[8 : 8 + size])["__metadata__"]
+    return safetensors.numpy.save(tensors, {METADATA_KEY: metadata[METADATA_KEY]})
+
+
+def _options(path: Path) -> Any:
+    """Read a recording's options, which have a name of their own beside the log."""
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "options.json").write_bytes(path.read_bytes())
+        (log := Path(folder) / "a.tlog").touch()
+        return with_recorded([log], Chosen(), Console(file=io.StringIO()))
+
+
+def _columns(path: Path) -> Any:
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "columns.toml").write_bytes(path.read_bytes())
+        return stated_columns(Path(folder) / "a.csv", unit_of_column)
 
 
 def kinds() -> Iterator[tuple[str, Kind]]:
@@ -96,4 +157,11 @@ def kinds() -> Iterator[tuple[str, Kind]]:
     yield "parameters", Kind(".param", param, True, read_parameters)
     yield "bench", Kind(".csv", BENCH.encode(), True, read_bench)
     yield "parts", Kind(".csv", PARTS.encode(), True, lambda p: read_parts(p.read_bytes(), p.name))
+    for name, method in (("kmz", zipfile.ZIP_DEFLATED), ("kmz_lzma", zipfile.ZIP_LZMA)):
+        yield name, Kind(".kmz", _archive(method), False, read_field)
+    yield "isoxml", Kind(".xml", ISOXML.encode(), True, read_field)
+    yield "options", Kind(".json", OPTIONS.encode(), True, _options)
+    yield "columns", Kind(".toml", COLUMNS, True, _columns)
+    yield "conditions", Kind(".json", CONDITIONS.encode(), True, partial(read_assumed, beside=ROOT))
+    yield "old_model", Kind(".safetensors", _without_digest(model), False, load_model)
     yield "key", Kind(".key", b"ab" * 32, True, read_signing_key)

@@ -5,6 +5,7 @@
 import json
 import time
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 
 import pyproj
@@ -201,6 +202,29 @@ def test_what_is_no_field_gets_one_line_soon(tmp_path: Path, text: str, words: s
     assert time.process_time() - began < 2.0
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith("odd.kml")
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+@pytest.mark.parametrize("put", [b"\xff" * 30, bytes(30), b"\x05\x9c\x01" * 10])
+def test_a_damaged_archive_is_refused_in_one_line(tmp_path: Path, method: int, put: bytes):
+    path = tmp_path / "farm.kmz"
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("doc.kml", kml(FIELD))
+    whole = path.read_bytes()
+    for at in range(26, len(whole), 7):
+        path.write_bytes(whole[:at] + put + whole[at + len(put) :])
+        with suppress(PlanError):  # what a damaged place does not touch is read
+            read_field(path)
+
+
+def test_a_coordinate_system_that_cannot_be_turned_into_degrees_is_refused(tmp_path: Path):
+    local = 'LOCAL_CS["site",UNIT["metre",1]]\n'
+    content = {"type": "name", "properties": {"name": local}}
+    corners = [[8.0, 47.0], [8.002, 47.0], [8.002, 47.001], [8.0, 47.0]]
+    text = json.dumps({"type": "Polygon", "coordinates": [corners], "crs": content})
+    with pytest.raises(PlanError, match="coordinate system that is not known") as caught:
+        read_field(saved(tmp_path, text, "farm.geojson"))
+    assert "\n" not in str(caught.value)
 
 
 def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path: Path):

@@ -9,6 +9,7 @@ import pytest
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.checks.plausible import comparisons, recognised
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.provenance import Provenance, SourceKind
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -183,6 +184,25 @@ def test_without_rotor_speeds_outputs_recognise_only_with_a_known_load():
 def test_outputs_that_could_not_lift_the_weight_are_a_doubt():
     low = replace(lacking("rotor_speed_rpm"), throttle=np.full_like(TRACK.throttle, 0.28))
     assert verdicts(low)["motor output"] == "contradicts"
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        (SourceKind.STATED, "which weighs 28 kg with the load that is stated"),
+        (SourceKind.AIRFRAME, "which weighs 28 kg with the load that is stated"),
+        (SourceKind.MESSAGE, "which weighs 28 kg by the gauge"),
+    ],
+)
+def test_a_weight_is_by_the_gauge_only_where_there_is_one(kind, said):
+    low = replace(
+        lacking("rotor_speed_rpm"),
+        throttle=np.full_like(TRACK.throttle, 0.28),
+        sources={**TRACK.sources, "tank_kg": Provenance(kind=kind, name="--load 8")},
+    )
+    (words,) = (w for w in doubts_of(low, F16, FACTS, PARAMETERS) if "motor outputs" in w)
+    assert said in words
+    assert ("gauge" in words) == (kind is SourceKind.MESSAGE)
 
 
 def test_what_was_inferred_with_the_airframe_is_no_evidence_for_it():

@@ -247,3 +247,7 @@ def test_outputs_that_go_on_where_every_esc_fell_silent_are_not_kept_quiet(sound
     said = basis_words(made, measured_s=70.0, known_s=200.0, airborne_s=200.0)
     assert words in said.split("predicted for the ")[1]
     assert ("outputs" in said) == np.isfinite(outputs)
+    by_outputs = {"rotor_speed_rpm": np.ones_like(sound.utilisation)}
+    no_esc = replace(made, track=replace(made.track, standard_errors=by_outputs))
+    said = basis_words(no_esc, measured_s=70.0, known_s=200.0, airborne_s=200.0)
+    assert "ESC telemetry" not in said

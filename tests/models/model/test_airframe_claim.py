@@ -71,6 +71,16 @@ def test_a_given_airframe_stays_unless_something_speaks_against_it():
     assert "name another with --airframe" in doubted.remedy
 
 
+def test_a_voltage_of_no_battery_of_the_airframe_asks_for_voltmeter_and_cells():
+    """An airframe made anew from the same log has the same voltage: no way out."""
+    remedy = claim(SMALL, given=True).remedy
+    assert remedy.startswith("set the voltmeter's scale right")
+    assert "--cells COUNT" in remedy
+    hexacopter = replace(LOG.facts, rotor_count=6)
+    other = airframe_claim(SMALL, F16, hexacopter, LOG.parameters, given=True)
+    assert other.remedy.startswith("set right what reads wrong")
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("rotors", [0, 4, 6])
 def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):

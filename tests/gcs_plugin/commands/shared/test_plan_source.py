@@ -163,6 +163,8 @@ def test_a_large_log_that_begins_with_zeros_is_still_read(tmp_path: Path):
         "{}",
         '{"conditions": 3}',
         '{"conditions": {"fill_kg": 3}}',
+        '{"conditions": {"fill_kg": 3, "density": 1, "wind_ned": [0, 0, 0], "battery": [7]}}',
+        '{"conditions": {"fill_kg": 1%s, "wind_ned": [0, 0, 0], "battery": {}}}' % ("0" * 400),
         '{"conditions": {"fill_kg": null, "density": 1.2, "wind_ned": [0, 0, 0], "battery": {}}}',
         '{"conditions": {"fill_kg": 3, "density": 1.2, "wind_ned": [0, 0], "battery": {}}}',
         '{"conditions": {"fill_kg": 3, "density": 0, "wind_ned": [0, 0, 0], "battery": {}}}',

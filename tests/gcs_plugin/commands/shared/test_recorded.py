@@ -71,7 +71,32 @@ def test_recordings_with_other_options_are_not_mixed_silently(session, tmp_path)
         with_recorded([session / "telemetry.tlog", bare], Chosen(), Terminal(file=io.StringIO()))
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"model": 1}'])
+def options(**changed: object) -> str:
+    reading = {"vehicle": None, "tank": "auto", "load": None} | changed
+    own = {k: reading.pop(k) for k in ("model", "airframe", "max_utilisation") if k in reading}
+    whole = {"model": None, "airframe": "topxgun-f16-sitl", "max_utilisation": 0.5}
+    return json.dumps(whole | own | {"reading": reading})
+
+
+def test_options_of_every_kind_are_taken(tmp_path):
+    (tmp_path / "options.json").write_text(options(vehicle=3, load=2, air_temperature_c=20.5))
+    log = Path(shutil.copy(LOG, tmp_path / "telemetry.tlog"))
+    taken = with_recorded([log], Chosen(), Terminal(file=io.StringIO()))
+    assert (taken.reading.vehicle, taken.reading.load) == (3, 2.0)
+    assert (taken.limit, taken.airframe) == (0.5, "topxgun-f16-sitl")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("{", "[]", '{"model": 1}', "[" * 5000),
+        *(options(vehicle=[]), options(load=[3.0]), options(load="3"), options(load={})),
+        *(options(vehicle=True), options(vehicle=999), options(load=float("nan"))),
+        *(options(tank="NaN"), options(tank=[]), options(colour="red")),
+        *(options(max_utilisation=[0.5]), options(max_utilisation=50), options(model=[])),
+        *(options(airframe=7), options(max_utilisation=float("nan"))),
+    ],
+)
 def test_options_that_cannot_be_read_are_named_and_not_passed_over(tmp_path, text):
     (tmp_path / "options.json").write_text(text)
     log = Path(shutil.copy(LOG, tmp_path / "telemetry.tlog"))

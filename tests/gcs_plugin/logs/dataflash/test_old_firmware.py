@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import dataflash_sig
 from thrustmargin.gcs_plugin.logs.dataflash.text_log import dataflash_text_boots
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
-from thrustmargin.models.errors import ThrustMarginError
+from thrustmargin.models.errors import LogError, ThrustMarginError
 
 #: 5 km west of Zürich, 120 m above home, 8.5 m/s to the east.
 LAT, LNG, ALT = 473_700_000, 84_700_000, 52_000
@@ -164,6 +164,21 @@ def test_an_old_log_cut_or_hurt_anywhere_is_a_flight_or_one_clear_error(tmp_path
     path.write_bytes(bytes(whole[:end]))
     with contextlib.suppress(ThrustMarginError):
         assert read_log(path).track.time_s.size <= 60
+
+
+def test_a_log_of_px4_before_its_ulog_is_called_that(tmp_path):
+    """It has ArduPilot's frame of messages, and none of its names."""
+    log = DataFlashWriter()
+    log.message("TIME", "Q", "StartTime")
+    log.message("ATT", "fff", "Roll,Pitch,Yaw")
+    for k in range(300):
+        log.row("TIME", 10_000 * k)
+        log.row("ATT", 0.1, 0.2, 0.3, at=10_000 * k)
+    path = tmp_path / "11_22_33.px4log"
+    path.write_bytes(log.binary())
+    with pytest.raises(LogError, match=r"PX4 from before 2016 .* \.ulg") as caught:
+        read_log(path)
+    assert "\n" not in str(caught.value)
 
 
 def test_events_say_when_it_was_armed_and_before_the_first_it_was_not():

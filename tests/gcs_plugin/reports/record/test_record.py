@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
@@ -66,6 +67,13 @@ def job(tmp_path_factory) -> SimpleNamespace:
         record=json.loads((out / "record.json").read_text("utf-8")),
         flight=json.loads((folder / "r.json").read_text("utf-8"))["flights"][0]["flight"],
     )
+
+
+@pytest.mark.skipif(os.name != "posix", reason="files have no such modes there")
+def test_nobody_else_on_the_computer_reads_names_and_places(job):
+    modes = {path.name: path.stat().st_mode & 0o777 for path in job.out.iterdir()}
+    assert {"record.json", "record.csv", "record.pdf", "applied.geojson"} <= modes.keys()
+    assert set(modes.values()) == {0o600}
 
 
 def test_the_pump_is_summed_from_no_level_that_somebody_would_have_stated(job):

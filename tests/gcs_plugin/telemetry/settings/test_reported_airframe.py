@@ -33,7 +33,7 @@ def test_cells_are_what_settings_and_voltage_agree_on(settings, volts, expected)
     assert cells(QUAD | settings, volts)[0] == expected
 
 
-@pytest.mark.parametrize("count", [*range(1, 9), 10, 12, 13, 14, 16, 18, 20, 24, 28])
+@pytest.mark.parametrize("count", [*range(1, 9), 10, 12, 13, 14, 15, 16, 18, 20, 22, 24, 28])
 def test_a_full_battery_of_any_number_sold_is_counted(count):
     assert cells(QUAD | {"MOT_BAT_VOLT_MAX": 4.2 * count})[0] == count
     assert cells(QUAD, 4.15 * count)[0] == count
@@ -43,6 +43,44 @@ def test_one_hint_is_a_guess_two_that_agree_are_not_and_none_is_none():
     assert cells(QUAD | {"BATT_LOW_VOLT": 43.2}) == (12, True)
     assert cells(QUAD | {"BATT_LOW_VOLT": 43.2}, 49.1) == (12, False)
     assert cells(QUAD) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("most", "least", "low", "expected", "guessed"),
+    [
+        (52.2, 45.6, 46.8, 12, True),  # 4.35 V full; read as LiPo the empty ones say 13
+        (24.6, 16.8, 18.6, 6, False),  # Li-ion: 4.1, 2.8 and 3.1 V
+        (25.2, 18.0, 19.2, 6, False),  # Li-ion charged to 4.2 V
+        (92.4, 72.6, 79.2, 22, False),
+        (63.0, 49.5, 54.0, 15, False),
+        (16.8, 13.2, 14.4, 4, False),
+        (16.8, 14.0, 14.8, 4, False),
+        (50.4, 39.6, 10.5, 12, False),  # low voltage left at the default of three cells
+        (60.9, 46.2, 50.4, 14, False),
+    ],
+)
+def test_settings_of_any_chemistry_are_read_and_differing_readings_are_a_guess(
+    most, least, low, expected, guessed
+):
+    settings = {"MOT_BAT_VOLT_MAX": most, "MOT_BAT_VOLT_MIN": least, "BATT_LOW_VOLT": low}
+    assert cells(QUAD | settings) == (expected, guessed)
+
+
+def test_differing_readings_are_both_stated():
+    settings = {"MOT_BAT_VOLT_MAX": 52.2, "MOT_BAT_VOLT_MIN": 45.6, "BATT_LOW_VOLT": 46.8}
+    found = reported_airframe(QUAD | settings).quantities["nominal_voltage"]
+    assert found.source.endswith(": 12 if HV LiPo, 13 if LiPo")
+
+
+@pytest.mark.parametrize("volts", [2.5, 5.9, 6.6])
+def test_a_voltage_that_no_battery_takes_off_with_says_no_cells(volts):
+    assert cells(QUAD, volts) == (0, True)
+
+
+def test_a_full_cell_is_never_above_a_high_voltage_charger():
+    # 4.52 V a cell of 13 would be nearest to the minimum.
+    settings = {"MOT_BAT_VOLT_MAX": 58.8, "MOT_BAT_VOLT_MIN": 42.9}
+    assert cells(QUAD | settings)[0] == 14
 
 
 def test_without_parameters_of_the_frame_its_boot_text_says_the_layout():
@@ -179,7 +217,10 @@ def test_damaged_parameters_are_an_airframe_error_or_an_answer(parameters, volts
     assert all(0 < q.value < math.inf for q in found.quantities.values())
 
 
-@pytest.mark.parametrize(("volts", "guessed"), [(1.9, True), (2.1, False), (math.nan, True)])
-def test_a_voltage_in_flight_is_a_hint_from_two_volts_on(volts, guessed):
-    """Beside a setting of half a cell, which is one hint and stays one."""
-    assert cells(QUAD | {"BATT_LOW_VOLT": 1.8}, volts)[1] == guessed
+@pytest.mark.parametrize(
+    ("volts", "expected"),
+    [(1.9, (1, True)), (2.1, (0, True)), (4.1, (1, False)), (math.nan, (1, True))],
+)
+def test_a_voltage_in_flight_is_a_hint_from_two_volts_on(volts, expected):
+    """Beside a setting of one cell, which is one hint; 2.1 V are none of a cell at take-off."""
+    assert cells(QUAD | {"BATT_LOW_VOLT": 3.6}, volts) == expected

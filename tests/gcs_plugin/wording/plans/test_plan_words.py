@@ -38,6 +38,10 @@ def test_a_fault_lists_its_first_items():
         "the pump is never switched on; add DO_SPRAYER at the start of a line"
     )
     assert fault_words("pump on in turns", [4]).startswith("item 4: the pump stays on in turns; ")
+    high = fault_words("far above home", [2, 4], 505.3)
+    assert high == "items 2, 4: up to 505 m above home; is it meant above the sea?"
+    assert "up to 495 m below home" in fault_words("below home", [2], -495.0)
+    assert fault_words("at the height of home", [1, 2], 0.0).startswith("items 1, 2: 0 m above")
     many = fault_words("fence crossed", range(1, 13))
     assert many.startswith("items 1, 2, 3, 4, 5 and 7 more: the way leaves the geofence; ")
 
