@@ -91,7 +91,9 @@ def identify_checked(
     space = search_space(model, fit, catalogue, means)
     search = Search(space.reduced, space.nuisance, (*space.candidates, *space.unnamed))
     search.run(progress)
-    steps = onset_candidates(search, search.best) if not problem.of_outputs else []
+    # Between reports seconds apart, slow noise and a step in time are alike.
+    stepwise = not (problem.of_outputs or space.nuisance.whitening.unfiltered.any())
+    steps = onset_candidates(search, search.best) if stepwise else []
     if steps and search.add(steps, without_rotors(search, search.best.key)):
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
