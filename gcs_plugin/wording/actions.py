@@ -68,6 +68,11 @@ LOOK_AT_MOTOR = hands_on("motor", "look at its motor, ESC and wiring")
 WHICH_MOTOR = hands_on(
     "motor", "take the propellers off; then find by a motor test which motor has which number"
 )
+SWAP_ALIKE = hands_on(
+    "propeller",
+    "swap the propellers of two rotors of one direction of rotation and fly again: what goes with "
+    "a propeller is the propeller's",
+)
 FEEL_HEAT = hands_on(
     "motor", "right after landing, compare the heat of its motor and ESC with the others'"
 )
