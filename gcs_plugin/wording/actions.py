@@ -168,6 +168,13 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
     )
 
 
+def check_esc(rotor: int) -> Action:
+    """Of a rotor, from 1, whose ESC reads another speed than it has."""
+    return at_desk(
+        "ESC", say("check pole count and telemetry of the ESC of rotor {rotor}", rotor=rotor)
+    )
+
+
 def rotors_words(rotors: Sequence[int]) -> str:
     """`rotor 3`, `rotors 1 and 3`."""
     *others, last = map(str, rotors)

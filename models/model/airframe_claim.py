@@ -49,6 +49,8 @@ class AirframeClaim:
     #: What no longer fits in a flight that was known to be of the airframe: a finding.
     misfit: tuple[str, ...] = ()
     other_order: bool = False  # its motors are not in the airframe's order: which is which?
+    #: Rotors, from 0, whose speeds may be swapped by all that the flight's manoeuvres show.
+    open_pairs: tuple[tuple[int, int], ...] = ()
     outputs: OutputEvidence | None = None  # what motor outputs say of the load, without the gauge
 
     @property

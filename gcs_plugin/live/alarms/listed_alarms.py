@@ -39,6 +39,7 @@ from thrustmargin.models.checks.stopped_rotor import StoppedWatch
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
+from thrustmargin.models.model.output_witness import undecided
 from thrustmargin.models.model.rotor_faults import FaultHistory, RotorFaults, fault_signals
 
 AGAIN = 60.0  # s within which an alarm that comes again is the same one
@@ -159,7 +160,11 @@ class Alarms:
                 self._faults.landed(time_s)
                 continue
             if self._faults.add(time_s, of_faults):
-                faults[n] = self._faults.tested
+                open_pairs = analysis.claim.open_pairs
+                faults[n] = {
+                    kind: undecided(found, open_pairs)
+                    for kind, found in self._faults.tested.items()
+                }
             tank = (float(a[row]) for a in (gauge, pumped_kg, virtual_kg))
             self._balance.add(time_s, *tank)
             if time_s - self._weighed_s >= 1.0:
