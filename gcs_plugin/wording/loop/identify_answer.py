@@ -63,7 +63,9 @@ def answer(
     names = found.model.airframe.rotor_names
     suspects = suspected(found, following)
     rotors_first = sorted(found.found, key=lambda f: f.term.rotor is None)
-    lines = [] if found.standing is None else standing_words(found.standing, names)
+    lines = (
+        [] if found.standing is None else standing_words(found.standing, names, found.problem.names)
+    )
     lines += [effect_sentence(f, found) for f in rotors_first]
     flights = found.problem.flights
     lines += [mentioned(m, names, flights) for m in found.mentioned]
@@ -126,14 +128,20 @@ def mentioned(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
     )
 
 
-def standing_words(shares: StandingShares, names: tuple[str, ...]) -> list[str]:
-    """What stands between outputs and model with the two ways to find out, then what it may be."""
+def standing_words(
+    shares: StandingShares, names: tuple[str, ...], flights: tuple[str, ...]
+) -> list[str]:
+    """What stands between outputs and model with the two ways to find out, then what it may be.
+
+    `names` are the places of the rotors, `flights` the names of the logs.
+    """
+    when = "all along" if shares.flight is None else f"most in {flights[shares.flight]}"
     off = ", ".join(number(rpm, "", 0) for rpm in shares.rotor_rpm)
     causes = [*filter(None, [shares.trim]), *shares.weak_rotors]
     sizes = "".join(f", or {_standing_cause(one, names)}" for one in causes)
     return [
         "Motor outputs alone cannot tell a weak rotor from a shifted centre of gravity or trim; "
-        f"all along they differ from the model by {off} rpm on rotors 1 to {len(names)}: learn a "
+        f"{when} they differ from the model by {off} rpm on rotors 1 to {len(names)}: learn a "
         "model from sound flights of this aircraft (thrustmargin train GOOD... --out-model FILE) "
         f"and give it with --model, or, {actions.SWAP_ALIKE.text}",
         f"It may be motors or ESCs that differ{sizes}",

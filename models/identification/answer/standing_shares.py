@@ -26,6 +26,7 @@ from thrustmargin.models.identification.rows.problem import Problem, thinned
 #: of the mean speed, root mean square over rotors, from which a difference is reported: twice the
 #: scatter of sound propellers, motors and ESCs, as 2 % of thrust
 REPORTED = 0.01
+IN_COMMON = 0.5  # of the largest difference of a flight, that the mean of all must have
 ROWS = 200  # that sizes are worked out on: a constant needs few
 LEAST_LOSS = 0.02  # that a rotor must lack to be one of the causes
 MATCHED = 0.1  # of the difference, that a cause may leave
@@ -46,9 +47,10 @@ class StandingCause:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandingShares:
-    """Measured minus predicted speed of each rotor, constant, and what may cause it."""
+    """Measured minus predicted speed of each of R rotors, constant, and what may cause it."""
 
-    rotor_rpm: tuple[float, ...]  # R, mean of all flights
+    rotor_rpm: tuple[float, ...]  # R, mean of all flights, or of the one that differs most
+    flight: int | None  # that one, where flights differ more than they have in common
     per_flight_rpm: tuple[tuple[float, ...], ...]  # (F, R)
     trim: StandingCause | None  # centre of gravity and yaw moment; None where no size fits
     weak_rotors: tuple[StandingCause, ...]  # one rotor with the weight moved, largest loss first
@@ -64,10 +66,16 @@ def standing_shares(
     """
     if not problem.of_outputs or not lacks_sound_flights(problem.model):
         return None
-    flights = [residual_rpm[problem.flight == f].mean(axis=0) for f in range(problem.flights)]
-    mean = np.mean(flights, axis=0)
-    if np.sqrt(np.mean(mean**2)) < REPORTED * float(problem.measured_rpm.mean()):
+    flights = np.stack(
+        [residual_rpm[problem.flight == f].mean(axis=0) for f in range(problem.flights)]
+    )
+    mean, sizes = flights.mean(axis=0), np.sqrt(np.mean(flights**2, axis=1))
+    if sizes.max() < REPORTED * float(problem.measured_rpm.mean()):
         return None
+    flight = None
+    if np.sqrt(np.mean(mean**2)) < IN_COMMON * sizes.max():
+        flight = int(np.argmax(sizes))
+        mean = flights[flight]
     few = thinned(problem, max(1, problem.measured_rpm.shape[0] // ROWS))
     wanted = problem.in_modes(mean)[AXES]
     beside = placed(few, held)
@@ -84,6 +92,7 @@ def standing_shares(
     ]
     return StandingShares(
         rotor_rpm=tuple(mean.tolist()),
+        flight=flight,
         per_flight_rpm=tuple(tuple(one.tolist()) for one in flights),
         trim=_trim(moved, wanted),
         weak_rotors=tuple(sorted(rotors, key=lambda one: -one.loss)),

@@ -95,6 +95,18 @@ def test_a_model_of_sound_flights_names_the_rotor():
     assert [f.term.rotor for f in weak.found if f.term.effect.name == "rotor_degradation"] == [0]
 
 
+def test_of_flights_that_differ_the_one_that_differs_most_is_reported():
+    """Sound first and damaged later: that it changed is said, and of which flight."""
+    given = [*flights(*SOUND, count=3), *flights(0.09, -0.03, -0.03, -0.03, count=4)[3:]]
+    found = identify(given, curve_model())
+    assert not effects(found) & {"rotor_degradation", "cg_offset", "yaw_trim"}
+    shares = found.standing
+    assert shares is not None
+    assert shares.flight == 3
+    assert int(np.argmax(shares.rotor_rpm)) == 0
+    assert f"most in {given[3].name}" in standing_words(shares, NAMES, found.problem.names)[0]
+
+
 def test_what_is_too_small_to_matter_is_not_reported():
     found = identify(flights(0.004, -0.004, 0.004, -0.004), curve_model())
     assert found.standing is None
@@ -136,7 +148,7 @@ def test_of_any_layout_a_weak_rotor_is_a_constant_and_a_step_is_not(airframe):
 def test_its_sentences_say_both_sizes_and_two_ways_to_find_out():
     found = identify(flights(0.05, -0.014, -0.018, -0.018), curve_model()).standing
     assert found is not None
-    first, second = standing_words(found, NAMES)
+    first, second = standing_words(found, NAMES, ("a", "b", "c"))
     assert "cannot tell a weak rotor from a shifted centre of gravity or trim" in first
     assert "sound flights" in first
     assert "of one direction of rotation" in first
