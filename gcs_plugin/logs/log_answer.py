@@ -28,8 +28,13 @@ class LogAnswer:
 def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAnswer:
     """The answer of a log's analysed flight; `limit` is the share of a rotor's thrust that may
     last."""
-    found = inspect_log(log, analysis.model.airframe, analysis.claim).findings
-    claim = replace(analysis.claim, other_order=bool(names_wrong(found)))
+    inspection = inspect_log(log, analysis.model.airframe, analysis.claim)
+    found, order = inspection.findings, inspection.motor_order
+    claim = replace(
+        analysis.claim,
+        other_order=bool(names_wrong(found)),
+        open_pairs=() if order is None else order.open_pairs,
+    )
     return LogAnswer(
         findings=found,
         made=advise(replace(analysis, claim=claim), limit=limit),

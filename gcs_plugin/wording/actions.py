@@ -68,6 +68,11 @@ LOOK_AT_MOTOR = hands_on("motor", "look at its motor, ESC and wiring")
 WHICH_MOTOR = hands_on(
     "motor", "take the propellers off; then find by a motor test which motor has which number"
 )
+SWAP_ALIKE = hands_on(
+    "propeller",
+    "swap the propellers of two rotors of one direction of rotation and fly again: what goes with "
+    "a propeller is the propeller's",
+)
 FEEL_HEAT = hands_on(
     "motor", "right after landing, compare the heat of its motor and ESC with the others'"
 )
@@ -160,6 +165,13 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
             "do not fly it before propeller, motor and ESC of {rotors} were looked at, battery off",
             rotors=rotors_words(rotors),
         ),
+    )
+
+
+def check_esc(rotor: int) -> Action:
+    """Of a rotor, from 1, whose ESC reads another speed than it has."""
+    return at_desk(
+        "ESC", say("check pole count and telemetry of the ESC of rotor {rotor}", rotor=rotor)
     )
 
 

@@ -13,7 +13,8 @@ from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent, percent_within
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.caveats import Caveat
-from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.fault_test import MOST, RotorFault
+from thrustmargin.models.model.output_witness import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
 #: What a level is called where several flights are counted; {limit} is like "50 %".
@@ -147,7 +148,12 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
         f", {fault_words.place_words(advice.places[fault.rotor]).upper()}" if advice.places else ""
     )
     amount = "" if fault.kind == "stopped" else f"{fault_words.fault_amount(fault).upper()} "
-    return f"{part} {fault.rotor + 1}{place}: {amount}{say(does)}"
+    words = f"{part} {fault.rotor + 1}{place}: {amount}{say(does)}"
+    if fault.witnessed or fault.upper >= MOST:
+        return words
+    # Thrust goes with the square of speed: so much too high an ESC would have to read.
+    high = percent((1.0 - fault.size) ** -0.5 - 1.0)
+    return say("{words}, OR ITS ESC READS {share} HIGH", words=words, share=high)
 
 
 def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:
@@ -223,6 +229,8 @@ def action(advice: Advice) -> str:
         first.append(actions.GROUND_WRECK.text)
     if FlightLevel.DAMAGED in advice.levels:
         first.append(actions.not_before_looked_at(suspects(advice)).text)
+    elif advice.misread is not None:
+        first.append(actions.check_esc(advice.misread.rotor + 1).text)
     elif FlightLevel.NO_THRUST in advice.levels and (rotor := _spent_alone(advice)):
         first.append(actions.not_before_looked_at((rotor,)).text)
     if FlightLevel.BATTERY in advice.levels:
@@ -267,6 +275,8 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
     found += [("model", sound_again(fault)) for fault in advice.repaired]
+    if advice.misread is not None:
+        found.append(("ESC", misread_words(advice.misread)))
     if Caveat.ROTORS_NOT_SOUGHT in advice.caveats:
         found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
     if math.isfinite(use.lasting_most):
@@ -284,6 +294,23 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     if sure := how_sure(advice.fill):
         found.append(("fill, how sure", sure))
     return tuple(found)
+
+
+def misread_words(misread: MisreadSpeed) -> str:
+    """That an ESC reads another speed than its rotor has, and what was done with it."""
+    if not misread.witnessed:
+        return say(
+            "that of rotor {rotor} reads {factor} times the speed that its thrust takes: it reads "
+            "low, or its propeller is of another kind",
+            rotor=misread.rotor + 1,
+            factor=number(misread.factor, "", 2),
+        )
+    return say(
+        "that of rotor {rotor} reads {factor} times the speed of its rotor, whose motor output is "
+        "that of a sound one; its thrust is taken as of the true speed",
+        rotor=misread.rotor + 1,
+        factor=number(misread.factor, "", 2),
+    )
 
 
 def _lasting(advice: Advice) -> str:

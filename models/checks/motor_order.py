@@ -61,6 +61,8 @@ class MotorOrder:
     words: str
     #: place of the airframe, from 0, to which each reported rotor speed belongs by the response
     places: tuple[int, ...]
+    #: pairs of rotors, from 0, whose exchange is not DECISIVE less likely than the airframe's order
+    open_pairs: tuple[tuple[int, int], ...]
     #: correlation of angular acceleration with the airframe's moments: roll, pitch, yaw
     correlation: tuple[float, float, float]
     #: log-likelihood by which the best assignment leads the next
@@ -82,6 +84,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
             verdict="unclear",
             words="cannot tell: rotor speeds and body rates are not reported together in flight",
             places=same,
+            open_pairs=tuple(combinations(same, 2)),
             correlation=(nan, nan, nan),
             lead=0.0,
             rows=rows,
@@ -315,10 +318,27 @@ def _decided(
         verdict=verdict,
         words=words,
         places=tuple(int(place) for place in chosen),
+        open_pairs=_open_pairs(places, likelihood[0], layouts[:, : len(places)]),
         correlation=correlation,
         lead=lead,
         rows=rows,
     )
+
+
+def _open_pairs(
+    places: np.ndarray, likelihood: Floats, layouts: Floats
+) -> tuple[tuple[int, int], ...]:
+    """Pairs whose exchange in the airframe's order is not less likely by DECISIVE; those that sit
+    and turn alike, in `layouts` (3, P, R), are no exchange."""
+    moved = places != places[0]
+    found = []
+    for k in np.flatnonzero(
+        (np.count_nonzero(moved, axis=1) == 2) & (likelihood > likelihood[0] - DECISIVE)
+    ):
+        if not np.allclose(layouts[:, k], layouts[:, 0]):
+            first, second = np.flatnonzero(moved[k])
+            found.append((int(first), int(second)))
+    return tuple(found)
 
 
 def _difference(places: np.ndarray) -> str:

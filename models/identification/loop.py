@@ -24,6 +24,7 @@ from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_f
 from thrustmargin.models.identification.answer.open_causes import change_on, open_causes
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.standing_shares import standing_shares
 from thrustmargin.models.identification.answer.unexplained import open_cause
 from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
@@ -91,7 +92,9 @@ def identify_checked(
     space = search_space(model, fit, catalogue, means)
     search = Search(space.reduced, space.nuisance, (*space.candidates, *space.unnamed))
     search.run(progress)
-    steps = onset_candidates(search, search.best) if not problem.of_outputs else []
+    # Between reports seconds apart, slow noise and a step in time are alike.
+    stepwise = not (problem.of_outputs or space.nuisance.whitening.unfiltered.any())
+    steps = onset_candidates(search, search.best) if stepwise else []
     if steps and search.add(steps, without_rotors(search, search.best.key)):
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
@@ -122,6 +125,7 @@ def identify_checked(
         )
     last, found = unseen[-1], _found(left_out, estimates)
     open_keys = {search.candidates[c].key for c in accepted.open_members}
+    standing = standing_shares(problem, left_out.held(values), left_out.residual(values))
     wind = followed_wind(problem, after, left_out.held(values), fit)
     return Identification(
         model=model,
@@ -151,6 +155,7 @@ def identify_checked(
         ),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
+        standing=standing,
     )
 
 

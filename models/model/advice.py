@@ -27,17 +27,24 @@ from thrustmargin.models.checks.full_battery import HELD_ROWS
 from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
 from thrustmargin.models.checks.stopped_rotor import stopped_rotors
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict, with_bad_part
+from thrustmargin.models.model.analysis import (
+    FlightAnalysis,
+    for_verdict,
+    read_as_true,
+    with_bad_part,
+)
 from thrustmargin.models.model.caveats import Caveat, caveats
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.model_misfit import ModelMisfit, model_misfit, with_misfit
 from thrustmargin.models.model.next_fill import NextFill, next_fill, unsound_fill
+from thrustmargin.models.model.output_witness import MisreadSpeed, misread_speed, undecided
 from thrustmargin.models.model.rotor_faults import (
     FaultEpisode,
     FaultHistory,
     fault_episodes,
     fault_history,
+    fault_signals,
     faults_in_model,
 )
 from thrustmargin.models.model.thrust_use import ThrustUse, running_median, thrust_use
@@ -125,6 +132,9 @@ class Advice:
     #: How measured rotor speeds agree with the model; all unknown of a plan.
     misfit: ModelMisfit = field(default_factory=ModelMisfit)
     caveats: tuple[Caveat, ...] = ()
+    #: A rotor whose ESC reads too high or low: where outputs show it, its use is taken as of the
+    #: true speed.
+    misread: MisreadSpeed | None = None
 
     @property
     def level(self) -> FlightLevel:
@@ -180,6 +190,11 @@ def advise(
     whole = for_verdict(analysis)
     losses = loss_of_control(whole.track)
     analysis = replace(whole, track=before_loss(whole.track, losses)) if losses else whole
+    found = fault_history(analysis) if history is None else history
+    misread = None if planned else _misread(analysis, found)
+    if misread is not None and misread.witnessed:
+        whole = read_as_true(whole, misread.rotor, misread.factor)
+        analysis = replace(whole, track=analysis.track) if losses else whole
     track, seconds = analysis.track, analysis.track.row_seconds
     misfit = ModelMisfit() if planned else model_misfit(analysis)
     analysis = with_misfit(analysis, misfit)
@@ -196,7 +211,8 @@ def advise(
         not_survivable_s=float(seconds[track.flying][free < 1.0].sum()),
         known_s=float(seconds[track.flying][np.isfinite(free)].sum()),
     )
-    found = fault_history(analysis) if history is None else history
+    open_pairs = analysis.claim.open_pairs
+    found = [(time_s, undecided(faults, open_pairs)) for time_s, faults in found]
     episodes, known = fault_episodes(found), faults_in_model(analysis.model)
     repaired = tuple(e.fault for e in episodes if e.end_s is not None and e.fault in known)
     faults = tuple(e for e in episodes if e.fault not in repaired)
@@ -243,6 +259,7 @@ def advise(
             fill=fill,
             faults=faults,
             repaired=repaired,
+            misread=misread,
             losses=tuple(losses),
             rotor_count=track.rotor_count,
             rotor_names=() if analysis.claim.other_order else analysis.places,
@@ -259,6 +276,7 @@ def advise(
                 beyond_gauge_kg=fill.beyond_gauge_kg,
                 model_fails=misfit.found and not faults,
                 unsought_s=unsought_s,
+                misread=misread is not None,
             ),
         ),
         whole=whole,
@@ -266,6 +284,18 @@ def advise(
         fill_limit_kg=by_use,
         fill_one_rotor_out_kg=by_lost,
     )
+
+
+def _misread(analysis: FlightAnalysis, found: FaultHistory) -> MisreadSpeed | None:
+    """The rotor whose ESC misreads its speed, by the rows in flight; None where a part of one was
+    `found` bad, for that moves speeds as well."""
+    track = analysis.track
+    blind = analysis.withheld or not track.reports("rotor_speed_rpm")
+    if blind or any(faults for _, faults in found):
+        return None
+    signals = fault_signals(analysis, slice(None))[track.flying]
+    taught = analysis.model.good_flights is not None
+    return misread_speed(signals, track.rotor_count, taught=taught)
 
 
 def _unseen_from(track: FlightTrack) -> float:

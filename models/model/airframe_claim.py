@@ -50,6 +50,8 @@ class AirframeClaim:
     misfit: tuple[str, ...] = ()
     other_order: bool = False  # its motors are not in the airframe's order: which is which?
     odd_voltage: bool = False  # the battery's voltage is that of no battery of the airframe
+    #: Rotors, from 0, whose speeds may be swapped by all that the flight's manoeuvres show.
+    open_pairs: tuple[tuple[int, int], ...] = ()
     outputs: OutputEvidence | None = None  # what motor outputs say of the load, without the gauge
 
     @property

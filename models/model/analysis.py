@@ -326,6 +326,16 @@ def with_bad_part(analysis: FlightAnalysis) -> FlightAnalysis:
     )
 
 
+def read_as_true(analysis: FlightAnalysis, rotor: int, factor: float) -> FlightAnalysis:
+    """The rows with thrust and use of a rotor, from 0, as of its true speed, where its ESC reads
+    `factor` times that."""
+    scale = np.ones(analysis.track.rotor_count)
+    scale[rotor] = factor**-2.0
+    return replace(
+        analysis, thrust=analysis.thrust * scale, utilisation=analysis.utilisation * scale
+    )
+
+
 def for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
     """The analysis of a whole flight that its verdict rests on: with the larger load where gauge or
     statement and hover thrust surely differ; else the same one."""

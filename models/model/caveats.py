@@ -44,12 +44,18 @@ NOT_SOUGHT = 0.2  # of the flight in which no weak rotor could be looked for
 
 
 def caveats(
-    track: FlightTrack, *, beyond_gauge_kg: float, model_fails: bool, unsought_s: float
+    track: FlightTrack,
+    *,
+    beyond_gauge_kg: float,
+    model_fails: bool,
+    unsought_s: float,
+    misread: bool = False,
 ) -> tuple[Caveat, ...]:
     """Return the caveats of a flight, in the order of `Caveat`.
 
     `beyond_gauge_kg` is what hover thrust shows beyond the reported load, `model_fails` whether the
-    model contradicts the measured speeds, `unsought_s` the s in flight in which no weak rotor could
+    model contradicts the measured speeds, `misread` whether one ESC reads too high or low,
+    `unsought_s` the s in flight in which no weak rotor could
     be looked for.
     """
     found = {
@@ -57,7 +63,7 @@ def caveats(
         for channel, caveat in _OF_CHANNEL.items()
         if any(one.reason in NO_MEASUREMENT for one in track.source(channel).rejected)
     }
-    if reading_scatter(track).notable:
+    if misread or reading_scatter(track).notable:
         found.add(Caveat.ROTOR_SPEEDS)
     if beyond_gauge_kg > 0.0:
         found.add(Caveat.LOAD)

@@ -46,6 +46,7 @@ from thrustmargin.models.model.fault_test import (
     Kind,
     RotorFault,
 )
+from thrustmargin.models.model.output_witness import OutputWitness, undecided
 from thrustmargin.models.model.predict import model_channels, predict, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
@@ -114,6 +115,7 @@ class RotorFaults:
         self._known = faults_in_model(model)
         for test in self._tests[:1]:
             test.forget(self._known)
+        self._witness = OutputWitness(model.airframe.rotor_count)
         self._rows: list[Floats] = []
         self._begun_s = self._landed_s = math.nan
         #: What stood after the last block, by kind; a kind that could not be tested is left out.
@@ -124,7 +126,8 @@ class RotorFaults:
     @property
     def current(self) -> tuple[RotorFault, ...]:
         """Faults by kind and rotor."""
-        return tuple(fault for test in self._tests for fault in test.current)
+        found = (fault for test in self._tests for fault in test.current)
+        return self._witness.judged(found, self._known)
 
     def landed(self, time_s: float) -> None:
         """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
@@ -139,6 +142,7 @@ class RotorFaults:
                 if time_s - self._landed_s > CHANGED:
                     test.forget(self._known if test is self._tests[0] else ())
                 test.restart()
+            self._witness.forget()
             self._landed_s = math.nan
         least = BLOCK if len(self._rows) >= FEWEST_ROWS else LONGEST_BLOCK
         whole = not begins and not 0.0 <= time_s - self._begun_s < least - 0.01
@@ -151,6 +155,7 @@ class RotorFaults:
         # Between slow readings there are rows of other messages.
         if math.isfinite(np.add.reduce(row[1 : 1 + len(self._modes)])):
             self._rows.append(row)
+            self._witness.add(row)
         return whole
 
     def _note(self, time_s: float) -> None:
@@ -177,7 +182,7 @@ class RotorFaults:
             turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
             if self._may_find(evidence):
                 self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
-            self.tested["propeller"] = self._tests[0].current
+            self.tested["propeller"] = self._witness.judged(self._tests[0].current, self._known)
         if math.isfinite(np.add.reduce(motors)):
             outputs = slice(2 * rotors, 3 * rotors)
             moves = np.array([motors, mean[outputs], slope[outputs]]).T
@@ -206,7 +211,8 @@ def fault_history(analysis: FlightAnalysis) -> FaultHistory:
             found.add(float(track.time_s[row]), signals)
         else:
             found.landed(float(track.time_s[row]))
-    return found.history
+    open_pairs = analysis.claim.open_pairs
+    return [(time_s, undecided(faults, open_pairs)) for time_s, faults in found.history]
 
 
 def _median(values: Floats) -> Floats:
@@ -221,6 +227,11 @@ def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
     over: list[FaultEpisode] = []
     for time_s, faults in history:
         current = {(fault.kind, fault.rotors or (fault.rotor,)): fault for fault in faults}
+        # What was named and is now of one of several goes on.
+        for kind, rotors in current.keys() - open_now.keys():
+            for rotor in rotors if len(rotors) > 1 else ():
+                if (before := open_now.pop((kind, (rotor,)), None)) is not None:
+                    open_now[kind, rotors] = before
         for key in open_now.keys() - current.keys():
             ended = replace(open_now.pop(key), end_s=time_s)
             found = {(f.kind, r) for f in faults for r in (f.rotor, *f.rotors)}

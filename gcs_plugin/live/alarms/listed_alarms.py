@@ -40,6 +40,7 @@ from thrustmargin.models.checks.stopped_rotor import StoppedWatch
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
+from thrustmargin.models.model.output_witness import undecided
 from thrustmargin.models.model.rotor_faults import FaultHistory, RotorFaults, fault_signals
 
 AGAIN = 60.0  # s within which an alarm that comes again is the same one
@@ -155,7 +156,11 @@ class Alarms:
             if not track.flying[row]:
                 self._faults.landed(time_s)
             elif self._faults.add(time_s, signals):
-                faults[n] = self._faults.tested
+                open_pairs = analysis.claim.open_pairs
+                faults[n] = {
+                    kind: undecided(found, open_pairs)
+                    for kind, found in self._faults.tested.items()
+                }
         return faults
 
     def _balanced(

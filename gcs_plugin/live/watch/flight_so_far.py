@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.checks.frozen import without_frozen
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
-from thrustmargin.models.checks.motor_order import check_motor_order
+from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
 from thrustmargin.models.flight import FlightTrack, Floats, joined
 from thrustmargin.models.model.advice import Advice, advise
@@ -103,17 +103,24 @@ class FlightSoFar:
         return 0.0 if track is self._prepared else float(np.nanmedian(beyond))
 
     @cached_property
+    def order(self) -> MotorOrder | None:
+        """What its manoeuvres say of the order of its motors; None where no margin is claimed."""
+        if self.claim.withheld:
+            return None
+        flown = before_loss(self._prepared, loss_of_control(self._prepared))
+        return check_motor_order(flown, identified_airframe(self.model))
+
+    @property
     def other_order(self) -> bool:
         """Whether its motors are in another order than the airframe's, or in other places."""
-        if self.claim.withheld:
-            return False
-        flown = before_loss(self._prepared, loss_of_control(self._prepared))
-        order = check_motor_order(flown, identified_airframe(self.model))
-        return order.verdict not in ("agrees", "unclear")
+        return self.order is not None and self.order.verdict not in ("agrees", "unclear")
 
     def shown_by(self, claim: AirframeClaim) -> AirframeClaim:
         """A claim, with what all its rows show of outputs and motor order."""
-        return replace(claim, outputs=self.outputs, other_order=self.other_order)
+        open_pairs = () if self.order is None else self.order.open_pairs
+        return replace(
+            claim, outputs=self.outputs, other_order=self.other_order, open_pairs=open_pairs
+        )
 
     @cached_property
     def so_far(self) -> FlightAdvice:

@@ -74,6 +74,7 @@ class FlightReport:
     first_contact: FirstContact | None  # what a log of an aircraft that is not known shows
     findings: tuple[Finding, ...]  # those of `inspect`, the gravest first
     alarms: tuple[JsonObject, ...]  # of rotors and motors, as the live alarms say them
+    misread_speed: JsonObject | None  # the rotor, from 1, and its reported speed over the true one
     redundancy: JsonObject
     accuracy: Accuracy
     margin_check: MarginCheck | None  # thrust in use, predicted against measured

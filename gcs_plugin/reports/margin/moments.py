@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+from thrustmargin.models.model.output_witness import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 from thrustmargin.models.physics.smoothing import known_mean
 
@@ -145,7 +146,19 @@ def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
         "size": fault.size,
         "size_low": fault.lower,
         "size_high": fault.upper,
+        "witnessed_by_outputs": fault.witnessed,
         "words": fault_words(fault, names),
+    }
+
+
+def misread_row(misread: MisreadSpeed | None) -> JsonObject | None:
+    """The rotor, from 1, whose ESC reads `factor` times its speed; None without one."""
+    if misread is None:
+        return None
+    return {
+        "rotor": misread.rotor + 1,
+        "factor": misread.factor,
+        "witnessed_by_outputs": misread.witnessed,
     }
 
 

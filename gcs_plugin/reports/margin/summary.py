@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
     alarm_row,
     look_facts,
+    misread_row,
     worst_moments,
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -103,6 +104,7 @@ def report_flight(
         first_contact=contact,
         findings=found,
         alarms=tuple(alarm_row(one, advice.rotor_names) for one in advice.faults),
+        misread_speed=misread_row(advice.misread),
         redundancy=load.redundancy_rows(analysis, rows, seconds),
         accuracy=accuracy(analysis, analysis.places),
         margin_check=check,

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     joined,
     number,
     percent,
+    percent_within,
     shown_unit,
     within,
 )
@@ -36,10 +37,14 @@ from thrustmargin.models.identification.answer.result import (
     Mentioned,
     OneOf,
 )
+from thrustmargin.models.identification.answer.standing_shares import (
+    StandingCause,
+    StandingShares,
+)
 from thrustmargin.models.identification.certainty import CHOICE, SURE
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight
 from thrustmargin.models.identification.rows.candidates import Term
-from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS
+from thrustmargin.models.identification.rows.output_shares import lacks_sound_flights
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import faults_in_model
 
@@ -58,7 +63,10 @@ def answer(
     names = found.model.airframe.rotor_names
     suspects = suspected(found, following)
     rotors_first = sorted(found.found, key=lambda f: f.term.rotor is None)
-    lines = [effect_sentence(f, found) for f in rotors_first]
+    lines = (
+        [] if found.standing is None else standing_words(found.standing, names, found.problem.names)
+    )
+    lines += [effect_sentence(f, found) for f in rotors_first]
     flights = found.problem.flights
     lines += [mentioned(m, names, flights) for m in found.mentioned]
     lines += [one_of(o, names, flights) for o in found.one_of]
@@ -84,6 +92,7 @@ def suspected(found: Identification, following: NextFlight | None = None) -> tup
     terms += [term for one in found.one_of for term in one.terms]
     terms += [term for side in (following.separates if following else ()) for term in side]
     rotors = {term.rotor for term in terms} | {one.rotor for one in found.mentioned}
+    rotors |= {one.rotor for one in found.standing.weak_rotors} if found.standing else set()
     return tuple(sorted(rotor + 1 for rotor in rotors if rotor is not None))
 
 
@@ -117,6 +126,45 @@ def mentioned(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
         f"{rotor_words(one.rotor, names).capitalize()} cannot be ruled out "
         f"({chance(one.probability, flights)}): {thrust}, so {actions.INSPECT.text}"
     )
+
+
+def standing_words(
+    shares: StandingShares, names: tuple[str, ...], flights: tuple[str, ...]
+) -> list[str]:
+    """What stands between outputs and model with the two ways to find out, then what it may be.
+
+    `names` are the places of the rotors, `flights` the names of the logs.
+    """
+    when = "all along" if shares.flight is None else f"most in {flights[shares.flight]}"
+    off = ", ".join(number(rpm, "", 0) for rpm in shares.rotor_rpm)
+    causes = [*filter(None, [shares.trim]), *shares.weak_rotors]
+    sizes = "".join(f", or {_standing_cause(one, names)}" for one in causes)
+    return [
+        "Motor outputs alone cannot tell a weak rotor from a shifted centre of gravity or trim; "
+        f"{when} they differ from the model by {off} rpm on rotors 1 to {len(names)}: learn a "
+        "model from sound flights of this aircraft (thrustmargin train GOOD... --out-model FILE) "
+        f"and give it with --model, or, {actions.SWAP_ALIKE.text}",
+        f"It may be motors or ESCs that differ{sizes}",
+    ]
+
+
+def _standing_cause(one: StandingCause, names: tuple[str, ...]) -> str:
+    shift = (
+        f"{_millimetres(one.cg_x)} {'aft' if one.cg_x < 0.0 else 'forward'} and "
+        f"{_millimetres(one.cg_y)} to the {'left' if one.cg_y < 0.0 else 'right'}"
+    )
+    if one.rotor is None:
+        moment = within(abs(one.yaw_moment), math.nan, math.nan, "N m", most=1)[0]
+        side = "left" if one.yaw_moment < 0.0 else "right"
+        return f"a centre of gravity {shift} with a steady yaw moment of {moment} to the {side}"
+    return (
+        f"{percent_within(one.loss, *one.loss_range)} less thrust of "
+        f"{rotor_words(one.rotor, names)} with a centre of gravity {shift}"
+    )
+
+
+def _millimetres(metres: float) -> str:
+    return number(1000.0 * abs(metres), "mm", 0)
 
 
 def held_damage(fault: RotorFault, names: tuple[str, ...]) -> str:
@@ -307,11 +355,11 @@ def open_questions(found: Identification) -> list[str]:
             "From motor outputs: only each rotor's share of the thrust was looked at, for battery, "
             "air and load move all outputs together"
         )
-        if found.problem.flights < FEWEST_FLIGHTS and not found.model.background_rpm:
+        if lacks_sound_flights(found.model) and found.standing is None:
             lines.append(
-                f"So few flights do not show by how much sound flights of this aircraft differ, so "
-                f"no rotor is named: give {FEWEST_FLIGHTS} flights or more, or --model with a file "
-                "learnt from good flights (thrustmargin train GOOD... --out-model FILE)"
+                "Outputs alone do not show by how much sound flights of this aircraft differ, so "
+                "no rotor is named: give --model with a file learnt from good flights "
+                "(thrustmargin train GOOD... --out-model FILE)"
             )
     elif any("airspeed" in lacking for lacking in found.untried.values()):
         lines.append("No airspeed is measured, so drag, lift and an unknown wind were not tried")

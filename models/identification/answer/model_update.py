@@ -17,7 +17,11 @@ from thrustmargin.models.effects.base import Values
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.identification.answer.result import Found, Identification
-from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS, learnt_spread
+from thrustmargin.models.identification.rows.output_shares import (
+    FEWEST_FLIGHTS,
+    lacks_sound_flights,
+    learnt_spread,
+)
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.network.validity import (
@@ -138,9 +142,12 @@ def _left_behind(found: Found, names: tuple[str, ...]) -> str:
 def _background(model: RotorModel, found: Identification) -> tuple[float, ...]:
     """Spread over flights of the mean residual of each mode, rpm; the old with too few flights.
 
-    It is how much flights differ of which this model holds: an effect must stand out from it.
+    It is how much flights differ of which this model holds: an effect must stand out from it. Of
+    motor outputs a model that knows no sound flights learns nothing here: these may not be sound.
     """
     problem = found.problem
+    if problem.of_outputs and lacks_sound_flights(model):
+        return model.background_rpm
     if problem.of_outputs and problem.flights >= FEWEST_FLIGHTS:
         modes = found.residual_after_rpm @ problem.modes.directions
         return tuple(float(v) for v in learnt_spread(modes, problem.flight))

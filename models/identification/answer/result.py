@@ -11,6 +11,7 @@ import numpy as np
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.answer.standing_shares import StandingShares
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.certainty import CHOICE
 from thrustmargin.models.identification.rows.candidates import Term
@@ -182,6 +183,7 @@ class Identification:
     mentioned: tuple[Mentioned, ...] = ()
     open_causes: tuple[OpenCause, ...] = ()  # without a name, in the new model as they were seen
     followed: tuple[Found, ...] = ()  # what the flights have and a channel reports to the model
+    standing: StandingShares | None = None  # of motor outputs, which nothing tells the cause of
     untried: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # effect -> lacking channels
@@ -290,6 +292,7 @@ class Identification:
                 "likeliest": self.likeliest
                 and {**_named(self.likeliest[0]), "probability": self.likeliest[1]},
                 "mentioned": [_of_rotor(m) for m in self.mentioned],
+                "standing_shares": self.standing and _standing(self.standing),
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
@@ -318,6 +321,12 @@ def _named(term: Term) -> dict[str, Any]:
     """An effect by its name, the variant and the rotor, which is counted from 1."""
     rotor = None if term.rotor is None else term.rotor + 1
     return {"name": term.effect.name, "variant": term.effect.variant, "rotor": rotor}
+
+
+def _standing(shares: StandingShares) -> dict[str, Any]:
+    """With the rotors counted from 1."""
+    rotors = [{**to_json_values(one), "rotor": (one.rotor or 0) + 1} for one in shares.weak_rotors]
+    return {**to_json_values(shares), "weak_rotors": rotors}
 
 
 def _of_rotor(loss: Mentioned) -> dict[str, Any]:

@@ -90,6 +90,8 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
         filter_ = whitening_of(
             residual, flight.flight, flight.follows, still, float(flight.measured_rpm.mean())
         )
+        if filter_.unfiltered.any():  # rows that rarely follow each other show nothing quick
+            return UNKNOWN
         z, d = filter_.apply(residual), filter_.apply(slope)
         shown = float(np.sum(d * d))
         if shown <= 0.0:

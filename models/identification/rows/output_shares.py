@@ -7,9 +7,10 @@ of the model, so a prediction is scaled, row by row, to the sum of squares that 
     N_i' = N_i sqrt(sum N_meas² / sum N²)
 
 and only effects that change how the rotors share the thrust are looked for. A constant share also
-differs from flight to flight, by wind and by how the battery was put in. That spread is taken from
-the flights themselves, or from good flights that the model has learnt from; with neither, a
-constant difference cannot be distinguished from it.
+differs from flight to flight, by wind and by how the battery was put in. Above all it differs from
+the model by the centre of gravity, tilted motors and unequal motors and ESCs of a sound aircraft:
+the autopilot's mixer has roll, pitch and yaw for all of them, and answers a weak rotor with the
+same three. Only sound flights of the aircraft, in the model, make a constant share tell something.
 """
 
 from __future__ import annotations
@@ -24,10 +25,14 @@ from scipy.special import stdtrit
 from thrustmargin.models.effects.base import Effect, Kind
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
 from thrustmargin.models.provenance import Meaning
 
 FEWEST_FLIGHTS = 3  # that show by how much flights differ
+#: of an effect's change, root mean square, that is not constant in a flight: with less of it the
+#: effect is a constant share and nothing else
+MOST_CONSTANT = 0.3
 
 
 def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
@@ -72,23 +77,38 @@ def scaled_to(total: Any, speed: Any) -> Any:
     return speed * ((total / (speed**2).sum(1)) ** 0.5)[:, None]
 
 
-def spread_of_flights(
-    residual: Floats, flight: NDArray[np.intp], learnt: Floats
-) -> tuple[Floats, float]:
-    """(R,) rpm by which the mean of each mode differs from flight to flight; degrees of freedom.
+def lacks_sound_flights(model: RotorModel) -> bool:
+    """Return whether the model knows nothing of how sound flights of its aircraft differ."""
+    return not any(model.background_rpm)
 
-    From the `residual` (T, R) rpm in modes and from what the model has `learnt` (R,), zeros where
-    it has not; the larger. With too few flights for either, as large as it takes to name nothing.
+
+def is_constant_share(change: Floats, flight: NDArray[np.intp]) -> bool:
+    """Return whether the change (T, R, P) rpm in modes of every one of P values is mostly constant
+    in each flight.
+
+    On outputs alone such an effect cannot be told from any other that shifts the balance: the
+    mixer answers all of them with the same constant roll, pitch and yaw.
     """
+    rest = change.copy()
+    for f in np.unique(flight):
+        rest[flight == f] -= change[flight == f].mean(axis=0)
+    whole, moving = (np.sum(part**2, axis=(0, 1)) for part in (change, rest))
+    return bool(np.all(moving <= MOST_CONSTANT**2 * whole))
+
+
+def spread_of_flights(residual: Floats, flight: NDArray[np.intp], learnt: Floats) -> Floats:
+    """(R,) rpm by which the mean of each mode differs from flight to flight.
+
+    From the `residual` (T, R) rpm in modes and from what the model has `learnt` (R,) of sound
+    flights; the larger. Where it has learnt nothing, zeros, as large as it takes to name nothing.
+    """
+    if not learnt.any():
+        return np.full_like(learnt, 1e3 * np.abs(residual).max())
     count = int(flight.max()) + 1
-    means = np.stack([residual[flight == f].mean(axis=0) for f in range(count)])
     if count < FEWEST_FLIGHTS:
-        nothing = np.full_like(learnt, 1e3 * np.abs(residual).max())
-        return (learnt if learnt.any() else nothing), np.inf
-    own = np.std(means, axis=0, ddof=1)
-    if learnt.any():
-        return np.maximum(learnt, own), np.inf
-    return own, count - 1.0
+        return learnt
+    means = np.stack([residual[flight == f].mean(axis=0) for f in range(count)])
+    return np.maximum(learnt, np.std(means, axis=0, ddof=1))
 
 
 def learnt_spread(residual: Floats, flight: NDArray[np.intp]) -> Floats:

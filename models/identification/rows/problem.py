@@ -249,5 +249,5 @@ def joined(parts: Sequence[Problem]) -> Problem:
     if not problem.of_outputs:
         return problem
     residual = problem.in_modes(problem.measured_rpm - problem.speeds())
-    spread, _ = spread_of_flights(residual, problem.flight, problem.background_rpm)
+    spread = spread_of_flights(residual, problem.flight, problem.background_rpm)
     return replace(problem, background_rpm=spread)

@@ -6,7 +6,8 @@ The coefficients are a mode's; the size of w is a mode's, of each flight in calm
 by the median absolute value. Filtering residuals and derivatives alike with 1 - a1 L - a2 L² leaves
 noise that is independent and of size one, on which least squares has its honest standard errors
 (generalised least squares, Cochrane and Orcutt 1949). Single wild means count linearly (Huber
-1964).
+1964). A flight with slow or interrupted reports has few means with two right before them: all its
+means count, unfiltered, and their noise is taken as larger by what they share with the mean before.
 """
 
 from __future__ import annotations
@@ -24,14 +25,16 @@ FEWEST = 15  # means from which a size is taken: it is then good to a fifth
 LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is better
 SPREAD = 3.0  # largest ratio of the sizes of two modes, of rows without a filter
 MOST_MEMORY = 0.98  # of a1 + a2: a constant must not vanish
+LEAST_FOLLOWED = 0.5  # of a flight's means, with two right before them, for the filter to serve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Whitening:
-    """A filter of N means in R modes; n of them have their predecessors."""
+    """A filter of N means in R modes; n of them have their predecessors or need none."""
 
-    rows: NDArray[np.intp]  # (n,) means that have ORDER means right before them
+    rows: NDArray[np.intp]  # (n,) means that have ORDER means right before them, or are unfiltered
     flight: NDArray[np.intp]  # (n,)
+    unfiltered: Bools  # (n,) of a flight whose means rarely follow each other
     coefficients: Floats  # (R, 2)
     scale: Floats  # (n, R) rpm
     weight: Floats  # (n, R) root of the Huber weight
@@ -43,6 +46,8 @@ class Whitening:
             filtered = values[2:] - first * values[1:-1]
             filtered -= second * values[:-2]
             out = filtered[self.rows - ORDER]
+            if self.unfiltered.any():
+                out[self.unfiltered] = values[self.rows[self.unfiltered]]
         else:
             out = values[self.rows].astype(np.float64)
         out *= (self.weight / self.scale)[:, :, *[None] * (values.ndim - 2)]
@@ -54,6 +59,7 @@ class Whitening:
             self,
             rows=self.rows[kept],
             flight=self.flight[kept],
+            unfiltered=self.unfiltered[kept],
             scale=self.scale[kept],
             weight=self.weight[kept],
         )
@@ -80,6 +86,7 @@ def plain(
     return Whitening(
         rows=np.arange(residual.shape[0]),
         flight=flight,
+        unfiltered=np.ones(residual.shape[0], dtype=np.bool_),
         coefficients=np.zeros((residual.shape[1], ORDER)),
         scale=scale,
         weight=np.sqrt(HUBER / np.maximum(np.abs(residual / scale), HUBER)),
@@ -97,9 +104,14 @@ def whitening_of(
 
     `busy` (N,) marks manoeuvres; a flight with fewer than FEWEST of either has one size for both.
     """
-    rows = np.flatnonzero(follows & np.roll(follows, 1))
-    rows = rows[rows >= ORDER]
+    followed = follows & np.roll(follows, 1)
+    followed[:ORDER] = False
     modes, flights = residual.shape[1], int(flight.max()) + 1
+    share = np.bincount(flight[followed], minlength=flights) / np.bincount(flight)
+    slow = (share < LEAST_FOLLOWED)[flight]
+    rows = np.flatnonzero(followed | slow)
+    unfiltered = slow[rows]
+    filtered = rows[~unfiltered]
     coefficients, scale = np.zeros((modes, ORDER)), np.ones((rows.size, modes))
     states = [_states(busy[rows], flight[rows] == f) for f in range(flights)]
     least = LEAST_NOISE * mean_speed_rpm
@@ -107,19 +119,23 @@ def whitening_of(
         e = residual[:, mode]
         size = np.array([_size(e[flight == f]) for f in range(flights)])[flight]
         e = e / np.maximum(size, least)
-        past = np.stack([e[rows - 1], e[rows - 2]], axis=1)
-        kept = np.abs(np.column_stack([e[rows], past])).max(axis=1) < HUBER
+        past = np.stack([e[filtered - 1], e[filtered - 2]], axis=1)
+        kept = np.abs(np.column_stack([e[filtered], past])).max(axis=1) < HUBER
         gram = past[kept].T @ past[kept] + np.eye(ORDER)  # as uncertain as one mean
-        found = np.linalg.solve(gram, past[kept].T @ e[rows][kept])
+        found = np.linalg.solve(gram, past[kept].T @ e[filtered][kept])
         coefficients[mode] = found * min(1.0, MOST_MEMORY / max(float(found.sum()), 1e-9))
         e = residual[:, mode]
         left = e[rows] - np.stack([e[rows - 1], e[rows - 2]], axis=1) @ coefficients[mode]
+        left[unfiltered] = e[rows[unfiltered]]
         for state in (s for of_flight in states for s in of_flight):
             scale[state, mode] = _size(left[state])
+        for f in np.unique(flight[rows[unfiltered]]):
+            scale[unfiltered & (flight[rows] == f), mode] *= _shared(e[flight == f])
     scale = np.maximum(scale, least)
     plain = Whitening(
         rows=rows,
         flight=flight[rows],
+        unfiltered=unfiltered,
         coefficients=coefficients,
         scale=scale,
         weight=np.ones((rows.size, modes)),
@@ -128,6 +144,7 @@ def whitening_of(
     return Whitening(
         rows=rows,
         flight=plain.flight,
+        unfiltered=unfiltered,
         coefficients=coefficients,
         scale=scale,
         weight=np.sqrt(HUBER / size),
@@ -138,6 +155,19 @@ def _states(busy: Bools, mine: Bools) -> list[Bools]:
     """The means of one flight in calm and in manoeuvres; in one where either are too few."""
     parts = [mine & ~busy, mine & busy]
     return parts if min(int(p.sum()) for p in parts) >= FEWEST else [mine]
+
+
+def _shared(values: Floats) -> float:
+    """Return by how much correlation r of successive values (N,) widens the error of their mean.
+
+    That is sqrt((1 + r) / (1 - r)) of a first-order process (Bartlett 1946), 1 for too few values.
+    """
+    if values.size < FEWEST:
+        return 1.0
+    away = values - values.mean()
+    r = float(away[1:] @ away[:-1]) / max(float(away @ away), 1e-12)
+    r = min(max(r, 0.0), MOST_MEMORY)
+    return float(np.sqrt((1.0 + r) / (1.0 - r)))
 
 
 def _size(values: Floats) -> float:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
@@ -20,7 +19,11 @@ from thrustmargin.models.identification.rows.candidates import (
     predicted,
     unnamed_candidates,
 )
-from thrustmargin.models.identification.rows.output_shares import spread_of_flights
+from thrustmargin.models.identification.rows.output_shares import (
+    is_constant_share,
+    lacks_sound_flights,
+    spread_of_flights,
+)
 from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flights
 from thrustmargin.models.identification.rows.whitening import Whitening, whitening_of
 from thrustmargin.models.identification.sets.discrepancy import (
@@ -75,7 +78,7 @@ def search_space(
 ) -> SearchSpace:
     """`means` are those of the flights, if at hand; raises as `problem.assemble`."""
     reduced = reduce_flights(model, tracks) if means is None else means
-    candidates = tuple(candidates_of(reduced, catalogue))
+    candidates = _tellable(reduced, candidates_of(reduced, catalogue))
     residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
     anything, at_start = _moved(reduced, candidates)
     sizes_of = _scatter_sizes(candidates, model.good_flights)
@@ -129,6 +132,20 @@ def search_space(
         wander_rpm=usual * np.array([size[own == mode][0] for mode in range(residual.shape[1])]),
         at_start=at_start if reduced.flights == 1 else {},
     )
+
+
+def _tellable(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Drop what shifts the balance by a constant, where motor outputs are all and no sound flight
+    is known: `answer.standing_shares` reports it."""
+    if not (reduced.of_outputs and lacks_sound_flights(reduced.model)):
+        return tuple(candidates)
+    kept = []
+    for one in candidates:
+        main = [k for k, p in enumerate(one.parameters) if not p.detail]
+        change = np.nan_to_num(derivatives(reduced, [one.at_start], 0))[:, :, main]
+        if not is_constant_share(change, reduced.flight):
+            kept.append(one)
+    return tuple(kept)
 
 
 def _wander(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
@@ -222,15 +239,14 @@ def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]
     and by how much all flights differ from those that the model was made from.
 
     As good flights showed that were left out of it: of n, their mean is known to 1/n of their
-    variance. Of motor outputs, whose shares hang on wind and battery, else as these flights show
-    themselves, and with too few of them as much as it takes to name nothing.
+    variance. Of motor outputs, whose shares hang on wind and battery, at least as these flights
+    show themselves, and without good flights as much as it takes to name nothing.
     """
     model, modes = reduced.model, residual.shape[1]
     size = np.array(model.background_rpm or np.zeros(modes))
     good = model.good_flights.flights if model.good_flights else np.inf
     if reduced.of_outputs:
-        size, degrees = spread_of_flights(residual, reduced.flight, size)
-        size = size * stdtrit(degrees, 0.975) / ndtri(0.975)
+        size = spread_of_flights(residual, reduced.flight, size)
     each = np.repeat(np.diag(size)[None], residual.shape[0], axis=0)
     return each / np.sqrt(1.0 + 1.0 / good), each / np.sqrt(good + 1.0)
 

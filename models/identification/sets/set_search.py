@@ -213,7 +213,7 @@ class Search:
         # Others may stand in the place of all, and two of which neither alone says much.
         self._grow(linear, [frozenset({c}) for c in range(len(self.candidates))], look)
         ranked = sorted(found, key=lambda k: -found[k])
-        top = max(found[ranked[0]], best.total)
+        top = max([best.total, *found.values()])  # of no candidate nothing is found
         near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
         more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
         return list(dict.fromkeys([*near[:FITTED], *more[:NEXT]]))

@@ -361,7 +361,7 @@ def test_rows_in_which_the_model_does_not_hold_name_nobody_new(evidence, before,
     faults._end(rows)
     assert (propeller.time_s is not None) is heard
     assert (motor.time_s is not None) is heard
-    assert faults.tested["propeller"] == propeller.current
+    assert faults.tested["motor"] == motor.current
 
 
 @pytest.mark.parametrize(

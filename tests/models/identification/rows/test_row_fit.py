@@ -89,6 +89,7 @@ def test_values_held_elsewhere_leave_the_sums_of_what_is_then_left():
     ones = Whitening(
         rows=np.arange(40),
         flight=block // 2,
+        unfiltered=np.zeros(40, dtype=bool),
         coefficients=np.zeros((2, 2)),
         scale=np.ones((40, 2)),
         weight=np.ones((40, 2)),

@@ -40,6 +40,7 @@ def test_a_filter_by_hand():
     filter_ = Whitening(
         rows=np.array([2, 3]),
         flight=np.array([0, 0]),
+        unfiltered=np.zeros(2, dtype=bool),
         coefficients=np.array([[0.5, 0.25]]),
         scale=np.full((2, 1), 2.0),
         weight=np.ones((2, 1)),
@@ -119,3 +120,33 @@ def test_a_size_is_about_the_median_and_coefficients_have_the_doubt_of_one_mean(
     by_hand = np.linalg.solve(past.T @ past + np.eye(2), past.T @ over[2:])
     by_hand *= min(1.0, 0.98 / by_hand.sum())
     np.testing.assert_allclose(found.coefficients[0], by_hand)
+
+
+def test_a_flight_whose_means_rarely_follow_each_other_counts_unfiltered():
+    """Of its means each fifth has two before it; noise of memory .5 is taken as wider by root 3."""
+    rng = np.random.default_rng(4)
+    flight = np.repeat([0, 1], 400)
+    e = rng.standard_normal(800)
+    for t in range(1, 800):
+        e[t] = 0.5 * e[t - 1] + np.sqrt(0.75) * e[t]
+    follows = np.ones(800, dtype=bool)
+    follows[[0, 400]] = False
+    slow = np.flatnonzero(flight == 1)
+    follows[slow[slow % 5 > 1]] = False
+    found = whitening_of(e[:, None], flight, follows, np.zeros(800, dtype=bool), 1.0)
+    assert np.sum(found.flight == 1) == 400
+    assert found.unfiltered.tolist() == (found.flight == 1).tolist()
+    assert np.median(found.scale[found.unfiltered]) == pytest.approx(np.sqrt(3.0), rel=0.25)
+    # Of size one before the filter, whose noise is .87 of it.
+    white = found.apply(e[:, None])[:, 0]
+    assert white[~found.unfiltered].std() == pytest.approx(1.0, abs=0.1)
+    assert white[found.unfiltered] == pytest.approx(e[400:] / found.scale[found.unfiltered, 0])
+
+
+def test_a_filter_without_any_mean_after_another_is_none():
+    e = np.random.default_rng(5).standard_normal((60, 2))
+    none = np.zeros(60, dtype=bool)
+    found = whitening_of(e, np.zeros(60, dtype=np.intp), none, none, 1.0)
+    assert not found.coefficients.any()
+    assert found.rows.size == 60
+    assert found.scale.min() > 0.7

@@ -23,6 +23,7 @@ def made(seed=0, rows=ROWS, uncertainty=2):
     whitening = Whitening(
         rows=np.arange(n) + 2,
         flight=np.repeat(np.arange(FLIGHTS), rows),
+        unfiltered=np.zeros(n, dtype=bool),
         coefficients=np.zeros((MODES, 2)),
         scale=np.ones((n, MODES)),
         weight=np.ones((n, MODES)),

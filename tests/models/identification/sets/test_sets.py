@@ -96,6 +96,30 @@ def test_a_rotor_that_recovers_is_found_from_when_to_when():
     assert (began, ended) == (pytest.approx(40.0, abs=1.5), pytest.approx(95.0, abs=1.5))
 
 
+def interrupted(track, on_s: float, off_s: float):
+    """The flight with rotor speeds for `on_s` at a time and pauses of `off_s` between."""
+    silent = track.time_s % (on_s + off_s) >= on_s
+    speeds = np.where(silent[:, None], np.nan, track.rotor_speed_rpm)
+    return replace(track, rotor_speed_rpm=speeds)
+
+
+@pytest.mark.parametrize(("on_s", "off_s"), [(0.5, 1.6), (1.0, 1.1)])
+def test_a_weak_rotor_is_named_though_no_three_means_follow_each_other(on_s, off_s):
+    """Telemetry once a second, or radio that drops out: no mean has two right before it."""
+    few = table(["rotor_degradation", "extra_mass", "cg_offset"])
+    flights = [interrupted(made_flight(k, loss=0.08, duration=90.0), on_s, off_s) for k in (0, 1)]
+    found = identify(flights, curve_model(), catalogue=few)
+    assert [(f.term.effect.name, f.term.rotor) for f in found.found] == [("rotor_degradation", 0)]
+    (loss,) = found.found
+    assert loss.lower[0, 0] < 0.08 < loss.upper[0, 0]
+
+
+def test_a_flight_of_pauses_beside_a_whole_one_is_no_sign_of_a_step_in_time():
+    sound = [made_flight(0, duration=90.0), interrupted(made_flight(1, duration=90.0), 0.5, 1.6)]
+    found = identify(sound, curve_model(), catalogue=table(["rotor_degradation", "extra_mass"]))
+    assert found.found == ()
+
+
 def test_means_are_those_of_the_rows():
     track = made_flight(3)
     reduced = reduce_flights(curve_model(), [track])

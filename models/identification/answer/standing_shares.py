@@ -1,0 +1,171 @@
+"""What stands all the time between motor outputs and a model that knows no sound flight.
+
+A weak rotor, a centre of gravity off the middle, a tilted motor and unequal motors all make the
+autopilot hold a constant roll, pitch and yaw, for its mixer has nothing else. Four outputs in hover
+have four unknowns, and more rotors have no more: the outputs stay in the mixer's span. So none of
+these causes is named. The difference is reported rotor by rotor, with the size that each cause
+would have if it were the one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
+from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS, ROTOR_DEGRADATION
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.candidates import TrialEffect, placed
+from thrustmargin.models.identification.rows.output_shares import lacks_sound_flights
+from thrustmargin.models.identification.rows.problem import Problem, thinned
+
+#: of the mean speed, root mean square over rotors, from which a difference is reported: twice the
+#: scatter of sound propellers, motors and ESCs, as 2 % of thrust
+REPORTED = 0.01
+IN_COMMON = 0.5  # of the largest difference of a flight, that the mean of all must have
+ROWS = 200  # that sizes are worked out on: a constant needs few
+LEAST_LOSS = 0.02  # that a rotor must lack to be one of the causes
+MATCHED = 0.1  # of the difference, that a cause may leave
+AXES = slice(1, 4)  # roll, pitch and yaw among the modes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StandingCause:
+    """One of the causes that would hold the same constant outputs, with its sizes."""
+
+    cg_x: float  # m, forward of where the model has it
+    cg_y: float  # m, to the right
+    yaw_moment: float = 0.0  # N m, of a hover with half a tank
+    rotor: int | None = None  # 0-based, that lacks thrust
+    loss: float = 0.0  # of its thrust, by the least and the most torque that the rotor may keep
+    loss_range: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StandingShares:
+    """Measured minus predicted speed of each of R rotors, constant, and what may cause it."""
+
+    rotor_rpm: tuple[float, ...]  # R, mean of all flights, or of the one that differs most
+    flight: int | None  # that one, where flights differ more than they have in common
+    per_flight_rpm: tuple[tuple[float, ...], ...]  # (F, R)
+    trim: StandingCause | None  # centre of gravity and yaw moment; None where no size fits
+    weak_rotors: tuple[StandingCause, ...]  # one rotor with the weight moved, largest loss first
+
+
+def standing_shares(
+    problem: Problem, held: Sequence[TrialEffect], residual_rpm: Floats
+) -> StandingShares | None:
+    """Return what stands between outputs and the model with the effects `held`, which leave
+    `residual_rpm` (T, R).
+
+    None for measured speeds, for a model that knows sound flights, and where it is too small.
+    """
+    if not problem.of_outputs or not lacks_sound_flights(problem.model):
+        return None
+    flights = np.stack(
+        [residual_rpm[problem.flight == f].mean(axis=0) for f in range(problem.flights)]
+    )
+    mean, sizes = flights.mean(axis=0), np.sqrt(np.mean(flights**2, axis=1))
+    if sizes.max() < REPORTED * float(problem.measured_rpm.mean()):
+        return None
+    flight = None
+    if np.sqrt(np.mean(mean**2)) < IN_COMMON * sizes.max():
+        flight = int(np.argmax(sizes))
+        mean = flights[flight]
+    few = thinned(problem, max(1, problem.measured_rpm.shape[0] // ROWS))
+    wanted = problem.in_modes(mean)[AXES]
+    beside = placed(few, held)
+    still = few.speeds(beside)
+
+    def moved(effects: Sequence[Placed]) -> Floats:
+        change = few.speeds([*beside, *effects]) - still
+        return few.in_modes(change.mean(axis=0))[AXES]
+
+    rotors = [
+        one
+        for rotor in range(problem.measured_rpm.shape[1])
+        if (one := _weak_rotor(moved, wanted, rotor)) is not None
+    ]
+    return StandingShares(
+        rotor_rpm=tuple(mean.tolist()),
+        flight=flight,
+        per_flight_rpm=tuple(tuple(one.tolist()) for one in flights),
+        trim=_trim(moved, wanted),
+        weak_rotors=tuple(sorted(rotors, key=lambda one: -one.loss)),
+    )
+
+
+def _trim(moved, wanted: Floats) -> StandingCause | None:
+    yaw = BY_KEY["yaw_trim"].parameters[0]
+    found = _solved(
+        lambda v: moved([_cg(v[0], v[1]), _placed("yaw_trim", {yaw.name: v[2]})]),
+        wanted,
+        scale=(CG.scale, CG.scale, yaw.scale),
+        most=(CG.upper, CG.upper, yaw.upper),
+    )
+    return (
+        None if found is None else StandingCause(cg_x=found[0], cg_y=found[1], yaw_moment=found[2])
+    )
+
+
+def _weak_rotor(moved, wanted: Floats, rotor: int) -> StandingCause | None:
+    """The rotor's loss, with the centre of gravity that makes the rest: yaw tells the loss, by the
+    torque that the rotor keeps, which is known to one standard deviation either way."""
+    tries = [
+        _solved(
+            lambda v, share=share: moved(
+                [
+                    _cg(v[0], v[1]),
+                    _placed(ROTOR_DEGRADATION.key, {"loss": v[2], TORQUE_SHARE.name: share}, rotor),
+                ]
+            ),
+            wanted,
+            scale=(CG.scale, CG.scale, LOSS.scale),
+            most=(CG.upper, CG.upper, LOSS.upper),
+        )
+        for share in (TORQUE_SHARE.start, *_ends())
+    ]
+    first, *others = tries
+    if first is None or first[2] < LEAST_LOSS:
+        return None
+    losses = [one[2] for one in (first, *others) if one is not None]
+    return StandingCause(
+        cg_x=first[0],
+        cg_y=first[1],
+        rotor=rotor,
+        loss=first[2],
+        loss_range=(min(losses), max(losses)),
+    )
+
+
+def _ends() -> tuple[float, float]:
+    return TORQUE_SHARE.start - TORQUE_SHARE.scale, TORQUE_SHARE.start + TORQUE_SHARE.scale
+
+
+CG = BY_KEY["cg_offset"].parameters[0]
+
+
+def _cg(x: float, y: float) -> Placed:
+    return _placed("cg_offset", {"x": x, "y": y})
+
+
+def _placed(key: str, values: Mapping[str, float], rotor: int | None = None) -> Placed:
+    effect = BY_KEY[key]
+    whole = {p.name: p.start for p in effect.parameters} | dict(values)
+    return Placed(effect=effect, values=whole, rotor=rotor)
+
+
+def _solved(change, wanted: Floats, *, scale, most) -> list[float] | None:
+    """Values (3,) within their bounds that make the `wanted` change (3,) rpm of the axes, each in
+    steps of its `scale`; None where none do."""
+    sizes, bounds = np.array(scale), np.array(most) / np.array(scale)
+    found = least_squares(
+        lambda v: change(v * sizes) - wanted, np.zeros(3), bounds=(-bounds, bounds)
+    )
+    if np.linalg.norm(found.fun) > MATCHED * np.linalg.norm(wanted):
+        return None
+    return [float(v) for v in found.x * sizes]

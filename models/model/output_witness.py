@@ -1,0 +1,202 @@
+"""What motor outputs testify of a rotor whose speed is too high: propeller, ESC or another's speed.
+
+A weak propeller needs more speed, and its motor more output for it. Thrust is set by speed, so an
+ESC that reads 4 % high changes the reported speed alone: at an unchanged output it is the ESC. And
+where another rotor's output is raised instead, whose own speed is as it should be, the speeds of
+the two may be swapped: the fault is of one of them.
+
+All are shares of thrust against the median of the rotors: d = ln N² - ln N_p² with the predicted
+speed N_p, and o = ln f - ln N_p² with the thrust share f of the output by the autopilot's curve. A
+part has o = d; o/d is 0.6 to 1.5 by curves as builders set them (1.4 on the Quiver, 0.7 in the
+simulation).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.fault_test import RotorFault
+
+#: s of rows that testify: noise of 5 % at 3 Hz is then a hundredth
+LOOK_S = 30.0
+FEWEST = 10  # rows
+#: standard deviation of o from motor to motor of one make: 1.5 % of thrust on the Quiver
+MOTORS = 0.015
+#: of d: an output that has risen by as much belongs to a rotor that needs it
+RISEN = 0.35
+LEAST_RATIO = 0.6  # of o to d of a weak propeller
+MEDIAN = math.sqrt(math.pi / 2.0)  # standard error of a median over that of a mean
+FOUND_S = 2.0  # s that a fault lasts, or more, before it is found
+MOSTLY = 0.5  # of a fault's size, that rows show which it is in
+SURE = 2.0  # standard deviations by which an output is too low for a weak propeller
+APART = 1.5  # the same, by which the output of another rotor is raised
+LEAST_MISREAD = 0.04  # of thrust, 2 % of speed: less is no ESC that a pilot has to look at
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MisreadSpeed:
+    """A rotor whose reported speed is off at an output as it should be."""
+
+    rotor: int  # from 0
+    factor: float  # the reported speed over the true one
+    #: False without outputs: it may turn so slowly, with a propeller that makes more.
+    witnessed: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Deviations:
+    """d and o of R rotors, and the standard error of o: of its noise and from motor to motor."""
+
+    speed: Floats  # (R,)
+    output: Floats  # (R,)
+    error: float
+
+    @classmethod
+    def of(cls, signals: Floats, rotors: int) -> Deviations | None:
+        """Medians over rows (N, 5 + 3 R) of `fault_signals`; None with too few of them."""
+        excess, motors = signals[:, 1 : 1 + rotors], signals[:, 1 + rotors : 1 + 2 * rotors]
+        known = np.isfinite(excess).all(axis=1) & np.isfinite(motors).all(axis=1)
+        count = np.count_nonzero(known)
+        if count < FEWEST:
+            return None
+        excess, motors = excess[known], motors[known]
+        speed, motor = np.median(excess, axis=0), np.median(motors, axis=0)
+        speed, motor = speed - np.median(speed), motor - np.median(motor)
+        noise = MEDIAN * float(np.std(excess - motors, axis=0).max()) / math.sqrt(count)
+        return cls(speed=speed, output=speed - motor, error=math.hypot(MOTORS, noise))
+
+    def misread(self, rotor: int) -> bool:
+        """Whether the output of a rotor is surely not what a speed so far off needs."""
+        speed, output = float(self.speed[rotor]), float(self.output[rotor])
+        output = output if speed > 0.0 else -output
+        return (
+            abs(speed) > LEAST_MISREAD
+            and output < RISEN * abs(speed)
+            and LEAST_RATIO * abs(speed) - output > SURE * self.error
+        )
+
+    def raised(self, speed: float) -> Floats:
+        """(R,) outputs that a rotor could have whose speed is off by a share `speed`."""
+        return self.output > max(RISEN * speed, APART * self.error)
+
+
+class OutputWitness:
+    """The last LOOK_S of rows of `rotor_faults.fault_signals`, of R rotors."""
+
+    def __init__(self, rotors: int) -> None:
+        self._rotors = rotors
+        self._rows: deque[Floats] = deque()
+        #: Of each rotor with a fault: s at which it was first judged, and whether it was there in
+        #: most of the rows then, as an ESC's is. What begins in flight is none: poles stay as many.
+        self._first: dict[int, tuple[float, bool]] = {}
+
+    def add(self, row: Floats) -> None:
+        """A row in flight."""
+        self._rows.append(row)
+        while row[0] - self._rows[0][0] > LOOK_S or row[0] < self._rows[0][0]:
+            self._rows.popleft()
+
+    def forget(self) -> None:
+        """Another flight, perhaps with other parts."""
+        self._rows.clear()
+        self._first.clear()
+
+    def judged(
+        self, faults: Iterable[RotorFault], known: Collection[RotorFault] = ()
+    ) -> tuple[RotorFault, ...]:
+        """The faults without those that are an ESC's, each with what outputs say of its rotor.
+
+        Those that are `known` before the flight stand as they are.
+        """
+        found = tuple(faults)
+        asked = [f for f in found if f.kind == "propeller" and not f.rotors and f not in known]
+        self._first = {r: v for r, v in self._first.items() if r in {f.rotor for f in asked}}
+        if not (asked and self._rows):
+            return found
+        rows = np.array(self._rows)
+        whole = Deviations.of(rows, self._rotors)
+        judged = (self._judged(f, rows, whole) if f in asked else f for f in found)
+        return tuple(fault for fault in judged if fault is not None)
+
+    def _judged(
+        self, fault: RotorFault, rows: Floats, whole: Deviations | None
+    ) -> RotorFault | None:
+        """The fault by all rows where it is in most of them, else by those since it was found; None
+        for an ESC's. Without outputs it is not witnessed."""
+        if whole is None:
+            return replace(fault, witnessed=False)
+        rotor = fault.rotor
+        lasts = bool(whole.speed[rotor] > MOSTLY * fault.size)
+        found_s, standing = self._first.setdefault(rotor, (float(rows[-1, 0]), lasts))
+        since = (
+            None if lasts else Deviations.of(rows[rows[:, 0] >= found_s - FOUND_S], self._rotors)
+        )
+        shown = since or whole
+        high = float(shown.speed[rotor])
+        if not high > MOSTLY * fault.size or shown.output[rotor] > RISEN * high:
+            return fault
+        others = np.flatnonzero(shown.raised(high) & (shown.speed < RISEN * high))
+        if others.size:
+            return replace(fault, rotors=tuple(sorted({rotor, *others.tolist()})))
+        return None if standing and shown.misread(rotor) else fault
+
+
+def undecided(
+    faults: Iterable[RotorFault], open_pairs: Collection[tuple[int, int]]
+) -> tuple[RotorFault, ...]:
+    """The faults, each of one of all rotors whose speeds may be swapped with its own.
+
+    `open_pairs` of rotors, from 0, are those that the flight's manoeuvres do not tell apart.
+    Outputs that rise with a speed tell it, whatever the manoeuvres.
+    """
+    found = []
+    for fault in faults:
+        if fault.kind == "propeller" and not fault.witnessed and not fault.rotors:
+            others = {k for pair in open_pairs if fault.rotor in pair for k in pair}
+            if others:
+                fault = replace(fault, rotors=tuple(sorted(others)))
+        found.append(fault)
+    return tuple(found)
+
+
+def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed | None:
+    """The rotor whose ESC reads too high or low, by rows (N, 5 + 3 R) of `fault_signals`.
+
+    None where two or more look so: a load off the middle or the order of motors moves several.
+    Without outputs only one that reads low is found, for one that reads high is a fault already,
+    and only if good flights have `taught` the model how the rotors share the thrust.
+    """
+    shown = Deviations.of(signals, rotors)
+    if shown is None:
+        return _slow(signals[:, 1 : 1 + rotors]) if taught else None
+    off = [rotor for rotor in range(rotors) if shown.misread(rotor)]
+    lowered = replace(shown, output=-shown.output)
+    most = float(np.abs(shown.speed).max())
+    if len(off) != 1 or (shown.raised(most) | lowered.raised(most)).any():
+        return None
+    return MisreadSpeed(rotor=off[0], factor=_factor(shown.speed[off[0]]))
+
+
+def _slow(excess: Floats) -> MisreadSpeed | None:
+    """The only rotor that is slow for its thrust, by d (N, R)."""
+    known = excess[np.isfinite(excess).all(axis=1)]
+    if len(known) < FEWEST:
+        return None
+    speed = np.median(known, axis=0)
+    speed = speed - np.median(speed)
+    rotor = int(np.argmin(speed))
+    others = np.abs(np.delete(speed, rotor)).max(initial=0.0)
+    if -speed[rotor] < LEAST_MISREAD or others > RISEN * -speed[rotor]:
+        return None
+    return MisreadSpeed(rotor=rotor, factor=_factor(speed[rotor]), witnessed=False)
+
+
+def _factor(share: float) -> float:
+    """Speed over the true one, by a share of thrust that it is off by."""
+    return math.sqrt(max(1.0 + float(share), 1e-3))
