@@ -37,7 +37,7 @@ class RotorFault:
     upper: float  # MOST while it is still growing
     #: From 0, while others than `rotor` are not excluded: it is of one of these.
     rotors: tuple[int, ...] = ()
-    #: False where no motor output tells a weak propeller from an ESC that reads high.
+    #: False where no motor output distinguishes a weak propeller from an ESC that reads high.
     witnessed: bool = True
 
 

@@ -92,7 +92,7 @@ class OutputWitness:
     def __init__(self, rotors: int) -> None:
         self._rotors = rotors
         self._rows: deque[Floats] = deque()
-        #: Of each rotor with a fault: s at which it was first judged, and whether it was there in
+        #: Of each rotor with a fault: s at which it was first assessed, and whether it was there in
         #: most of the rows then, as an ESC's is. What begins in flight is none: poles stay as many.
         self._first: dict[int, tuple[float, bool]] = {}
 
@@ -107,7 +107,7 @@ class OutputWitness:
         self._rows.clear()
         self._first.clear()
 
-    def judged(
+    def assessed(
         self, faults: Iterable[RotorFault], known: Collection[RotorFault] = ()
     ) -> tuple[RotorFault, ...]:
         """The faults without those that are an ESC's, each with what outputs say of its rotor.
@@ -121,10 +121,10 @@ class OutputWitness:
             return found
         rows = np.array(self._rows)
         whole = Deviations.of(rows, self._rotors)
-        judged = (self._judged(f, rows, whole) if f in asked else f for f in found)
-        return tuple(fault for fault in judged if fault is not None)
+        assessed = (self._assessed(f, rows, whole) if f in asked else f for f in found)
+        return tuple(fault for fault in assessed if fault is not None)
 
-    def _judged(
+    def _assessed(
         self, fault: RotorFault, rows: Floats, whole: Deviations | None
     ) -> RotorFault | None:
         """The fault by all rows where it is in most of them, else by those since it was found; None

@@ -127,7 +127,7 @@ class RotorFaults:
     def current(self) -> tuple[RotorFault, ...]:
         """Faults by kind and rotor."""
         found = (fault for test in self._tests for fault in test.current)
-        return self._witness.judged(found, self._known)
+        return self._witness.assessed(found, self._known)
 
     def landed(self, time_s: float) -> None:
         """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
@@ -182,7 +182,7 @@ class RotorFaults:
             turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
             if self._may_find(evidence):
                 self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
-            self.tested["propeller"] = self._witness.judged(self._tests[0].current, self._known)
+            self.tested["propeller"] = self._witness.assessed(self._tests[0].current, self._known)
         if math.isfinite(np.add.reduce(motors)):
             outputs = slice(2 * rotors, 3 * rotors)
             moves = np.array([motors, mean[outputs], slope[outputs]]).T

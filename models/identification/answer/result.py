@@ -183,7 +183,7 @@ class Identification:
     mentioned: tuple[Mentioned, ...] = ()
     open_causes: tuple[OpenCause, ...] = ()  # without a name, in the new model as they were seen
     followed: tuple[Found, ...] = ()  # what the flights have and a channel reports to the model
-    standing: StandingShares | None = None  # of motor outputs, which nothing tells the cause of
+    standing: StandingShares | None = None  # of motor outputs, whose cause nothing shows
     untried: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # effect -> lacking channels

@@ -113,7 +113,7 @@ def _trim(moved, wanted: Floats) -> StandingCause | None:
 
 
 def _weak_rotor(moved, wanted: Floats, rotor: int) -> StandingCause | None:
-    """The rotor's loss, with the centre of gravity that makes the rest: yaw tells the loss, by the
+    """The rotor's loss, with the centre of gravity that makes the rest: yaw shows the loss, by the
     torque that the rotor keeps, which is known to one standard deviation either way."""
     tries = [
         _solved(

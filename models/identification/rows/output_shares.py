@@ -86,8 +86,8 @@ def is_constant_share(change: Floats, flight: NDArray[np.intp]) -> bool:
     """Return whether the change (T, R, P) rpm in modes of every one of P values is mostly constant
     in each flight.
 
-    On outputs alone such an effect cannot be told from any other that shifts the balance: the
-    mixer answers all of them with the same constant roll, pitch and yaw.
+    On outputs alone such an effect cannot be distinguished from any other that shifts the balance:
+    the mixer answers all of them with the same constant roll, pitch and yaw.
     """
     rest = change.copy()
     for f in np.unique(flight):

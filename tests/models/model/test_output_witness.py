@@ -34,7 +34,7 @@ def judged(rows, *faults):
     witness = OutputWitness(ROTORS)
     for row in rows:
         witness.add(row)
-    return witness.judged(faults)
+    return witness.assessed(faults)
 
 
 @pytest.mark.parametrize("loss", [0.04, 0.08, 0.12])
@@ -74,12 +74,12 @@ def test_a_step_in_flight_is_judged_by_the_rows_since_and_is_no_escs():
     witness = OutputWitness(ROTORS)
     for row in (*before, *after):
         witness.add(row)
-    assert witness.judged([fault(size=0.12)]) == (fault(size=0.12),)
+    assert witness.assessed([fault(size=0.12)]) == (fault(size=0.12),)
     later = signals([0.12, 0.0, 0.0, 0.0], [0.0] * 4, seconds=30.0)
     later[:, 0] += 30.0
     for row in later:
         witness.add(row)
-    assert witness.judged([fault(size=0.12)]) == (fault(size=0.12),)
+    assert witness.assessed([fault(size=0.12)]) == (fault(size=0.12),)
     swapped = signals([0.0, 0.12, 0.0, 0.0], [0.09, 0.0, 0.0, 0.0], seconds=3.0)
     swapped[:, 0] += 27.0
     assert judged((*before, *swapped), fault(rotor=1, size=0.12))[0].rotors == (0, 1)
@@ -113,7 +113,7 @@ def test_faults_that_the_model_holds_stand_as_they_are():
     witness, known = OutputWitness(ROTORS), fault()
     for row in signals([0.0] * 4, [np.nan] * 4):
         witness.add(row)
-    assert witness.judged([known], known=[known]) == (known,)
+    assert witness.assessed([known], known=[known]) == (known,)
 
 
 def test_an_order_that_manoeuvres_do_not_tell_leaves_a_choice_unless_outputs_do():
