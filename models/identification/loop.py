@@ -27,10 +27,16 @@ from thrustmargin.models.identification.answer.result import Found, Identificati
 from thrustmargin.models.identification.answer.standing_shares import standing_shares
 from thrustmargin.models.identification.answer.unexplained import open_cause
 from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
+from thrustmargin.models.identification.rows.candidates import Candidate, slopes
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
-from thrustmargin.models.identification.rows.output_shares import effects_on_shares, steepness_of
+from thrustmargin.models.identification.rows.output_shares import (
+    effects_on_shares,
+    is_constant_share,
+    lacks_sound_flights,
+    steepness_of,
+)
 from thrustmargin.models.identification.rows.problem import assemble
-from thrustmargin.models.identification.rows.reduced import rows_and_means
+from thrustmargin.models.identification.rows.reduced import Reduced, rows_and_means
 from thrustmargin.models.identification.rows.usable_flights import Flown, require_airframe
 from thrustmargin.models.identification.sets.onsets import onset_candidates, without_rotors
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -95,6 +101,8 @@ def identify_checked(
     # Between reports seconds apart, slow noise and a step in time are alike.
     stepwise = not (problem.of_outputs or space.nuisance.whitening.unfiltered.any())
     steps = onset_candidates(search, search.best) if stepwise else []
+    if lacks_sound_flights(model):  # how much else changes between two flights is not known
+        steps = [one for one in steps if not between_flights(space.reduced, one)]
     if steps and search.add(steps, without_rotors(search, search.best.key)):
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
@@ -157,6 +165,15 @@ def identify_checked(
         followed=() if wind is None else (wind,),
         standing=standing,
     )
+
+
+def between_flights(reduced: Reduced, step: Candidate) -> bool:
+    """Return whether a rotor's step in time is constant in each flight, as a load or a trim that
+    changed between two flights is."""
+    effect = step.term.effect
+    main = [k for k, p in enumerate(effect.parameters) if p.absent is not None and not p.detail]
+    change = np.nan_to_num(slopes(reduced, [step.at_start], 0, main))
+    return is_constant_share(change, reduced.flight)
 
 
 def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:

@@ -120,6 +120,23 @@ def test_a_flight_of_pauses_beside_a_whole_one_is_no_sign_of_a_step_in_time():
     assert found.found == ()
 
 
+@pytest.mark.parametrize("taught", [True, False])
+def test_a_change_between_two_flights_names_a_rotor_only_beside_sound_flights(taught):
+    """Weight and trim may have changed on the ground as well; a change in flight is the rotor's."""
+    known = replace(curve_model(), background_rpm=(2.0,) * 4, good_flights=GoodFlights(flights=6))
+    given = [made_flight(k, duration=90.0) for k in range(3)]
+    given += [made_flight(k, duration=90.0, loss=0.08) for k in (3, 4, 5)]
+    given = [replace(t, start_unix_s=1e9 + 3600.0 * k) for k, t in enumerate(given)]
+    model, few = known if taught else curve_model(), table(["rotor_degradation"])
+    found = identify(given, model, catalogue=few)
+    variants = {f.term.effect.variant for f in found.found}
+    assert ("since" in variants) == taught
+    given[3] = replace(
+        made_flight(3, duration=90.0, loss=0.08, loss_from=40.0), start_unix_s=given[3].start_unix_s
+    )
+    assert [f.term.rotor for f in identify(given, model, catalogue=few).found] == [0]
+
+
 def test_means_are_those_of_the_rows():
     track = made_flight(3)
     reduced = reduce_flights(curve_model(), [track])
