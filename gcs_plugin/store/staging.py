@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from thrustmargin.gcs_plugin.store.season_store import (
     NO_MONTH,
     STAGED,
     SeasonStore,
+    damaged_table,
     other_layout,
 )
 from thrustmargin.models.errors import DataError
@@ -189,9 +191,33 @@ def merge(store: SeasonStore, aircraft: str, month: str, keys: list[str]) -> int
 
 
 @contextmanager
+def _readable(store: SeasonStore, key: str) -> Iterator[None]:
+    """Raise DataError that names the object where what was written in it cannot be read.
+
+    pyarrow calls a damaged file an OSError without a number; those of disks and networks have one.
+    """
+    import pyarrow as pa
+
+    try:
+        yield
+    except (
+        pa.ArrowException,
+        zipfile.BadZipFile,
+        zlib.error,
+        EOFError,
+        UnicodeDecodeError,
+    ) as error:
+        raise DataError(damaged_table(store.path(key), error)) from error
+    except OSError as error:
+        if error.errno is not None:
+            raise
+        raise DataError(damaged_table(store.path(key), error)) from error
+
+
+@contextmanager
 def _staged(store: SeasonStore, key: str) -> Iterator[zipfile.ZipFile]:
     opened: Any = store.files.open(store.path(key), "rb")
-    with opened as file, zipfile.ZipFile(file) as whole:
+    with opened as file, _readable(store, key), zipfile.ZipFile(file) as whole:
         yield whole
 
 
@@ -210,7 +236,7 @@ def _present(store: SeasonStore, key: str) -> Iterator[Any]:
     if not store.files.exists(store.path(key)):
         yield None
         return
-    with store.files.open(store.path(key), "rb") as file:
+    with store.files.open(store.path(key), "rb") as file, _readable(store, key):
         yield pq.ParquetFile(file)
 
 
@@ -255,7 +281,10 @@ def _rows_merged(
         old: dict[str, int] = {}
         described: Any = None if file is None else file.metadata
         for group in range(0 if file is None else described.num_row_groups):
-            old[described.row_group(group).column(0).statistics.min] = group
+            named = described.row_group(group).column(0).statistics
+            if named is None:
+                raise DataError(damaged_table(store.path(target), ValueError("no names in it")))
+            old[named.min] = group
         names = sorted({*new, *old})
         with draft.open("wb") as out:
             first = _staged_table(store, keys[0], member)

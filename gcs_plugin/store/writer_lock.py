@@ -85,7 +85,7 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
     except FileExistsError:
         held = _held(store)
         if held is not None and _since_renewed(store, own) < STALE_S:
-            raise _refused(store, held.get("who")) from None
+            raise _refused(store, str(held.get("who", "another writer"))) from None
         store.delete(LOCK)
         try:
             take()

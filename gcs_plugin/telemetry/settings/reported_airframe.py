@@ -41,14 +41,18 @@ _CHEMISTRIES: Mapping[str, Mapping[str, float]] = {
 }
 #: V a cell by which owners depart from these. A full cell is set by its chemistry; where it is
 #: empty is set by habit; a flight may begin with a battery that is not full.
-_SPREAD = {"MAX": 0.05, "MIN": 0.25, "LOW": 0.2, "log": 0.15}
+_SPREAD = {"MAX": 0.04, "MIN": 0.3, "LOW": 0.25, "log": 0.15}
 #: Spreads beyond which a setting says nothing more: it is of another battery, or nobody set it.
-_MOST_SPREADS = 4.0
+_MOST_SPREADS = 5.0
 #: Spreads by which the readings of two chemistries must differ for the worse to be dropped.
 _APART = 2.0
+#: Spreads that another chemistry must fit better by: most multirotors fly on lithium polymer.
+_LESS_USUAL = 1.0
 #: V that a cell can have: at the end of a flight, and full by a high-voltage charger. At take-off
 #: no cell is below the first of the second pair; a voltmeter may read 2 % too much.
 _CELL_RANGE, _AT_TAKE_OFF = (2.8, 4.35), (3.4, 4.35 * 1.02)
+#: V by which owners round a setting: 21.8 V are 5 cells of 4.35 V.
+_ROUNDING = 0.05 + 1e-6
 _SETTINGS = {
     "MOT_BAT_VOLT_MAX": "MAX",
     "Q_M_BAT_VOLT_MAX": "MAX",
@@ -246,26 +250,28 @@ def _best_cells(
 
     None where there are no voltages, or no count of cells can have them.
     """
+    extra = 0.0 if usual is _CHEMISTRIES["LiPo"] else _LESS_USUAL
     fits = [
         (
-            sum(
+            extra
+            + sum(
                 min(abs(setting / cells - usual[kind]) / _SPREAD[kind], _MOST_SPREADS)
                 for kind, setting in volts
             ),
             cells,
         )
         for cells in _CELLS
-        if all(_possible(kind, setting / cells) for kind, setting in volts)
+        if all(_possible(kind, setting, cells) for kind, setting in volts)
     ]
     return min(fits) if volts and fits else None
 
 
-def _possible(kind: str, volts: float) -> bool:
-    """Return whether a cell can have this voltage, that a setting or the log gives it.
+def _possible(kind: str, setting: float, cells: int) -> bool:
+    """Return whether each of the cells can have the voltage that a setting or the log gives it.
 
     The settings of an empty battery are often left at those of another one, and exclude nothing.
     """
+    volts = setting / cells
     if kind == "log":
         return _AT_TAKE_OFF[0] <= volts <= _AT_TAKE_OFF[1]
-    # Owners round, so that 52.2 V are 12 cells of 4.35 V.
-    return kind != "MAX" or _CELL_RANGE[0] <= volts <= _CELL_RANGE[1] + 1e-6
+    return kind != "MAX" or _CELL_RANGE[0] <= volts <= _CELL_RANGE[1] + _ROUNDING / cells

@@ -188,3 +188,30 @@ def test_a_store_in_another_layout_names_what_takes_it_in_again(tmp_path: Path, 
     fill(store, [2])
     merge_all(store)
     assert len(content(store)["rows"]) == 6
+
+
+@pytest.mark.parametrize("table", ["flights", "rows", "sums"])
+@pytest.mark.parametrize("kept", [0, 4, 700])
+def test_a_damaged_table_is_refused_by_its_name_in_one_line(tmp_path: Path, table: str, kept: int):
+    store = SeasonStore.open(str(tmp_path))
+    stage(store, small_flight(0))
+    merge_all(store)
+    (file,) = (tmp_path / table).rglob("*.parquet")
+    file.write_bytes(file.read_bytes()[:kept])
+    with pytest.raises(DataError, match=rf"/{table}.*") as read:
+        store.table(table)
+    stage(store, small_flight(0))
+    with pytest.raises(DataError, match=file.name) as merged:
+        merge_all(store)
+    assert "\n" not in f"{read.value}{merged.value}"
+
+
+def test_a_damaged_flight_that_waits_is_refused_by_its_name(tmp_path: Path):
+    store = SeasonStore.open(str(tmp_path))
+    stage(store, small_flight(0))
+    (file,) = tmp_path.rglob("*.zip")
+    whole = file.read_bytes()
+    for cut in (b"", whole[:100], whole[:60] + bytes(200) + whole[260:]):
+        file.write_bytes(cut)
+        with pytest.raises(DataError, match=r"\.zip cannot be read"):
+            merge_all(store)

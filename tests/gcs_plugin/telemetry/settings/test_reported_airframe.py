@@ -49,6 +49,9 @@ def test_one_hint_is_a_guess_two_that_agree_are_not_and_none_is_none():
     ("most", "least", "low", "expected", "guessed"),
     [
         (52.2, 45.6, 46.8, 12, True),  # 4.35 V full; read as LiPo the empty ones say 13
+        (60.9, 53.2, 54.6, 14, True),
+        (21.8, 16.5, 19.2, 5, False),  # 4.35 V full, rounded up
+        (0.0, 19.8, 21.6, 6, True),  # without a full voltage the usual chemistry
         (24.6, 16.8, 18.6, 6, False),  # Li-ion: 4.1, 2.8 and 3.1 V
         (25.2, 18.0, 19.2, 6, False),  # Li-ion charged to 4.2 V
         (92.4, 72.6, 79.2, 22, False),
