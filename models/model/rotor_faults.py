@@ -34,15 +34,18 @@ from thrustmargin.models.model.fault_test import (
     BLOCK,
     FAULT_SIZES,
     LEAST,
+    MOST,
     FaultTest,
     Kind,
     RotorFault,
 )
+from thrustmargin.models.model.output_onset import of_outputs, output_test, square_of_outputs
 from thrustmargin.models.model.predict import model_channels, table_of
+from thrustmargin.models.model.rotor_fade import UNKNOWN_DRIFT, RotorFade
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.physics.motor_output import output_curve
+from thrustmargin.models.physics.motor_output import curve_of, output_curve
 
 #: Share by which a step is known at best: half of RATIO
 STEP_ERROR = 0.03
@@ -68,7 +71,7 @@ class FaultEpisode:
 
     begin_s: float
     end_s: float | None
-    fault: RotorFault  # as it was known last
+    fault: RotorFault  # as it was known last; of one that is over as it stood longest
 
     def holds(self, time_s: float) -> bool:
         """Whether it stands at a time of the flight."""
@@ -86,6 +89,8 @@ class RotorFaults:
         self._known = faults_in_model(model)
         for test in self._tests[:1]:
             test.forget(self._known)
+        self._fade = rotor_fade(model, self._modes) if enough else None
+        self._outputs = _output_test(model, self._modes) if enough else None
         self._rows: list[Floats] = []
         self._begun_s = self._landed_s = math.nan
         #: What stood after the last block, by kind; a kind that could not be tested is left out.
@@ -96,7 +101,22 @@ class RotorFaults:
     @property
     def current(self) -> tuple[RotorFault, ...]:
         """Faults by kind and rotor."""
-        return tuple(fault for test in self._tests for fault in test.current)
+        found = [fault for test in self._tests for fault in self._current(test)]
+        named = {rotor for fault in found for rotor in (fault.rotor, *fault.rotors)}
+        return (*found, *(one for one in self._by_outputs if one.rotor not in named))
+
+    @property
+    def _by_outputs(self) -> tuple[RotorFault, ...]:
+        """What the motor outputs alone show."""
+        return tuple(map(of_outputs, self._outputs.current)) if self._outputs else ()
+
+    def _current(self, test: FaultTest) -> tuple[RotorFault, ...]:
+        """Return the faults of a test, with what faded where that is not known as larger."""
+        fade, found = self._fade and self._fade.current, test.current
+        if fade is None or test is not self._tests[0]:
+            return found
+        smaller = found and found[0].rotor == fade.rotor and found[0].size < fade.size
+        return (fade,) if not found or (len(found) == 1 and smaller) else found
 
     def landed(self, time_s: float) -> None:
         """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
@@ -111,6 +131,11 @@ class RotorFaults:
                 if time_s - self._landed_s > CHANGED:
                     test.forget(self._known if test is self._tests[0] else ())
                 test.restart()
+            if self._fade and self._outputs:
+                if time_s - self._landed_s > CHANGED:
+                    self._fade.restart()
+                    self._outputs.forget()
+                self._outputs.restart()
             self._landed_s = math.nan
         least = BLOCK if len(self._rows) >= FEWEST_ROWS else LONGEST_BLOCK
         whole = not begins and not 0.0 <= time_s - self._begun_s < least - 0.01
@@ -133,20 +158,34 @@ class RotorFaults:
     def _end(self, of_block: Sequence[Floats] | Floats) -> None:
         """A block of rows is whole."""
         rotors, self.tested = len(self._modes), {}
-        if len(of_block) < FEWEST_ROWS or not self._tests:
+        if not len(of_block) or not self._tests:
             return
         rows = np.array(of_block)
+        # Rows by outputs alone say nothing beside measured ones.
+        by_outputs = np.isnan(rows[:, 1 + rotors : 1 + 2 * rotors]).all(axis=1)
+        by_outputs &= np.isfinite(rows[:, 1 + 2 * rotors : 1 + 3 * rotors]).all(axis=1)
+        if not by_outputs.all():
+            rows = rows[~by_outputs]
+        if len(rows) < FEWEST_ROWS:
+            return
         long = rows[-1, 0] - rows[0, 0]
         if long <= 0.0:
             return
         mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
         slope = (rows[-1] - rows[0])[1:] / long
         excess, motors = mean[:rotors], mean[rotors : 2 * rotors]
+        turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
         # A sum is finite where all that it is of is, and quicker to be had.
-        if UNLOADED < np.add.reduce(excess) / rotors < math.inf:
-            turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
+        loaded = UNLOADED < np.add.reduce(excess) / rotors < math.inf
+        if loaded and self._outputs and by_outputs.all():
+            self._outputs.add(self._begun_s, excess @ self._modes, turns[None])
+            self.tested["propeller"] = self._by_outputs
+        elif loaded:
             self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
-            self.tested["propeller"] = self._tests[0].current
+            # While a sudden change stands, a slow one cannot be told from it.
+            if self._fade and not self._tests[0].current:
+                self._fade.add(float(rows[0, 0]), excess @ self._modes)
+            self.tested["propeller"] = self._current(self._tests[0])
         if math.isfinite(np.add.reduce(motors)):
             outputs = slice(2 * rotors, 3 * rotors)
             moves = np.array([motors, mean[outputs], slope[outputs]]).T
@@ -180,13 +219,19 @@ def _median(values: Floats) -> Floats:
 
 
 def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
-    """The faults of a flight, in the order in which they were found."""
+    """List the faults of a flight, in the order in which they were found.
+
+    A fault that is over has the size at which it stood longest, of the sizes that were bounded: a
+    part that becomes sound again passes through smaller ones. Otherwise the last size counts.
+    """
     open_now: dict[tuple[str, tuple[int, ...]], FaultEpisode] = {}
+    stood: dict[tuple[str, tuple[int, ...]], list[tuple[float, RotorFault]]] = {}
     over: list[FaultEpisode] = []
     for time_s, faults in history:
         current = {(fault.kind, fault.rotors or (fault.rotor,)): fault for fault in faults}
         for key in open_now.keys() - current.keys():
-            ended = replace(open_now.pop(key), end_s=time_s)
+            fault = _stood_longest(stood.pop(key), time_s)
+            ended = replace(open_now.pop(key), end_s=time_s, fault=fault)
             found = {(f.kind, r) for f in faults for r in (f.rotor, *f.rotors)}
             # One whose rotor has become known is not listed twice.
             if not any((key[0], rotor) in found for rotor in ended.fault.rotors):
@@ -194,7 +239,19 @@ def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
         for key, fault in current.items():
             begin_s = open_now[key].begin_s if key in open_now else time_s
             open_now[key] = FaultEpisode(begin_s=begin_s, end_s=None, fault=fault)
+            stood.setdefault(key, []).append((time_s, fault))
     return tuple(sorted([*over, *open_now.values()], key=lambda episode: episode.begin_s))
+
+
+def _stood_longest(stood: Sequence[tuple[float, RotorFault]], end_s: float) -> RotorFault:
+    """Return the bounded size of a fault that stood longest up to `end_s`, or its last size."""
+    ends = [time_s for time_s, _ in stood[1:]] + [end_s]
+    known = [
+        (until - since, fault)
+        for (since, fault), until in zip(stood, ends, strict=True)
+        if fault.upper < MOST
+    ]
+    return max(known, key=lambda one: one[0])[1] if known else stood[-1][1]
 
 
 @lru_cache(maxsize=8)
@@ -245,7 +302,9 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
     Time; of each rotor the excess of its speed squared over the model's, as a share of the mean,
     then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown.
 
-    NaN for a speed from a motor's output: one motor differs from the next by more than is sought.
+    Where the speeds of all rotors are from motor outputs the excess is that of the outputs, and
+    what compares a motor's speed with its output is NaN (`output_onset`). Where those of some are,
+    these rotors are NaN: one motor differs from the next by more than is sought.
     """
     track = analysis.track
     measured = np.where(analysis.from_outputs[rows], np.nan, track.rotor_speed_rpm[rows])
@@ -254,8 +313,14 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
         predicted = predicted * _as_sound(analysis.model)
     curve = output_curve({}, track.source("throttle"))
     with np.errstate(divide="ignore", invalid="ignore"):
-        excess = (measured**2 - predicted**2) / np.mean(predicted**2, axis=1, keepdims=True)
         share = curve.thrust_share(track.throttle[rows])
+        own = curve_of(track.source("rotor_speed_rpm"), track.source("throttle"))
+        square = np.where(
+            analysis.from_outputs[rows].all(axis=1)[:, None],
+            square_of_outputs(track.rotor_speed_rpm[rows], own.thrust_share(track.throttle[rows])),
+            measured**2,
+        )
+        excess = (square - predicted**2) / np.mean(predicted**2, axis=1, keepdims=True)
         output = np.log(np.where(share > IDLING, share, np.nan))
         motors = np.log(measured**2) - output
     load = np.linalg.norm(track.specific_force_frd[rows], axis=1) / G0 - 1.0
@@ -301,18 +366,45 @@ def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
     return steps, np.array([excess(i, middle + TORQUE_SHARE.scale) for i in range(rotors)]) - steps
 
 
-def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
-    airframe = model.airframe
-    rotors = airframe.rotor_count
-    size = math.sqrt(rotors)
-    steps, torque = (a @ modes for a in loss_steps(model))
-    trim = np.full(rotors, TRIM * size)
+def _good_trim(model: RotorModel) -> tuple[Floats, int] | None:
+    """Return twice the standard deviation (R,) by which the modes of good flights differ from the
+    model, and the number of those flights; None where no flights show it."""
     good = model.good_flights
     of_mode = good.mode_scatter_rpm if good else model.background_rpm
     flights = good.flights if good else model.training_domain and len(model.training_domain.flights)
-    if of_mode:
-        hover = model.base_speed(np.zeros(1), np.full(1, 0.5 * airframe.tank_capacity_kg))
-        trim = 2.0 * np.array(of_mode) / float(hover.mean())
+    if not of_mode:
+        return None
+    hover = model.base_speed(np.zeros(1), np.full(1, 0.5 * model.airframe.tank_capacity_kg))
+    return 2.0 * np.array(of_mode) / float(hover.mean()), flights or 0
+
+
+def rotor_fade(model: RotorModel, modes: Floats) -> RotorFade:
+    """Return the test for a slow loss of thrust, by the modes (R, R) of a model's layout."""
+    steps, torque = (a @ modes for a in loss_steps(model))
+    good = _good_trim(model)
+    drift = np.full(len(modes), UNKNOWN_DRIFT) if good is None else 0.5 * good[0]
+    return RotorFade(steps, np.hypot(torque, STEP_ERROR * steps), drift)
+
+
+def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
+    rotors = model.airframe.rotor_count
+    size = math.sqrt(rotors)
+    steps, torque = (a @ modes for a in loss_steps(model))
+    trim, flights = _good_trim(model) or (np.full(rotors, TRIM * size), 0)
+    prior = Prior(
+        trim=trim,
+        noise=np.full(rotors, NOISE * size),
+        inputs=_turn_inputs(model),
+        flights=flights,
+    )
+    return FaultTest("propeller", steps, np.hypot(torque, STEP_ERROR * steps), prior)
+
+
+def _turn_inputs(model: RotorModel) -> Floats:
+    """Return the standard deviations (R, 7) of what load factor, body rates and their slopes add to
+    each mode."""
+    airframe = model.airframe
+    rotors, size = airframe.rotor_count, math.sqrt(airframe.rotor_count)
     # What a load factor of 2, or 1 rad/s² of a body all of whose mass sits at the rotors, needs.
     arm = airframe.arm
     turn = np.array([G0, arm, arm, arm**2 / airframe.torque_ratio]) * size / G0
@@ -320,14 +412,13 @@ def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
     left = [KNOWN if name in known else 1.0 for name in ("load_factor", *["manoeuvre_moment"] * 3)]
     inputs = np.tile(LEAK * turn * left, (rotors, 1))
     inputs[range(4), range(4)] /= LEAK
-    inputs = np.column_stack([inputs, inputs[:, 1:]])
-    prior = Prior(
-        trim=trim,
-        noise=np.full(rotors, NOISE * size),
-        inputs=inputs,
-        flights=flights if of_mode and flights else 0,
-    )
-    return FaultTest("propeller", steps, np.hypot(torque, STEP_ERROR * steps), prior)
+    return np.column_stack([inputs, inputs[:, 1:]])
+
+
+def _output_test(model: RotorModel, modes: Floats) -> FaultTest:
+    """Return the test for a sudden change of motor outputs, by the modes (R, R) of a layout."""
+    steps, torque = (a @ modes for a in loss_steps(model))
+    return output_test(steps, np.hypot(torque, STEP_ERROR * steps), _turn_inputs(model))
 
 
 def _motor_test(model: RotorModel) -> FaultTest:

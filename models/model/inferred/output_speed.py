@@ -266,6 +266,7 @@ def _source(
         meaning=Meaning.MOTOR_OUTPUTS,
         assumed=curve.is_assumed,
         parts=measured,
+        numbers=curve.numbers,
         remarks=remarks,
     )
 
