@@ -42,6 +42,9 @@ PREDICTED_ALONE = (
 NOT_SOUGHT = (
     "not looked for in {long}: that takes the speed of every rotor, the airspeed and the load"
 )
+BY_OUTPUTS = (
+    "by motor outputs alone in {long}: a sudden change is found, a rotor weak from the start is not"
+)
 
 PEAK_S = 1.5  # s from reading to reading, from which the peak of a turn can lie between two
 _PEAKS = "readings come every {seconds} s: peaks between them are not seen"
@@ -230,6 +233,8 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     found += [("model", sound_again(fault)) for fault in advice.repaired]
     if advice.unsought_s >= 0.2 * advice.airborne_s:
         found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
+    elif advice.by_outputs_s >= 0.2 * advice.airborne_s:
+        found.append(("weak rotors", say(BY_OUTPUTS, long=duration(advice.by_outputs_s))))
     if math.isfinite(use.lasting_most):
         found.append(("steady flight", _lasting(advice)))
         seldom = say(_PEAKS, seconds=f"{use.step_s:.2g}") if use.step_s > PEAK_S else ""

@@ -182,7 +182,7 @@ class RotorFaults:
             self.tested["propeller"] = self._by_outputs
         elif loaded:
             self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
-            # While a sudden change stands, a slow one cannot be told from it.
+            # While a sudden change stands, a slow one cannot be distinguished.
             if self._fade and not self._tests[0].current:
                 self._fade.add(float(rows[0, 0]), excess @ self._modes)
             self.tested["propeller"] = self._current(self._tests[0])
@@ -251,7 +251,7 @@ def _stood_longest(stood: Sequence[tuple[float, RotorFault]], end_s: float) -> R
         for (since, fault), until in zip(stood, ends, strict=True)
         if fault.upper < MOST
     ]
-    return max(known, key=lambda one: one[0])[1] if known else stood[-1][1]
+    return max(reversed(known), key=lambda one: one[0])[1] if known else stood[-1][1]
 
 
 @lru_cache(maxsize=8)

@@ -12,8 +12,8 @@ from lupa.lua53 import LuaRuntime
 
 BINDINGS = """
 seen = { texts = {}, floats = {}, intervals = {}, auth = nil, ids = 1 }
-now = { armed = false, temperature = 20, board = 33, pressure = 101325, rpm = {}, percent = {}, volts = {},
-        healthy = {}, ms = 0 }
+now = { armed = false, temperature = 20, board = 33, pressure = 101325, rpm = {}, percent = {},
+        volts = {}, healthy = {}, ms = 0 }
 params = {}
 local function up_to(text, most) assert(#text <= most, "too long: " .. text); return text end
 gcs = {}
