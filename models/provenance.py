@@ -90,6 +90,7 @@ class Provenance:
     assumed: bool = False  # something that it needed was not known, and is assumed
     parts: tuple[Provenance, ...] = ()  # that it was made from
     rejected: tuple[Rejected, ...] = ()
+    numbers: tuple[tuple[str, float], ...] = ()  # that it was made with, by name
     remarks: tuple[str, ...] = ()  # for people; nothing reads them
 
     @property

@@ -8,7 +8,7 @@
 
 -- TMS_PORT: telemetry port, 0 the first (USB); below 0 the rates stay as they are. Change KEY where
 -- another script has the same.
-local KEY = 72
+local KEY = 181
 assert(param:add_table(KEY, "TMS_", 1), "TMS_: change KEY")
 assert(param:add_param(KEY, 1, "PORT", -1), "TMS_PORT")
 

@@ -46,6 +46,9 @@ PREDICTED_ALONE = (
 NOT_SOUGHT = (
     "not looked for in {long}: that takes the speed of every rotor, the airspeed and the load"
 )
+BY_OUTPUTS = (
+    "by motor outputs alone in {long}: a sudden change is found, a rotor weak from the start is not"
+)
 
 PEAK_S = 1.5  # s from reading to reading, from which the peak of a turn can lie between two
 _PEAKS = "readings come every {seconds} s: peaks between them are not seen"
@@ -279,6 +282,8 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
         found.append(("ESC", misread_words(advice.misread)))
     if Caveat.ROTORS_NOT_SOUGHT in advice.caveats:
         found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
+    elif advice.by_outputs_s >= 0.2 * advice.airborne_s:
+        found.append(("weak rotors", say(BY_OUTPUTS, long=duration(advice.by_outputs_s))))
     if math.isfinite(use.lasting_most):
         found.append(("steady flight", _lasting(advice)))
         seldom = say(_PEAKS, seconds=f"{use.step_s:.2g}") if use.step_s > PEAK_S else ""

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import clock
-from thrustmargin.models.model.fault_test import MOST, Kind, RotorFault
+from thrustmargin.models.model.fault_test import MOST, Evidence, Kind, RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
 #: With the place of the rotor, and without.
@@ -30,6 +30,11 @@ _ONE_OF: Mapping[Kind, str] = {
     "propeller": "A rotor loses thrust, {rotors}: land",
     "motor": "A motor or ESC is slow, {rotors}: land",
     "stopped": "A rotor stands still, {rotors}: land",
+}
+#: Behind when it was found, where it was not by a sudden change of measured speeds.
+_EVIDENCE: Mapping[Evidence, str] = {
+    "fade": "slowly: against the first minute of this flight",
+    "outputs": "by a sudden change of motor outputs, without ESC telemetry",
 }
 MOST_LETTERS = 50  # of a STATUSTEXT
 
@@ -69,9 +74,12 @@ def episode_words(episode: FaultEpisode, names: Sequence[str] = ()) -> str:
     """The same with when in the flight it was found, and when it was over."""
     words, begin = fault_words(episode.fault, names), clock(episode.begin_s)
     if episode.end_s is None:
-        return say("{fault} (found at {begin})", fault=words, begin=begin)
-    end = clock(episode.end_s)
-    return say("{fault} (found at {begin}, until {end})", fault=words, begin=begin, end=end)
+        found = say("{fault} (found at {begin})", fault=words, begin=begin)
+    else:
+        end = clock(episode.end_s)
+        found = say("{fault} (found at {begin}, until {end})", fault=words, begin=begin, end=end)
+    how = _EVIDENCE.get(episode.fault.evidence, "")
+    return f"{found}, {say(how)}" if how else found
 
 
 #: Where the order of the motors in the log is not that of the airframe.

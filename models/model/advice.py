@@ -125,6 +125,8 @@ class Advice:
     paused_s: float
     goes_on: bool  # it flies now: all is of the flight so far
     unsought_s: float  # in flight in which no weak rotor could be sought, for want of a speed
+    #: In flight in which motor outputs alone show the rotors: only a sudden change can be found.
+    by_outputs_s: float
     #: For most of the flight neither speed nor output shows what a rotor did: what it should have
     #: done is no ground for a good answer.
     predicted_alone: bool
@@ -229,7 +231,11 @@ def advise(
     airborne_s = track.flying_s
     shown_s = float(seconds[track.flying & analysis.any_measured].sum())
     sought = np.isfinite(track.measured("rotor_speed_rpm") - analysis.prediction.rotor_speed_rpm)
-    unsought_s = 0.0 if planned else float(seconds[track.flying & ~sought.all(axis=1)].sum())
+    by_outputs = analysis.from_outputs.all(axis=1)
+    by_outputs &= np.isfinite(analysis.prediction.rotor_speed_rpm).all(axis=1)
+    unsought = track.flying & ~sought.all(axis=1) & ~by_outputs
+    unsought_s = 0.0 if planned else float(seconds[unsought].sum())
+    by_outputs_s = 0.0 if planned else float(seconds[track.flying & by_outputs].sum())
     predicted_alone = not planned and use.known_s > 0.0 and shown_s < 0.5 * airborne_s
     levels: list[FlightLevel] = []
     if faults:
@@ -269,6 +275,7 @@ def advise(
             paused_s=_paused_s(whole.track),
             goes_on=goes_on,
             unsought_s=unsought_s,
+            by_outputs_s=by_outputs_s,
             withheld=bool(analysis.withheld),
             misfit=misfit,
             caveats=caveats(

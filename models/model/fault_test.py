@@ -20,6 +20,8 @@ LEAST, MOST, RATIO = 0.03, 0.6, 1.06  # sizes of a fault, and from one to the ne
 LEARN = 12  # blocks of a flight that tell its scatter
 NORMAL_MEDIAN = 0.6745  # median size of a normal error, in standard deviations
 Kind = Literal["propeller", "motor", "stopped"]
+#: A change of measured speeds, a slow one since the flight began, or a change of motor outputs.
+Evidence = Literal["speeds", "fade", "outputs"]
 THRESHOLD = float(np.log(3600.0 / BLOCK / SETTLE / FALSE_ALARMS))
 #: ln of the ratio from which a start that looks like a part is not counted as a turn
 LIKE_A_TURN = float(np.log(SELDOM / BLOCK))
@@ -39,6 +41,7 @@ class RotorFault:
     rotors: tuple[int, ...] = ()
     #: False where no motor output distinguishes a weak propeller from an ESC that reads high.
     witnessed: bool = True
+    evidence: Evidence = "speeds"
 
 
 class FaultTest:
@@ -215,7 +218,8 @@ class FaultTest:
         """Put down what the posterior (J,) of a rotor's sizes says.
 
         `begins`: it is perhaps not yet all there, and only the lower end of its size is known; what
-        was bad is so until two blocks on end say that it is sound.
+        was bad is so until two blocks on end say that it is sound, and keeps its size while it
+        becomes less.
         """
         was = self.faults.get(rotor)
         self.faults = {r: f for r, f in self._before.items() if r != rotor}
@@ -228,6 +232,11 @@ class FaultTest:
         else:
             weight = posterior[1:] / posterior[1:].sum()
             lower, upper = np.interp([0.025, 0.975], np.cumsum(weight) - 0.5 * weight, FAULT_SIZES)
+            # A fault that goes away passes through all smaller sizes, and was none of them.
+            stood = self._before.get(rotor)
+            if begins and stood is not None and lower < stood.lower:
+                self.faults[rotor] = stood
+                return
             self.faults[rotor] = RotorFault(
                 kind=self.kind,
                 rotor=rotor,

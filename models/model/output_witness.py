@@ -59,7 +59,7 @@ class Deviations:
 
     @classmethod
     def of(cls, signals: Floats, rotors: int) -> Deviations | None:
-        """Medians over rows (N, 5 + 3 R) of `fault_signals`; None with too few of them."""
+        """Medians over rows (N, 6 + 3 R) of `fault_signals`; None with too few of them."""
         excess, motors = signals[:, 1 : 1 + rotors], signals[:, 1 + rotors : 1 + 2 * rotors]
         known = np.isfinite(excess).all(axis=1) & np.isfinite(motors).all(axis=1)
         count = np.count_nonzero(known)
@@ -166,7 +166,7 @@ def undecided(
 
 
 def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed | None:
-    """The rotor whose ESC reads too high or low, by rows (N, 5 + 3 R) of `fault_signals`.
+    """The rotor whose ESC reads too high or low, by rows (N, 6 + 3 R) of `fault_signals`.
 
     None where two or more look so: a load off the middle or the order of motors moves several.
     Without outputs only one that reads low is found, for one that reads high is a fault already,

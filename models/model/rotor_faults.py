@@ -12,7 +12,7 @@ take longer:
 A row is predicted without the effect of the load factor: that one looks two seconds ahead, and what
 is felt of it moves all rotors alike, as an input. So a part is named a second sooner than all of a
 prediction is known.
-A row is no evidence where the model does not hold (`Evidence`): with a voltage that no battery of
+A row is no evidence where the model does not hold (`RowLimit`): with a voltage that no battery of
 these cells has, or in a fall; and of a second part not while a motor gives all it has.
 A part is named when the ratio passes `THRESHOLD` and one rotor has SURE of it. Its size is bounded
 by LEAST and MOST, and narrows for as long as a change is sought; then the size counts as known, and
@@ -42,17 +42,20 @@ from thrustmargin.models.model.fault_test import (
     BLOCK,
     FAULT_SIZES,
     LEAST,
+    MOST,
     FaultTest,
     Kind,
     RotorFault,
 )
+from thrustmargin.models.model.output_onset import of_outputs, output_test, square_of_outputs
 from thrustmargin.models.model.output_witness import OutputWitness, undecided
 from thrustmargin.models.model.predict import model_channels, predict, table_of
+from thrustmargin.models.model.rotor_fade import UNKNOWN_DRIFT, RotorFade
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.physics.motor_output import output_curve
+from thrustmargin.models.physics.motor_output import curve_of, output_curve
 
 #: Share by which a step is known at best: half of RATIO
 STEP_ERROR = 0.03
@@ -76,7 +79,7 @@ FEWEST_ROWS, LONGEST_BLOCK = 3, 4.0
 FaultHistory = list[tuple[float, tuple[RotorFault, ...]]]
 
 
-class Evidence(IntEnum):
+class RowLimit(IntEnum):
     """What the rows of a block may show."""
 
     ANY = 0
@@ -97,7 +100,7 @@ class FaultEpisode:
 
     begin_s: float
     end_s: float | None
-    fault: RotorFault  # as it was known last
+    fault: RotorFault  # as it was known last; of one that is over as it stood longest
 
     def holds(self, time_s: float) -> bool:
         """Whether it stands at a time of the flight."""
@@ -116,6 +119,8 @@ class RotorFaults:
         for test in self._tests[:1]:
             test.forget(self._known)
         self._witness = OutputWitness(model.airframe.rotor_count)
+        self._fade = rotor_fade(model, self._modes) if enough else None
+        self._outputs = _output_test(model, self._modes) if enough else None
         self._rows: list[Floats] = []
         self._begun_s = self._landed_s = math.nan
         #: What stood after the last block, by kind; a kind that could not be tested is left out.
@@ -126,8 +131,23 @@ class RotorFaults:
     @property
     def current(self) -> tuple[RotorFault, ...]:
         """Faults by kind and rotor."""
-        found = (fault for test in self._tests for fault in test.current)
-        return self._witness.assessed(found, self._known)
+        found = [fault for test in self._tests for fault in self._current(test)]
+        named = {rotor for fault in found for rotor in (fault.rotor, *fault.rotors)}
+        others = (one for one in self._by_outputs if one.rotor not in named)
+        return (*self._witness.assessed(found, self._known), *others)
+
+    @property
+    def _by_outputs(self) -> tuple[RotorFault, ...]:
+        """What the motor outputs alone show."""
+        return tuple(map(of_outputs, self._outputs.current)) if self._outputs else ()
+
+    def _current(self, test: FaultTest) -> tuple[RotorFault, ...]:
+        """Return the faults of a test, with what faded where that is not known as larger."""
+        fade, found = self._fade and self._fade.current, test.current
+        if fade is None or test is not self._tests[0]:
+            return found
+        smaller = found and found[0].rotor == fade.rotor and found[0].size < fade.size
+        return (fade,) if not found or (len(found) == 1 and smaller) else found
 
     def landed(self, time_s: float) -> None:
         """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
@@ -143,6 +163,11 @@ class RotorFaults:
                     test.forget(self._known if test is self._tests[0] else ())
                 test.restart()
             self._witness.forget()
+            if self._fade and self._outputs:
+                if time_s - self._landed_s > CHANGED:
+                    self._fade.restart()
+                    self._outputs.forget()
+                self._outputs.restart()
             self._landed_s = math.nan
         least = BLOCK if len(self._rows) >= FEWEST_ROWS else LONGEST_BLOCK
         whole = not begins and not 0.0 <= time_s - self._begun_s < least - 0.01
@@ -166,34 +191,51 @@ class RotorFaults:
     def _end(self, of_block: Sequence[Floats] | Floats) -> None:
         """A block of rows is whole."""
         rotors, self.tested = len(self._modes), {}
-        if len(of_block) < FEWEST_ROWS or not self._tests:
+        if not len(of_block) or not self._tests:
             return
         rows = np.array(of_block)
+        # Rows by outputs alone say nothing beside measured ones.
+        by_outputs = np.isnan(rows[:, 1 + rotors : 1 + 2 * rotors]).all(axis=1)
+        by_outputs &= np.isfinite(rows[:, 1 + 2 * rotors : 1 + 3 * rotors]).all(axis=1)
+        if not by_outputs.all():
+            rows = rows[~by_outputs]
+        if len(rows) < FEWEST_ROWS:
+            return
         long = rows[-1, 0] - rows[0, 0]
         if long <= 0.0:
             return
-        evidence = max(rows[:, -1])
+        limit = max(rows[:, -1])
         rows = rows[:, :-1]
         mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
         slope = (rows[-1] - rows[0])[1:] / long
         excess, motors = mean[:rotors], mean[rotors : 2 * rotors]
+        turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
         # A sum is finite where all that it is of is, and quicker to be had.
-        if UNLOADED < np.add.reduce(excess) / rotors < math.inf:
-            turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
-            if self._may_find(evidence):
+        loaded = UNLOADED < np.add.reduce(excess) / rotors < math.inf
+        may_find = self._may_find(limit)
+        if loaded and self._outputs and by_outputs.all():
+            if may_find:
+                self._outputs.add(self._begun_s, excess @ self._modes, turns[None])
+            self.tested["propeller"] = self._by_outputs
+        elif loaded:
+            if may_find:
                 self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
-            self.tested["propeller"] = self._witness.assessed(self._tests[0].current, self._known)
+                # While a sudden change stands, a slow one cannot be distinguished.
+                if self._fade and not self._tests[0].current:
+                    self._fade.add(float(rows[0, 0]), excess @ self._modes)
+            found = self._current(self._tests[0])
+            self.tested["propeller"] = self._witness.assessed(found, self._known)
         if math.isfinite(np.add.reduce(motors)):
             outputs = slice(2 * rotors, 3 * rotors)
             moves = np.array([motors, mean[outputs], slope[outputs]]).T
             moves -= _median(moves)
-            if self._may_find(evidence):
+            if may_find:
                 self._tests[1].add(self._begun_s, moves[:, 0], moves[:, 1:])
             self.tested["motor"] = self._tests[1].current
 
-    def _may_find(self, evidence: float) -> bool:
+    def _may_find(self, limit: float) -> bool:
         """Whether a block may change what stands: what was found before stays as it is."""
-        return evidence < (Evidence.NO_SECOND_FAULT if self.current else Evidence.NO_FAULT)
+        return limit < (RowLimit.NO_SECOND_FAULT if self.current else RowLimit.NO_FAULT)
 
 
 @lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
@@ -222,8 +264,13 @@ def _median(values: Floats) -> Floats:
 
 
 def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
-    """The faults of a flight, in the order in which they were found."""
+    """List the faults of a flight, in the order in which they were found.
+
+    A fault that is over has the size at which it stood longest, of the sizes that were bounded: a
+    part that becomes sound again passes through smaller ones. Otherwise the last size counts.
+    """
     open_now: dict[tuple[str, tuple[int, ...]], FaultEpisode] = {}
+    stood: dict[tuple[str, tuple[int, ...]], list[tuple[float, RotorFault]]] = {}
     over: list[FaultEpisode] = []
     for time_s, faults in history:
         current = {(fault.kind, fault.rotors or (fault.rotor,)): fault for fault in faults}
@@ -233,7 +280,8 @@ def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
                 if (before := open_now.pop((kind, (rotor,)), None)) is not None:
                     open_now[kind, rotors] = before
         for key in open_now.keys() - current.keys():
-            ended = replace(open_now.pop(key), end_s=time_s)
+            fault = _stood_longest(stood.pop(key), time_s)
+            ended = replace(open_now.pop(key), end_s=time_s, fault=fault)
             found = {(f.kind, r) for f in faults for r in (f.rotor, *f.rotors)}
             # One whose rotor has become known is not listed twice.
             if not any((key[0], rotor) in found for rotor in ended.fault.rotors):
@@ -241,7 +289,19 @@ def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
         for key, fault in current.items():
             begin_s = open_now[key].begin_s if key in open_now else time_s
             open_now[key] = FaultEpisode(begin_s=begin_s, end_s=None, fault=fault)
+            stood.setdefault(key, []).append((time_s, fault))
     return tuple(sorted([*over, *open_now.values()], key=lambda episode: episode.begin_s))
+
+
+def _stood_longest(stood: Sequence[tuple[float, RotorFault]], end_s: float) -> RotorFault:
+    """Return the bounded size of a fault that stood longest up to `end_s`, or its last size."""
+    ends = [time_s for time_s, _ in stood[1:]] + [end_s]
+    known = [
+        (until - since, fault)
+        for (since, fault), until in zip(stood, ends, strict=True)
+        if fault.upper < MOST
+    ]
+    return max(reversed(known), key=lambda one: one[0])[1] if known else stood[-1][1]
 
 
 @lru_cache(maxsize=8)
@@ -290,10 +350,12 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
     """Return (N, 6 + 3 R) what the tests read in each of N rows.
 
     Time; of each rotor the excess of its speed squared over the model's, as a share of the mean,
-    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown; `Evidence`.
+    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown; `RowLimit`.
     The rows at least `fault_model(model).look_ahead_s` before the last of the analysis are final.
 
-    NaN for a speed from a motor's output: one motor differs from the next by more than is sought.
+    Where the speeds of all rotors are from motor outputs the excess is that of the outputs, and
+    what compares a motor's speed with its output is NaN (`output_onset`). Where those of some are,
+    these rotors are NaN: one motor differs from the next by more than is sought.
     """
     track = analysis.track
     measured = np.where(analysis.from_outputs[rows], np.nan, track.rotor_speed_rpm[rows])
@@ -306,25 +368,31 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
         predicted = predicted * _as_sound(analysis.model)
     curve = output_curve({}, track.source("throttle"))
     with np.errstate(divide="ignore", invalid="ignore"):
-        excess = (measured**2 - predicted**2) / np.mean(predicted**2, axis=1, keepdims=True)
         share = curve.thrust_share(track.throttle[rows])
+        own = curve_of(track.source("rotor_speed_rpm"), track.source("throttle"))
+        square = np.where(
+            analysis.from_outputs[rows].all(axis=1)[:, None],
+            square_of_outputs(track.rotor_speed_rpm[rows], own.thrust_share(track.throttle[rows])),
+            measured**2,
+        )
+        excess = (square - predicted**2) / np.mean(predicted**2, axis=1, keepdims=True)
         output = np.log(np.where(share > IDLING, share, np.nan))
         motors = np.log(measured**2) - output
     load = np.linalg.norm(track.specific_force_frd[rows], axis=1) / G0 - 1.0
     turning = np.column_stack([load, track.angular_rate_frd[rows]])
     turning = np.where(np.isfinite(turning), turning, 0.0)
-    found = _evidence(track.rows(rows), analysis.model.airframe)
-    return np.column_stack([track.time_s[rows], excess, motors, output, turning, found])
+    limits = _row_limits(track.rows(rows), analysis.model.airframe)
+    return np.column_stack([track.time_s[rows], excess, motors, output, turning, limits])
 
 
-def _evidence(track: FlightTrack, airframe: Airframe) -> Floats:
-    """Return (T,) `Evidence` of each row; what is unknown limits nothing."""
+def _row_limits(track: FlightTrack, airframe: Airframe) -> Floats:
+    """Return (T,) `RowLimit` of each row; what is unknown limits nothing."""
     with np.errstate(invalid="ignore"):
         full = (track.throttle >= FULL_OUTPUT).any(axis=1)
         dead = track.voltage < POSSIBLE_VOLTAGE[0] * airframe.nominal_voltage
         falls = track.velocity_ned[:, 2] > FALLING
-    limits = np.where(full, Evidence.NO_SECOND_FAULT, Evidence.ANY)
-    return np.where((dead & (track.voltage > 0.0)) | falls, Evidence.NO_FAULT, limits)
+    limits = np.where(full, RowLimit.NO_SECOND_FAULT, RowLimit.ANY)
+    return np.where((dead & (track.voltage > 0.0)) | falls, RowLimit.NO_FAULT, limits)
 
 
 def mode_directions(model: RotorModel) -> Floats:
@@ -364,19 +432,45 @@ def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
     return steps, np.array([excess(i, middle + TORQUE_SHARE.scale) for i in range(rotors)]) - steps
 
 
-def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
-    airframe = model.airframe
-    model = fault_model(model)
-    rotors = airframe.rotor_count
-    size = math.sqrt(rotors)
-    steps, torque = (a @ modes for a in loss_steps(model))
-    trim = np.full(rotors, TRIM * size)
+def _good_trim(model: RotorModel) -> tuple[Floats, int] | None:
+    """Return twice the standard deviation (R,) by which the modes of good flights differ from the
+    model, and the number of those flights; None where no flights show it."""
     good = model.good_flights
     of_mode = good.mode_scatter_rpm if good else model.background_rpm
     flights = good.flights if good else model.training_domain and len(model.training_domain.flights)
-    if of_mode:
-        hover = model.base_speed(np.zeros(1), np.full(1, 0.5 * airframe.tank_capacity_kg))
-        trim = 2.0 * np.array(of_mode) / float(hover.mean())
+    if not of_mode:
+        return None
+    hover = model.base_speed(np.zeros(1), np.full(1, 0.5 * model.airframe.tank_capacity_kg))
+    return 2.0 * np.array(of_mode) / float(hover.mean()), flights or 0
+
+
+def rotor_fade(model: RotorModel, modes: Floats) -> RotorFade:
+    """Return the test for a slow loss of thrust, by the modes (R, R) of a model's layout."""
+    steps, torque = (a @ modes for a in loss_steps(model))
+    good = _good_trim(model)
+    drift = np.full(len(modes), UNKNOWN_DRIFT) if good is None else 0.5 * good[0]
+    return RotorFade(steps, np.hypot(torque, STEP_ERROR * steps), drift)
+
+
+def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
+    rotors = model.airframe.rotor_count
+    size = math.sqrt(rotors)
+    steps, torque = (a @ modes for a in loss_steps(model))
+    trim, flights = _good_trim(model) or (np.full(rotors, TRIM * size), 0)
+    prior = Prior(
+        trim=trim,
+        noise=np.full(rotors, NOISE * size),
+        inputs=_turn_inputs(model),
+        flights=flights,
+    )
+    return FaultTest("propeller", steps, np.hypot(torque, STEP_ERROR * steps), prior)
+
+
+def _turn_inputs(model: RotorModel) -> Floats:
+    """Return the standard deviations (R, 7) of what load factor, body rates and their slopes add to
+    each mode."""
+    airframe = model.airframe
+    rotors, size = airframe.rotor_count, math.sqrt(airframe.rotor_count)
     # What a load factor of 2, or 1 rad/s² of a body all of whose mass sits at the rotors, needs.
     arm = airframe.arm
     turn = np.array([G0, arm, arm, arm**2 / airframe.torque_ratio]) * size / G0
@@ -384,14 +478,13 @@ def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
     left = [KNOWN if name in known else 1.0 for name in ("load_factor", *["manoeuvre_moment"] * 3)]
     inputs = np.tile(LEAK * turn * left, (rotors, 1))
     inputs[range(4), range(4)] /= LEAK
-    inputs = np.column_stack([inputs, inputs[:, 1:]])
-    prior = Prior(
-        trim=trim,
-        noise=np.full(rotors, NOISE * size),
-        inputs=inputs,
-        flights=flights if of_mode and flights else 0,
-    )
-    return FaultTest("propeller", steps, np.hypot(torque, STEP_ERROR * steps), prior)
+    return np.column_stack([inputs, inputs[:, 1:]])
+
+
+def _output_test(model: RotorModel, modes: Floats) -> FaultTest:
+    """Return the test for a sudden change of motor outputs, by the modes (R, R) of a layout."""
+    steps, torque = (a @ modes for a in loss_steps(model))
+    return output_test(steps, np.hypot(torque, STEP_ERROR * steps), _turn_inputs(model))
 
 
 def _motor_test(model: RotorModel) -> FaultTest:

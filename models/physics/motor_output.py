@@ -26,6 +26,7 @@ USUAL_EXPO, USUAL_SPIN_MIN, USUAL_SPIN_MAX = 0.65, 0.15, 0.95
 #: standard error of the curve's steepness, as a share: on the Quiver thrust rises 1.87 times as
 #: fast as output where its own MOT_THST_EXPO says 2.2. Twice that where no parameter sets a curve.
 STEEPNESS_SET, STEEPNESS_ASSUMED = 0.15, 0.3
+_OF_THE_CURVE = ("expo", "low", "high", "is_thrust_factor", "steepness_error")
 _LEAST = 0.01  # share of full thrust below which the curve says nothing
 
 
@@ -45,6 +46,11 @@ class OutputCurve:
         """Whether no parameter of the vehicle sets it."""
         return self.steepness_error == STEEPNESS_ASSUMED
 
+    @property
+    def numbers(self) -> tuple[tuple[str, float], ...]:
+        """What sets `thrust_share`, by name, for the provenance of what is made with it."""
+        return tuple((name, getattr(self, name)) for name in _OF_THE_CURVE)
+
     def thrust_share(self, throttle: Floats) -> Floats:
         """Thrust (any shape) over that of full output; NaN where the motor idles or is unknown."""
         signal = throttle
@@ -53,6 +59,16 @@ class OutputCurve:
         c = (signal - self.low) / (self.high - self.low)
         share = (1.0 - self.expo) * c + self.expo * c**2
         return np.where((c > 0.0) & (share > _LEAST), share, np.nan)
+
+
+def curve_of(made: Provenance, outputs: Provenance) -> OutputCurve:
+    """Return the curve by which `made` was made from motor outputs, else the usual one of
+    `outputs`."""
+    numbers = dict(made.numbers)
+    if not numbers.keys() >= {*_OF_THE_CURVE}:
+        return output_curve({}, outputs)
+    known = {name: numbers[name] for name in _OF_THE_CURVE}
+    return OutputCurve(described=made.words, **known)
 
 
 def output_curve(parameters: Mapping[str, float], source: Provenance = NOT_REPORTED) -> OutputCurve:

@@ -218,7 +218,9 @@ def forecast(
         from thrustmargin.gcs_plugin.reports.forecast.fill_card import fill_card, gate_text
 
         card = fill_card(made, battery)
-        files.append((lua, lambda: gate_text(made, card, plan=plan.name, refuse=refuse)))
+        air = _or_nan(air_temperature) + ZERO_CELSIUS
+        gate = partial(gate_text, made, card, plan=plan.name, refuse=refuse, air_temperature=air)
+        files.append((lua, gate))
     for path, content in files:
         made_of = content()
         with whole_file(path) as draft:

@@ -6,8 +6,9 @@ A lull of 20 s follows: what comes back in them (the next corner) is the same al
 What is not known (NaN) neither raises nor clears; after 3 s of it an alarm cannot be confirmed. A
 rotor below the limit counts though another is unknown. A margin that was inferred has its 90 %
 error in the text; where the limit lies within it the alarm is a notice. Without any rotor's speed
-the prediction clears `margin`, by the same limit. `rotor` and `motor` need measured speeds: how
-motors differ in output is not known. The texts: wording/alarm_words.py.
+the prediction clears `margin`, by the same limit. `motor` needs measured speeds, and so does
+`rotor` for all but a sudden change: how motors differ in output is not known. The texts:
+wording/alarm_words.py.
 """
 
 from __future__ import annotations

@@ -23,7 +23,12 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.fill_limits import largest_fills, steady_flight
 from thrustmargin.models.model.predict import identified_airframe
-from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
+from thrustmargin.models.physics.atmosphere import (
+    air_density,
+    isa_pressure,
+    isa_temperature,
+    pressure_altitude,
+)
 
 ZERO_CELSIUS = 273.15  # K
 CELSIUS = np.arange(-10.0, 51.0, 5.0)
@@ -91,9 +96,23 @@ def fill_card(made: PlanForecast, battery: FlightBattery) -> FillCard:
     )
 
 
-def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) -> str:
-    """The Lua script that compares what is in the tank with the card before arming."""
+def gate_text(
+    made: PlanForecast,
+    card: FillCard,
+    *,
+    plan: str,
+    refuse: bool,
+    air_temperature: float = math.nan,
+) -> str:
+    """Return the Lua script that compares what is in the tank with the card before arming.
+
+    `air_temperature`, K, is what the plan was asked with; NaN is the standard of the card's
+    pressure. The script takes it where the vehicle has no thermometer outside.
+    """
     model = made.advised.analysis.model
+    stated = math.isfinite(air_temperature)
+    standard = float(isa_temperature(pressure_altitude(card.pressure)))
+    air = (air_temperature if stated else standard) - ZERO_CELSIUS
     template = jinja2.Template(
         (resources.files(SCRIPTS) / "on_vehicle" / "fill_gate.lua").read_text(encoding="utf-8"),
         undefined=jinja2.StrictUndefined,
@@ -111,6 +130,8 @@ def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) ->
         planned=f"{made.flight.track.tank_kg[0]:.2f}",
         tank=f"{model.airframe.tank_capacity_kg:.2f}",
         pressure=f"{card.pressure:.0f}",
+        air=f"{air:.1f}",
+        air_from="plan" if stated else "std",
         celsius=_numbers(card.celsius, 0),
         volts=_numbers(card.rest_voltage, 2),
         rows=[_numbers(row, 1) for row in card.fill_kg],

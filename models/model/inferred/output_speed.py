@@ -267,6 +267,7 @@ def _source(
         assumed=curve.is_assumed,
         parts=measured,
         rejected=track.source("rotor_speed_rpm").rejected,
+        numbers=curve.numbers,
         remarks=remarks,
     )
 

@@ -12,8 +12,8 @@ from lupa.lua53 import LuaRuntime
 
 BINDINGS = """
 seen = { texts = {}, floats = {}, intervals = {}, auth = nil, ids = 1 }
-now = { armed = false, temperature = 20, pressure = 101325, rpm = {}, percent = {}, volts = {},
-        healthy = {}, ms = 0 }
+now = { armed = false, temperature = 20, board = 33, pressure = 101325, rpm = {}, percent = {},
+        volts = {}, healthy = {}, ms = 0 }
 params = {}
 local function up_to(text, most) assert(#text <= most, "too long: " .. text); return text end
 gcs = {}
@@ -42,7 +42,9 @@ function battery:healthy(k) return now.healthy[k] ~= false and now.volts[k] ~= n
 function battery:voltage(k) return now.volts[k] or 0 end
 function battery:capacity_remaining_pct(k) return now.percent[k] end
 baro = {}
-function baro:get_external_temperature() return now.temperature end
+-- Without a thermometer outside it is the board's, at most 35.
+function baro:get_external_temperature() return now.temperature or math.min(now.board, 35) end
+function baro:get_temperature() return now.board end
 function baro:get_pressure() return now.pressure end
 esc_telem = {}
 function esc_telem:get_rpm(k) return now.rpm[k] end

@@ -71,6 +71,7 @@ ADVICE = Advice(
     paused_s=0.0,
     goes_on=False,
     unsought_s=0.0,
+    by_outputs_s=0.0,
     predicted_alone=False,
     withheld=False,
 )
@@ -291,3 +292,12 @@ def test_a_flight_without_a_verdict_says_why_in_its_line():
 def test_that_no_weak_rotor_could_be_looked_for_is_a_fact(said):
     advice = replace(ADVICE, caveats=(Caveat.ROTORS_NOT_SOUGHT,) if said else ())
     assert ("weak rotors" in dict(facts(advice))) is said
+
+
+@pytest.mark.parametrize(("by_outputs_s", "said"), [(0.19, False), (0.2, True)])
+def test_that_outputs_alone_show_the_rotors_is_a_fact(by_outputs_s, said):
+    """From a fifth of the flight on; unsought rotors come before."""
+    advice = replace(ADVICE, by_outputs_s=by_outputs_s * ADVICE.airborne_s)
+    assert (dict(facts(advice)).get("weak rotors", "").startswith("by motor outputs")) is said
+    unsought = replace(advice, unsought_s=ADVICE.airborne_s)
+    assert dict(facts(unsought))["weak rotors"].startswith("not looked for")

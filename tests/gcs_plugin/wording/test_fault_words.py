@@ -1,6 +1,7 @@
 """A bad rotor is told in the same words live, in the report and in the replay of its recording."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,32 @@ def test_faults_that_come_and_go_are_episodes():
         FaultEpisode(begin_s=9.0, end_s=None, fault=FAULT),
     )
     assert fault_episodes([]) == ()
+
+
+def test_a_fault_that_is_over_has_the_size_at_which_it_stood_longest():
+    """19 % for ten seconds; then it goes away by way of "over 3 %" and of 4 %."""
+    known = replace(FAULT, size=0.19, lower=0.17, upper=0.21)
+    begins = replace(FAULT, size=0.22, lower=0.2, upper=MOST)
+    going, gone = (replace(FAULT, size=0.04, lower=0.03, upper=end) for end in (MOST, 0.05))
+    steps = (begins, known, going, gone)
+    times = (113.0, 124.0, 134.0, 152.0)
+    history = [(at, (fault,)) for at, fault in zip(times, steps, strict=True)]
+    (episode,) = fault_episodes([*history, (153.0, ())])
+    assert (episode.begin_s, episode.end_s, episode.fault) == (113.0, 153.0, known)
+    # One that stands is as it is known now, and one that was never bounded as it was last.
+    assert fault_episodes(history)[0].fault == gone
+    assert fault_episodes([history[0], (120.0, ())])[0].fault == begins
+
+
+def test_what_a_fault_was_found_by_is_said_in_an_episode():
+    fades = FaultEpisode(begin_s=240.0, end_s=None, fault=replace(FAULT, evidence="fade"))
+    assert episode_words(fades).endswith(
+        "(found at 4:00), slowly: against the first minute of this flight"
+    )
+    outputs = FaultEpisode(begin_s=112.0, end_s=130.0, fault=replace(FAULT, evidence="outputs"))
+    assert episode_words(outputs).endswith(
+        "(found at 1:52, until 2:10), by a sudden change of motor outputs, without ESC telemetry"
+    )
 
 
 @pytest.fixture(scope="module")

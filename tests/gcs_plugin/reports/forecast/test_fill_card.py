@@ -1,10 +1,13 @@
 """The card that a vehicle carries, and the script that reads it, run in Lua 5.3."""
 
+import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.gcs_plugin.live.live_vehicle import ROOT
 from tests.gcs_plugin.peers.scripted_vehicle import ScriptedVehicle
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.reports.forecast.fill_card import FillCard, fill_card, gate_text
@@ -108,7 +111,7 @@ def test_what_is_within_the_card_passes_and_is_said_once(made):
     craft = vehicle(made, refuse=True)
     assert craft.auth == "passed"
     craft.look(100)
-    assert craft.taken("texts") == [(6, "Planned 6.0kg, most 8.0 (19C 54.5V)")]
+    assert craft.taken("texts") == [(6, "Plan 6.0kg, most 8.0 (19C 54.5V)")]
 
 
 @pytest.mark.parametrize(
@@ -131,6 +134,82 @@ def test_more_than_the_card_is_refused_only_where_that_was_asked(made, change, w
     assert warning.taken("texts") == []
     warning.look(1)
     assert warning.taken("texts") == [(4, why)]
+
+
+def without_thermometer(made, *, board: float, air_temperature=math.nan, **params):
+    craft = ScriptedVehicle(**{"ARMING_CHECK": 1, **params})
+    craft.now.volts[0], craft.now.temperature, craft.now.board = 54.5, None, board
+    craft.load(gate_text(made, BY_HAND, plan="x", refuse=True, air_temperature=air_temperature))
+    return craft
+
+
+@pytest.mark.parametrize("board", [28.0, 35.0, 41.0])
+def test_a_warm_board_is_not_the_air(made, board):
+    """By the board it would be 28 to 35 °C, where 7 kg are too much or the table ends."""
+    planned = without_thermometer(made, board=board, air_temperature=288.15 - 3.0, TMG_FILL=7)
+    assert planned.auth == "passed"
+    assert planned.taken("texts") == [(6, "Stated 7.0kg, most 8.0 (12C plan 54.5V)")]
+    standard = without_thermometer(made, board=board)
+    assert standard.taken("texts") == [(6, "Plan 6.0kg, most 8.0 (15C std 54.5V)")]
+    stated = without_thermometer(made, board=board, TMG_AIR=26, TMG_FILL=7)
+    assert stated.auth == "Stated 7.0kg, most 6.0 (26C set 54.5V)"
+
+
+def test_the_air_that_somebody_states_comes_before_a_thermometer(made):
+    craft = vehicle(made, TMG_AIR=-5.0)
+    assert craft.taken("texts") == [(6, "Plan 6.0kg, most 10.0 (-5C set 54.5V)")]
+
+
+def test_a_thermometer_outside_that_passes_the_boards_reading_stays_one(made):
+    """And one that fell silent, for which ArduPilot gives the board's, is none any more."""
+    craft = vehicle(made, refuse=True, TMG_FILL=7)
+    craft.taken("texts")
+    craft.now.board = 19.0
+    craft.look(2)
+    craft.now.board = 33.0
+    craft.look(5)
+    assert craft.taken("texts") == []
+    craft.now.temperature = None
+    craft.look(3)
+    assert craft.taken("texts")[-1] == (6, "Stated 7.0kg, most 8.0 (15C std 54.5V)")
+
+
+def test_a_text_is_said_again_when_the_answer_changes_and_not_with_each_degree(made):
+    craft = vehicle(made, TMG_FILL=7)
+    craft.taken("texts")
+    for celsius, volts in ((18.0, 54.6), (15.5, 54.3), (19.4, 54.1)):
+        craft.now.temperature, craft.now.volts[0] = celsius, volts
+        craft.look(10)
+    assert craft.taken("texts") == []
+    craft.now.temperature = 22.0
+    craft.look()
+    assert craft.taken("texts") == [(4, "Stated 7.0kg, most 6.0 (22C 54.1V)")]
+    for celsius in (23.0, 24.0, 25.0):
+        craft.now.temperature = celsius
+        craft.look(5)
+    assert craft.taken("texts") == []
+    craft.params["TMG_FILL"] = 5.5
+    craft.look()
+    assert craft.taken("texts") == [(6, "Stated 5.5kg, most 6.0 (25C 54.1V)")]
+
+
+@pytest.mark.parametrize("air", [213.16, 223.15])
+def test_the_longest_text_is_held_by_the_authorisation(made, air):
+    """42 characters: the stand-in ends the script where there are more."""
+    craft = without_thermometer(made, board=30.0, air_temperature=air, TMG_FILL=99)
+    assert str(craft.auth).startswith("Stated 99.0kg, most ")
+
+
+#: Keys that are not known to be free of ArduPilot's own example scripts and applets.
+TAKEN = {*range(1, 94), *range(101, 118), *range(135, 140), *range(193, 201)}
+
+
+def test_the_parameters_of_both_scripts_have_keys_that_no_script_of_ardupilot_has(made):
+    sender = (ROOT / "gcs_plugin/on_vehicle/margin_inputs.lua").read_text("utf-8")
+    texts = gate_text(made, BY_HAND, plan="x", refuse=True), sender
+    keys = [int(re.findall(r"^local KEY = (\d+)$", text, re.MULTILINE)[0]) for text in texts]
+    assert len({*keys}) == 2
+    assert TAKEN.isdisjoint(keys)
 
 
 def test_hot_and_thin_air_count_and_beyond_the_table_nothing_is_guessed(made):
