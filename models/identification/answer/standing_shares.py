@@ -172,7 +172,7 @@ def _solved(
     scale: tuple[float, float, float],
     most: tuple[float, float, float],
 ) -> list[float] | None:
-    """Return the values (3,) that make the `wanted` change (3,) rpm of the axes; None where none do.
+    """Return values (3,) that make the `wanted` change (3,) rpm of the axes, or None.
 
     Each lies within `most` of nothing, and is sought in steps of its `scale`.
     """
