@@ -43,11 +43,14 @@ def changed_speeds(
                     continue
                 last = message._timestamp
                 factor = np.array(scale) * (1.0 + noise * rng.standard_normal(4))
-                columns = (message.voltage, message.current, message.totalcurrent)
-                rest = ([column[k] for k in order] for column in columns)
                 speeds = np.round(np.array(message.rpm)[order] * factor).astype(int).tolist()
                 made = mavlink.MAVLink_esc_telemetry_1_to_4_message(
-                    message.temperature, *rest, speeds, message.count
+                    message.temperature,
+                    [message.voltage[k] for k in order],
+                    [message.current[k] for k in order],
+                    [message.totalcurrent[k] for k in order],
+                    speeds,
+                    message.count,
                 )
                 sender.srcSystem, sender.srcComponent = (
                     message.get_srcSystem(),

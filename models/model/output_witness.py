@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.fault_test import RotorFault
 
 #: s of rows that testify: noise of 5 % at 3 Hz is then a hundredth
@@ -59,7 +59,7 @@ class Deviations:
 
     @classmethod
     def of(cls, signals: Floats, rotors: int) -> Deviations | None:
-        """Medians over rows (N, 6 + 3 R) of `fault_signals`; None with too few of them."""
+        """Return medians over rows (N, 6 + 3 R) of `fault_signals`; None with too few of them."""
         excess, motors = signals[:, 1 : 1 + rotors], signals[:, 1 + rotors : 1 + 2 * rotors]
         known = np.isfinite(excess).all(axis=1) & np.isfinite(motors).all(axis=1)
         count = np.count_nonzero(known)
@@ -72,7 +72,7 @@ class Deviations:
         return cls(speed=speed, output=speed - motor, error=math.hypot(MOTORS, noise))
 
     def misread(self, rotor: int) -> bool:
-        """Whether the output of a rotor is surely not what a speed so far off needs."""
+        """Return whether the output of a rotor is surely not what a speed so far off needs."""
         speed, output = float(self.speed[rotor]), float(self.output[rotor])
         output = output if speed > 0.0 else -output
         return (
@@ -81,8 +81,8 @@ class Deviations:
             and LEAST_RATIO * abs(speed) - output > SURE * self.error
         )
 
-    def raised(self, speed: float) -> Floats:
-        """(R,) outputs that a rotor could have whose speed is off by a share `speed`."""
+    def raised(self, speed: float) -> Bools:
+        """Return (R,) whether an output is raised as that of a rotor whose speed is `speed` off."""
         return self.output > max(RISEN * speed, APART * self.error)
 
 
@@ -97,20 +97,20 @@ class OutputWitness:
         self._first: dict[int, tuple[float, bool]] = {}
 
     def add(self, row: Floats) -> None:
-        """A row in flight."""
+        """Take a row in flight."""
         self._rows.append(row)
         while row[0] - self._rows[0][0] > LOOK_S or row[0] < self._rows[0][0]:
             self._rows.popleft()
 
     def forget(self) -> None:
-        """Another flight, perhaps with other parts."""
+        """Begin another flight, perhaps with other parts."""
         self._rows.clear()
         self._first.clear()
 
     def assessed(
         self, faults: Iterable[RotorFault], known: Collection[RotorFault] = ()
     ) -> tuple[RotorFault, ...]:
-        """The faults without those that are an ESC's, each with what outputs say of its rotor.
+        """Return the faults without those of an ESC, each with what outputs say of its rotor.
 
         Those that are `known` before the flight stand as they are.
         """
@@ -127,8 +127,10 @@ class OutputWitness:
     def _assessed(
         self, fault: RotorFault, rows: Floats, whole: Deviations | None
     ) -> RotorFault | None:
-        """The fault by all rows where it is in most of them, else by those since it was found; None
-        for an ESC's. Without outputs it is not witnessed."""
+        """Assess a fault by all rows where it is in most of them, else by those since it was found.
+
+        None for an ESC's; without outputs it is not witnessed.
+        """
         if whole is None:
             return replace(fault, witnessed=False)
         rotor = fault.rotor
@@ -150,7 +152,7 @@ class OutputWitness:
 def undecided(
     faults: Iterable[RotorFault], open_pairs: Collection[tuple[int, int]]
 ) -> tuple[RotorFault, ...]:
-    """The faults, each of one of all rotors whose speeds may be swapped with its own.
+    """Return the faults, each of one of all rotors whose speeds may be swapped with its own.
 
     `open_pairs` of rotors, from 0, are those that the flight's manoeuvres do not tell apart.
     Outputs that rise with a speed tell it, whatever the manoeuvres.
@@ -166,7 +168,7 @@ def undecided(
 
 
 def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed | None:
-    """The rotor whose ESC reads too high or low, by rows (N, 6 + 3 R) of `fault_signals`.
+    """Return the rotor whose ESC reads too high or low, by rows (N, 6 + 3 R) of `fault_signals`.
 
     None where two or more look so: a load off the middle or the order of motors moves several.
     Without outputs only one that reads low is found, for one that reads high is a fault already,
@@ -184,7 +186,7 @@ def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed
 
 
 def _slow(excess: Floats) -> MisreadSpeed | None:
-    """The only rotor that is slow for its thrust, by d (N, R)."""
+    """Return the only rotor that is slow for its thrust, by d (N, R)."""
     known = excess[np.isfinite(excess).all(axis=1)]
     if len(known) < FEWEST:
         return None
@@ -198,5 +200,5 @@ def _slow(excess: Floats) -> MisreadSpeed | None:
 
 
 def _factor(share: float) -> float:
-    """Speed over the true one, by a share of thrust that it is off by."""
+    """Return the speed over the true one, by a share of thrust that it is off by."""
     return math.sqrt(max(1.0 + float(share), 1e-3))

@@ -292,7 +292,7 @@ class Identification:
                 "likeliest": self.likeliest
                 and {**_named(self.likeliest[0]), "probability": self.likeliest[1]},
                 "mentioned": [_of_rotor(m) for m in self.mentioned],
-                "standing_shares": self.standing and _standing(self.standing),
+                "standing_shares": self.standing and _standing(self.standing, self.problem.names),
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
@@ -323,10 +323,11 @@ def _named(term: Term) -> dict[str, Any]:
     return {"name": term.effect.name, "variant": term.effect.variant, "rotor": rotor}
 
 
-def _standing(shares: StandingShares) -> dict[str, Any]:
-    """With the rotors counted from 1."""
+def _standing(shares: StandingShares, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return the shares as JSON, rotors counted from 1 and the flight by its name."""
     rotors = [{**to_json_values(one), "rotor": (one.rotor or 0) + 1} for one in shares.weak_rotors]
-    return {**to_json_values(shares), "weak_rotors": rotors}
+    flight = None if shares.flight is None else names[shares.flight]
+    return {**to_json_values(shares), "flight": flight, "weak_rotors": rotors}
 
 
 def _of_rotor(loss: Mentioned) -> dict[str, Any]:

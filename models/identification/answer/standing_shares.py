@@ -9,7 +9,7 @@ would have if it were the one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,8 @@ ROWS = 200  # that sizes are worked out on: a constant needs few
 LEAST_LOSS = 0.02  # that a rotor must lack to be one of the causes
 MATCHED = 0.1  # of the difference, that a cause may leave
 AXES = slice(1, 4)  # roll, pitch and yaw among the modes
+#: Of effects, the change (3,) rpm of these axes.
+Change = Callable[[Sequence[Placed]], Floats]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +43,8 @@ class StandingCause:
     cg_y: float  # m, to the right
     yaw_moment: float = 0.0  # N m, of a hover with half a tank
     rotor: int | None = None  # 0-based, that lacks thrust
-    loss: float = 0.0  # of its thrust, by the least and the most torque that the rotor may keep
+    loss: float = 0.0  # of its thrust, with as much less torque
+    #: of the loss, by the least and the most torque that a bad rotor usually keeps
     loss_range: tuple[float, float] = (0.0, 0.0)
 
 
@@ -99,7 +102,7 @@ def standing_shares(
     )
 
 
-def _trim(moved, wanted: Floats) -> StandingCause | None:
+def _trim(moved: Change, wanted: Floats) -> StandingCause | None:
     yaw = BY_KEY["yaw_trim"].parameters[0]
     found = _solved(
         lambda v: moved([_cg(v[0], v[1]), _placed("yaw_trim", {yaw.name: v[2]})]),
@@ -112,9 +115,12 @@ def _trim(moved, wanted: Floats) -> StandingCause | None:
     )
 
 
-def _weak_rotor(moved, wanted: Floats, rotor: int) -> StandingCause | None:
-    """The rotor's loss, with the centre of gravity that makes the rest: yaw shows the loss, by the
-    torque that the rotor keeps, which is known to one standard deviation either way."""
+def _weak_rotor(moved: Change, wanted: Floats, rotor: int) -> StandingCause | None:
+    """Return the rotor's loss with the centre of gravity that makes the rest of the change; None
+    where it would have to gain.
+
+    Yaw shows the loss, by the torque that the rotor keeps, known to one standard deviation.
+    """
     tries = [
         _solved(
             lambda v, share=share: moved(
@@ -159,9 +165,17 @@ def _placed(key: str, values: Mapping[str, float], rotor: int | None = None) -> 
     return Placed(effect=effect, values=whole, rotor=rotor)
 
 
-def _solved(change, wanted: Floats, *, scale, most) -> list[float] | None:
-    """Values (3,) within their bounds that make the `wanted` change (3,) rpm of the axes, each in
-    steps of its `scale`; None where none do."""
+def _solved(
+    change: Callable[[Floats], Floats],
+    wanted: Floats,
+    *,
+    scale: tuple[float, float, float],
+    most: tuple[float, float, float],
+) -> list[float] | None:
+    """Return values (3,) that make the `wanted` change (3,) rpm of the axes, or None.
+
+    Each lies within `most` of nothing, and is sought in steps of its `scale`.
+    """
     sizes, bounds = np.array(scale), np.array(most) / np.array(scale)
     found = least_squares(
         lambda v: change(v * sizes) - wanted, np.zeros(3), bounds=(-bounds, bounds)

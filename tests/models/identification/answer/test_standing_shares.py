@@ -73,6 +73,7 @@ def test_each_cause_makes_the_difference_by_itself():
     assert set(by_rotor) <= {0, 1}
     model = curve_model()
     problem = assemble_flight(model, flights(*SOUND)[0])
+    assert found.trim is not None
     for one in (found.trim, *found.weak_rotors):
         cg = BY_KEY["cg_offset"]
         made = [Placed(effect=cg, rotor=None, values={"x": one.cg_x, "y": one.cg_y})]
