@@ -8,7 +8,10 @@ same again and gets the same files, for they depend on the flights alone and not
 
 from __future__ import annotations
 
+import errno
 import io
+import re
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -35,6 +38,12 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 FLIGHTS, SUMS = "flights.parquet", "sums.parquet"
+#: What zipfile and readers of text raise over what is damaged, beside errors of pyarrow.
+DAMAGED = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, UnicodeDecodeError),
+    *(NotImplementedError, RuntimeError),
+)
+_MEMBER = re.compile(r"(flights|sums|rows-[0-9a-z])\.parquet")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -195,21 +204,16 @@ def _readable(store: SeasonStore, key: str) -> Iterator[None]:
     """Raise DataError that names the object where what was written in it cannot be read.
 
     pyarrow calls a damaged file an OSError without a number; those of disks and networks have one.
+    A damaged archive may ask for bytes before its start, which is EINVAL, or a method that is none.
     """
     import pyarrow as pa
 
     try:
         yield
-    except (
-        pa.ArrowException,
-        zipfile.BadZipFile,
-        zlib.error,
-        EOFError,
-        UnicodeDecodeError,
-    ) as error:
+    except (pa.ArrowException, *DAMAGED) as error:
         raise DataError(damaged_table(store.path(key), error)) from error
     except OSError as error:
-        if error.errno is not None:
+        if error.errno not in (None, errno.EINVAL):
             raise
         raise DataError(damaged_table(store.path(key), error)) from error
 
@@ -218,6 +222,9 @@ def _readable(store: SeasonStore, key: str) -> Iterator[None]:
 def _staged(store: SeasonStore, key: str) -> Iterator[zipfile.ZipFile]:
     opened: Any = store.files.open(store.path(key), "rb")
     with opened as file, _readable(store, key), zipfile.ZipFile(file) as whole:
+        for member in whole.namelist():
+            if not _MEMBER.fullmatch(member):  # its name becomes that of a file
+                raise zipfile.BadZipFile(f"it holds {member!r:.40}")
         yield whole
 
 

@@ -211,7 +211,8 @@ def test_a_damaged_flight_that_waits_is_refused_by_its_name(tmp_path: Path):
     stage(store, small_flight(0))
     (file,) = tmp_path.rglob("*.zip")
     whole = file.read_bytes()
-    for cut in (b"", whole[:100], whole[:60] + bytes(200) + whole[260:]):
+    outside = whole.replace(b"flights.parquet", b"../../a.parquet")  # as long
+    for cut in (b"", whole[:100], whole[:60] + bytes(200) + whole[260:], outside):
         file.write_bytes(cut)
         with pytest.raises(DataError, match=r"\.zip cannot be read"):
             merge_all(store)
