@@ -10,8 +10,8 @@ take longer:
                 speed against output. A motor that reaches 1 - s of its speed moves its own by
                 2 ln(1 - s) and no other; battery and air move all alike.
 A row is predicted without the effects of manoeuvres (AS_INPUTS): those look up to two seconds
-ahead. Load factor, rates and angular accelerations are inputs of the test instead, with coefficients
-learnt in the flight. So a part is named by the rows that have come, whatever the model still waits for.
+ahead. Load factor, rates and angular accelerations are inputs of the test instead, with
+coefficients learnt in the flight. So a part is named by the rows that have come.
 A row is no evidence where the model does not hold (`Evidence`): with a voltage that no battery of
 these cells has, or in a fall; and of a second part not while a motor gives all it has.
 A part is named when the ratio passes `THRESHOLD` and one rotor has SURE of it. Its size is bounded
