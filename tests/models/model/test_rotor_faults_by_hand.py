@@ -233,6 +233,30 @@ def test_one_of_two_that_move_all_alike_stands_until_the_signals_are_back():
     assert stood[180:] == [set()] * 60
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_both_are_named_until_two_blocks_exclude_one(seed):
+    """Two rotors alike but for a tenth in the third signal: 95 % on one leaves the other 5 %."""
+    each = np.ones(3)
+    prior = Prior(trim=0.1 * each, noise=0.01 * each, inputs=np.zeros((3, 1)))
+    steps = -2.0 * np.log1p(-FAULT_SIZES)[None, :, None] * np.ones((2, 1, 3))
+    steps[1, :, 2] *= 0.9
+    test = FaultTest("propeller", steps, 0.01 * steps, prior)
+    rng, excluded, named = np.random.default_rng(seed), [False] * 80, []
+    for block in range(88):
+        jump = 0.12 * (block >= 80)
+        test.add(0.7 * block, jump + 0.004 * rng.standard_normal(3), np.zeros((3, 1)))
+        named.append([fault.rotors for fault in test.current])
+        if block >= 80:
+            sizes = test._left.reshape(-1, 3), test._left_widths.reshape(-1, 3)
+            change = test._test.change(*sizes, 4.0)
+            share = change.share.reshape(2, -1).sum(axis=1) if change else np.ones(2)
+            excluded.append(float(share.min()) <= 0.01)
+    assert named[:80] == [[]] * 80
+    assert named[86] in ([()], [(0, 1)])
+    first = next((k for k in range(88) if named[k] == [()]), None)
+    assert first is None or excluded[first - 1 : first + 1] == [True, True]
+
+
 def test_a_rotor_that_was_named_stays_it_until_another_is_as_sure():
     """Of two rotors alike but for the third signal, whose change comes back part of the way."""
     each = np.ones(3)
