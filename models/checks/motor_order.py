@@ -105,6 +105,12 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
         if order.verdict == "differs" and not (seen and _holds_slowly(track, order.places, arms)):
             words = f"cannot tell: it shakes faster than the {rows} rows show"
             order = replace(order, verdict="unclear", words=words, places=same)
+    if order.verdict in ("agrees", "unclear") and _resolved(track) and _half_turned(track, arms):
+        words = (
+            "roll and pitch answer as if every rotor sat half way to its neighbour of airframe "
+            f"{airframe.name} ({airframe.layout}): its arms are turned, as plus is against X"
+        )
+        return replace(order, verdict="other layout", words=words, places=same)
     if (
         order.verdict == "unclear"
         and _resolved(track)
@@ -149,6 +155,41 @@ def _turned(airframe: Airframe, places: tuple[int, ...]) -> bool:
     angle = np.arctan2(y, x)
     apart = np.exp(1j * (angle[list(places)] - angle))
     return bool(np.abs(apart - apart[0]).max() < TURNED)
+
+
+def _half_turned(track: FlightTrack, arms: Floats) -> bool:
+    """Return whether roll and pitch answer to the layout turned by half of its rotors' spacing.
+
+    No order of the rotors says so, and a plus that is read as X still correlates by 0.7. The lead
+    must be DECISIVE in single rows and in means over SLOW_ROWS, however late the speeds may be.
+    """
+    angle = np.pi / arms.shape[1]
+    turned = [
+        np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) @ arms[:2]
+        for a in (angle, -angle)
+    ]
+
+    samples = _samples(track)
+    fast, slow = (max(_roll_and_pitch(of, a) for a in turned) for of in (samples, _slow(samples)))
+    for late in (0.0, *LATE_S):
+        own = _samples(_earlier(track, late)) if late else samples
+        if fast - _roll_and_pitch(own, arms) < DECISIVE:
+            return False
+        if slow - _roll_and_pitch(_slow(own), arms) < DECISIVE:
+            return False
+    return True
+
+
+def _roll_and_pitch(samples: tuple[Floats, Floats, Floats, Floats], arms: Floats) -> float:
+    """Return the log-likelihood of roll and pitch with the arms (2, R) or (3, R) of each rotor."""
+    acceleration, rate, squares, step = samples
+    total = 0.0
+    for axis in range(2):
+        (correlated,), (count,) = _correlations(
+            acceleration[:, axis], rate[:, axis], squares, arms[axis][None], step
+        )
+        total -= 0.5 * float(count * np.log1p(-(np.clip(correlated, 0.0, 0.999999) ** 2)))
+    return total
 
 
 def _resolved(track: FlightTrack) -> bool:

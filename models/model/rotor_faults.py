@@ -9,9 +9,9 @@ take longer:
     motor       y_i = ln N_i² - ln f(x_i), less the median rotor's, f the autopilot's thrust curve:
                 speed against output. A motor that reaches 1 - s of its speed moves its own by
                 2 ln(1 - s) and no other; battery and air move all alike.
-A row is predicted without the effect of the load factor: that one looks two seconds ahead, and what
-is felt of it moves all rotors alike, as an input. So a part is named a second sooner than all of a
-prediction is known.
+A row is predicted without the effects of manoeuvres (AS_INPUTS): those look up to two seconds
+ahead. Load factor, rates and angular accelerations are inputs of the test instead, with
+coefficients learned in the flight. So a part is named by the rows that have come.
 A row is no evidence where the model does not hold (`RowLimit`): with a voltage that no battery of
 these cells has, or in a fall; and of a second part not while a motor gives all it has.
 A part is named when the ratio passes `THRESHOLD` and one rotor has SURE of it. Its size is bounded
@@ -61,7 +61,6 @@ from thrustmargin.models.physics.motor_output import curve_of, output_curve
 STEP_ERROR = 0.03
 #: Without good flights to say more: constant trims and a block's noise, of a rotor's thrust
 TRIM, NOISE = 0.1, 0.01
-KNOWN = 0.1  # of a manoeuvre's effect that a model with that effect leaves
 LEAK = 0.1  # of what an axis needs, that shows in another mode
 STEEPNESS, LAG = 0.15, 0.2  # standard errors of the thrust curve (Quiver), and of a lag in s
 IDLING = 0.05  # of full thrust, below which a motor's speed shows how it slows, and no part
@@ -69,8 +68,8 @@ UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the gro
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 
 FALLING = 6.0  # m/s downwards, faster than a descent: the air no longer meets the rotors from above
-#: Effects that look far ahead, and are inputs of the test instead.
-AS_INPUTS = ("load_factor",)
+#: Effects that look ahead, and are inputs of the test instead.
+AS_INPUTS = ("load_factor", "manoeuvre_moment")
 
 FEWEST_ROTORS = 4
 #: Rows of a block, and s that it waits for them: telemetry of 1 Hz takes 3 s.
@@ -474,9 +473,7 @@ def _turn_inputs(model: RotorModel) -> Floats:
     # What a load factor of 2, or 1 rad/s² of a body all of whose mass sits at the rotors, needs.
     arm = airframe.arm
     turn = np.array([G0, arm, arm, arm**2 / airframe.torque_ratio]) * size / G0
-    known = {item.effect.name for item in model.placed}
-    left = [KNOWN if name in known else 1.0 for name in ("load_factor", *["manoeuvre_moment"] * 3)]
-    inputs = np.tile(LEAK * turn * left, (rotors, 1))
+    inputs = np.tile(LEAK * turn, (rotors, 1))
     inputs[range(4), range(4)] /= LEAK
     return np.column_stack([inputs, inputs[:, 1:]])
 

@@ -203,6 +203,20 @@ def test_without_rotor_speeds_or_rates_it_cannot_tell():
     assert check_motor_order(track, other).verdict == "unclear"
 
 
+@pytest.mark.parametrize("bearings", [(90.0, -90.0, 0.0, 180.0), (0.0, 180.0, -90.0, 90.0)])
+def test_a_quad_plus_read_as_quad_x_is_another_layout(bearings):
+    """Its roll and pitch still correlate by 0.7: each has half of its rotors right."""
+    bearing = np.radians(bearings)
+    x, y, z = F16.arm * np.cos(bearing), F16.arm * np.sin(bearing), 0.0 * bearing
+    plus = replace(F16, rotor_position_frd=np.stack([x, y, z], axis=1))
+    track = made_flight(plus)
+    assert check_motor_order(track, plus).verdict == "agrees"
+    order = check_motor_order(track, F16)
+    assert (order.verdict, order.places) == ("other layout", (0, 1, 2, 3))
+    assert order.correlation[0] > 0.5
+    assert "its arms are turned, as plus is against X" in order.words
+
+
 def test_a_hexacopter_x_read_as_hexacopter_plus_is_another_layout():
     """No order of the places of a hexa plus explains roll and pitch as those of a hexa X do."""
 

@@ -273,9 +273,10 @@ def test_a_chipped_propeller_is_found_when_and_as_large_as_it_was():
     history = fault_history(analyse(log.track, model))
     assert len(history) == 16
     for (time_s, (fault,)), expected in (
-        (history[0], (145.502, 0.118, 0.1085, MOST)),
-        (history[4], (148.3, 0.120, 0.1098, MOST)),
-        (history[-1], (156.0, 0.121, 0.1102, 0.1287)),
+        # At first what it has at least; the size is settled as rows come.
+        (history[0], (145.502, 0.078, 0.0616, MOST)),
+        (history[4], (148.3, 0.117, 0.1085, MOST)),
+        (history[-1], (156.0, 0.119, 0.1090, 0.1283)),
     ):
         found = (time_s, fault.size, fault.lower, fault.upper)
         assert (fault.kind, fault.rotor) == ("propeller", 2)
