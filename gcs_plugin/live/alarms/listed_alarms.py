@@ -171,6 +171,25 @@ class Alarms:
                 self._weighed_s, balances[n] = time_s, self._balance.balance()
         return faults, balances
 
+    def restarted(self, clock_s: float) -> None:
+        """Begin to count anew at `clock_s` of a vehicle that has restarted: times of its earlier
+        clock say nothing of this one. What stands, stands."""
+        of_link = {rule.name for rule in OF_THE_LINK}
+        self._cleared = {key: at for key, at in self._cleared.items() if key[0] in of_link}
+        self._weighed_s = float("-inf")
+        for key, condition in list(self._conditions.items()):
+            if key[0] in of_link:
+                continue
+            if key not in self.listed:
+                del self._conditions[key]
+                continue
+            debounce = replace(condition.debounce, since=float("nan"))
+            over_s = clock_s if condition.over_s == condition.over_s else condition.over_s
+            self._conditions[key] = _Condition(debounce, clock_s, over_s)
+            self.listed[key] = replace(
+                self.listed[key], since_s=clock_s, times=1, last_s=float("nan")
+            )
+
     def heard(self, now_s: float, link: LinkNow) -> list[AlarmEvent]:
         """Check the link at `now_s` of the ground's clock."""
         events: list[AlarmEvent] = []

@@ -602,3 +602,24 @@ def test_a_fault_that_stands_takes_its_size_from_the_report_of_its_flight():
     assert alarms.listed["rotor", 3].text == "Rotor 3 makes >5% less thrust: prop? land"
     assert alarms.listed["rotor", 2].since_s == 10.0
     assert alarms.listed["motor", 2].text == "of its motor"
+
+
+def test_a_restart_begins_a_new_count_and_what_stands_still_stands():
+    low = hover(40.0, rpm=math.sqrt(0.6) * AIRFRAME.max_rotor_speed_rpm)
+    full = hover(60.0, rpm=math.sqrt(0.3) * AIRFRAME.max_rotor_speed_rpm)
+    alarms = Alarms()
+    watched(replace(low, time_s=low.time_s + 300.0), alarms)
+    assert ("margin", None) in alarms.listed
+    alarms.restarted(2.0)
+    stands = alarms.listed["margin", None]
+    assert (stands.since_s, stands.times, stands.state) == (2.0, 1, "active")
+    # Cleared by its times of the new clock, and no later.
+    events = [
+        e for e in watched(replace(full, time_s=full.time_s + 2.0), alarms) if e[2] == "margin"
+    ]
+    assert [(round(e[0], 1), e[1]) for e in events] == [(25.0, False)]
+    # One that was cleared before a restart is another when it comes again.
+    alarms.restarted(1.0)
+    watched(replace(low, time_s=low.time_s + 1.0), alarms)
+    again = alarms.listed["margin", None]
+    assert (again.times, again.line) == (1, again.text)
