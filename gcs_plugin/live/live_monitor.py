@@ -50,7 +50,7 @@ QUEUE = 200_000  # frames that may wait for the compute thread
 LATE = 0.25  # s of a round after which frames that have come meanwhile are taken into it
 BEHIND = 2.0  # s by which the newest figures may be late before that is shown
 ROUND = 1.0  # s beyond the planned wait for a round, the same
-CAUGHT_UP = 5.0  # s of keeping up after which a computer is no longer behind
+CAUGHT_UP = 20.0  # s of keeping up after which a computer is no longer behind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
