@@ -216,7 +216,7 @@ class VehicleMonitor:
         """The next update: with new rows, or (None) with the last predictions settled."""
         last = self.last
         if last is None or (new is not None and not goes_on(last, new)):
-            if last is not None and last.boot != new.boot:
+            if last is not None and new is not None and last.boot != new.boot:
                 self.alarms.restarted(float(new.clock_s[0]))
             last, self._unsettled, self._inferred = None, 0, Inferred()
             self._ahead.restart()
