@@ -8,6 +8,7 @@ Where there is no terminal, `EventPrinter` prints a line whenever something happ
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import OLD, Fleet, Subscriber
-from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
+from thrustmargin.gcs_plugin.live.live_monitor import Lateness, LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording import live_words as words
@@ -254,6 +255,10 @@ def seconds(time_s: float) -> str:
     return f"{time_s:.1f} s"
 
 
+def _clock(unix_s: float) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(unix_s))
+
+
 class Bell(Subscriber):
     """A subscriber that rings for each alarm that asks for a hand: `ring` sounds the terminal."""
 
@@ -269,7 +274,8 @@ class Bell(Subscriber):
 class EventPrinter(Subscriber):
     """A subscriber that prints what happens, a line each: for output into a file or a log.
 
-    Lines begin with the local time; an alarm's is when the report came that raised or cleared it.
+    Lines begin with the local time, in its order; an alarm's is when the report came that raised
+    or cleared it. What is found out after a later line was printed has its own time at its end.
     """
 
     def __init__(self, monitor: LiveMonitor, announce: Callable[[str], None]) -> None:
@@ -279,11 +285,27 @@ class EventPrinter(Subscriber):
         self._problems: dict[int, str] = {}
         self._in_vain: dict[int, set[str]] = {}  # messages that were asked for in vain
         self._trouble = ""
-        self._behind = False
+        self._lateness = Lateness()
+        self._lock = threading.Lock()
+        self._waiting: list[tuple[float, str]] = []  # Unix time and line, until a round is over
+        self._last_s = -math.inf
 
     def _say(self, line: str, unix_s: float) -> None:
         known = unix_s if math.isfinite(unix_s) else self._monitor.now_us() * 1e-6
-        self._print(f"{time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(known))} {line}")
+        with self._lock:
+            self._waiting.append((known, line))
+
+    def print(self) -> None:
+        """Print the lines of a round, in the order of their time."""
+        with self._lock:
+            lines, self._waiting = sorted(self._waiting, key=lambda at: at[0]), []
+            for known, line in lines:
+                # The clock of a recording may have been set back; the one here never is.
+                at_s = max(known, self._last_s) if self._monitor.live else known
+                late = f" (at {_clock(known)})" if at_s - known > 1.0 else ""
+                self._last_s = at_s
+                date = time.strftime("%Y-%m-%d", time.localtime(at_s))
+                self._print(f"{date} {_clock(at_s)} {line}{late}")
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         self._say(words.of_vehicle(vehicle, event.line), event.unix_s)
@@ -311,11 +333,12 @@ class EventPrinter(Subscriber):
             self._trouble = trouble
             line = words.not_recording(trouble) if trouble else words.RECORDING_AGAIN
             self._say(line, now_s)
+        self.print()
 
     def look(self, *, page: bool = False) -> None:
         """Whether the analysis is late; from another thread, for it may be stuck."""
-        behind_s = self._monitor.status().behind_s
-        if (behind_s > 0.0) != self._behind:
-            self._behind = behind_s > 0.0
+        behind_s, now_s = self._monitor.status().behind_s, self._monitor.now_us() * 1e-6
+        if self._lateness.changes(behind_s, now_s):
             late = words.behind_words(behind_s, page=page)
-            self._say(late if behind_s else words.NOT_BEHIND, self._monitor.now_us() * 1e-6)
+            self._say(late if behind_s else words.NOT_BEHIND, now_s)
+            self.print()

@@ -94,6 +94,11 @@ class Fleet:
             else:
                 watch.telemetry.pass_over()
 
+    def unread_us(self) -> list[int]:
+        """Ground's clock of the oldest message of each vehicle that waits to be analysed."""
+        unread = (watch.telemetry.unread_us for watch in list(self._watches.values()))
+        return [us for us in unread if us is not None]
+
     def updates(self) -> list[Update]:
         """The new rows of every vehicle."""
         return [update for watch in self.waiting() for update in watch.updates()]

@@ -14,6 +14,7 @@ at which their report came. Silence is checked by what came, and between any two
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -21,8 +22,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
-
-import numpy as np
 
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
@@ -50,6 +49,8 @@ DUTY = 0.1
 QUEUE = 200_000  # frames that may wait for the compute thread
 LATE = 0.25  # s of a round after which frames that have come meanwhile are taken into it
 BEHIND = 2.0  # s by which the newest figures may be late before that is shown
+ROUND = 1.0  # s beyond the planned wait for a round, the same
+CAUGHT_UP = 20.0  # s of keeping up after which a computer is no longer behind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +80,21 @@ class MonitorStatus:
     behind_s: float  # s since what waits to be analysed came; 0 when that is not worth a word
     cut_off: bool  # it ended before all that came was analysed
     recorder: RecorderStatus | None
+
+
+class Lateness:
+    """Whether this computer is behind, for who says so once: a short recovery does not end it."""
+
+    def __init__(self) -> None:
+        self.late = False
+        self._last_s = -math.inf
+
+    def changes(self, behind_s: float, now_s: float) -> bool:
+        """Take how far it is behind at a time, both s; return whether `late` has changed."""
+        before = self.late
+        self._last_s = now_s if behind_s > 0.0 else self._last_s
+        self.late = now_s - self._last_s < CAUGHT_UP
+        return self.late != before
 
 
 class LiveMonitor:
@@ -111,9 +127,10 @@ class LiveMonitor:
         self.recorder: Recorder | None = None
         self._refused_why = refused_why
         self._stop = threading.Event()
-        self._newest_us = 0
+        self._newest_us = self._ticked_us = 0
         self._taken_us: int | None = None  # when the oldest frame of the running round came
-        self._was_behind = self._cut_off = False
+        self._cut_off = False
+        self._lateness = Lateness()
         self.failure: BaseException | None = None
         self.listener = Listener(
             settings.urls,
@@ -174,6 +191,7 @@ class LiveMonitor:
             self._thread.join(patience)
         self._cut_off = self._thread.is_alive()
         self._beside.shutdown(wait=False, cancel_futures=True)
+        self._events.write()
         if self.recorder is not None:
             self.recorder.close()
 
@@ -222,7 +240,8 @@ class LiveMonitor:
         waiting = [first.stamp_us] if first is not None else []
         waiting += [us for us in (self._taken_us, self.listener.looked_us()) if us]
         behind = (self.now_us() - min(waiting)) * 1e-6 if waiting else 0.0
-        return behind if behind > BEHIND else 0.0
+        # With many vehicles what comes waits for its round, as planned.
+        return behind if behind > max(BEHIND, self.fleet.every_s + ROUND) else 0.0
 
     def _on_frames(self, frames: list[Frame]) -> None:
         # A recording waits until there is room; a radio does not.
@@ -245,6 +264,7 @@ class LiveMonitor:
                     for update in self.fleet.finish():
                         self._publish(update)
                     self._round_over()
+                    self._events.write()
                     return
                 self.fleet.every_s = spacing(round_s, len(self.fleet.vehicles))
                 pause = self.fleet.every_s - round_s
@@ -270,9 +290,18 @@ class LiveMonitor:
 
     def _round_over(self) -> None:
         now_us = self.now_us()
+        self._events.come_and_go(self.fleet, now_us)
         for subscriber in self.subscribers:
             subscriber.on_round(self.fleet, now_us)
-        self._events.come_and_go(self.fleet, now_us)
+        self._events.write(self._found_us())
+
+    def _found_us(self) -> int:
+        """Ground's clock up to which nothing more can be found: all that came is analysed, and the
+        links were checked."""
+        until_us = self._ticked_us
+        first = self._queue.first()
+        waiting = [until_us] if first is None else [until_us, first.stamp_us - 1]
+        return min(waiting + [us - 1 for us in self.fleet.unread_us()])
 
     def _live_round(self, frames: list[Frame]) -> None:
         self._taken_us = frames[0].stamp_us if frames else None
@@ -301,15 +330,15 @@ class LiveMonitor:
         self._tick(min(self.now_us(), self.listener.looked_us()))
 
     def _note_behind(self) -> None:
-        behind = self._behind_s()
-        if (behind > 0.0) != self._was_behind:
-            self._was_behind = behind > 0.0
+        behind, now_us = self._behind_s(), self.now_us()
+        if self._lateness.changes(behind, now_us * 1e-6):
             words = behind_words(behind) if behind else NOT_BEHIND
-            self._events.note(self.now_us(), None, "note", words)
+            self._events.note(now_us, None, "note", words)
 
     def _tick(self, now_us: int) -> None:
+        self._ticked_us = now_us
         for vehicle, event in self.fleet.tick(now_us):
-            self._event(vehicle, event, round(event.time_s * 1e6))
+            self._event(vehicle, event)
 
     def _publish(self, update: Update) -> None:
         if self._cut_off:
@@ -324,8 +353,7 @@ class LiveMonitor:
                 rows.slice(settled),
             )
         for event in update.events:
-            row = int(np.searchsorted(update.clock_s, event.time_s))
-            self._event(update.vehicle, event, int(update.stamp_us[row]))
+            self._event(update.vehicle, event)
         for subscriber in self.subscribers:
             subscriber.on_update(update)
 
@@ -337,9 +365,8 @@ class LiveMonitor:
         more = {"alarm": alarm.name, "rotor": alarm.rotor}
         self._events.note(self.now_us(), vehicle, "acknowledged", alarm.text, **more)
 
-    def _event(self, vehicle: int, event: AlarmEvent, stamp_us: int) -> None:
-        event = replace(event, unix_s=stamp_us * 1e-6)
-        self._events.alarm(stamp_us, vehicle, event)
+    def _event(self, vehicle: int, event: AlarmEvent) -> None:
+        self._events.alarm(round(event.unix_s * 1e6), vehicle, event)
         for subscriber in self.subscribers:
             subscriber.on_event(vehicle, event)
 

@@ -1,11 +1,12 @@
 """Ask vehicles for the messages that the monitor needs (MAV_CMD_SET_MESSAGE_INTERVAL).
 
-A vehicle is asked when it appears and when it restarts, one request every 50 ms so that a slow
-radio is not flooded. What then comes is counted: another station may lower a rate
-(REQUEST_DATA_STREAM), and a restart forgets them all. A message that came at less than half of its
-rate for 3 s is asked for again; what is not followed is asked for ever more rarely, once a minute
-in the end, and `VehicleMonitor.not_followed` says so. From ArduPilot the few parameters are asked
-for that say which output is which motor, and where the pump is, until they have come.
+A vehicle is asked when it appears and when it restarts, for ESC telemetry first, one request every
+50 ms so that a slow radio is not flooded; where rounds are rarer, so many in one go, at most 20.
+What then comes is counted: another station may lower a rate (REQUEST_DATA_STREAM), and a restart
+forgets them all. A message that came at less than half of its rate for 2 s is asked for again; what
+is not followed is asked for ever more rarely, once a minute in the end, and
+`VehicleMonitor.not_followed` says so. From ArduPilot the few parameters are asked for that say
+which output is which motor, and where the pump is, until they have come.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import OUTPUTS
 
 SET_MESSAGE_INTERVAL = 511
-SPACING = 0.05  # s between two requests
+SPACING = 0.05  # s between two requests, or for each of those in one go, which are at most so many
+IN_ONE_GO = 20
 SILENT = 1.5  # s from which a vehicle is not asked: see thrustmargin.gcs_plugin.live.announce
 #: s over which a rate is measured, and at least so many messages of it; share of it that is enough
-WINDOW, FEWEST, ENOUGH = 3.0, 3.0, 0.5
+WINDOW, FEWEST, ENOUGH = 2.0, 3.0, 0.5
 LOOK = 0.5  # s between two counts
 #: s until the same is asked for again, twice as long each time; times from which that is reported
 AGAIN, RAREST, REPORTED = 3.0, 60.0, 3
@@ -41,8 +43,8 @@ COMMON = {
     "EXTENDED_SYS_STATE": (245, 2.0),
     "HOME_POSITION": (242, 0.2),
 }
+OF_ARDUPILOT_FIRST = {"ESC_TELEMETRY_1_TO_4": (11030, 10.0)}
 OF_ARDUPILOT = {
-    "ESC_TELEMETRY_1_TO_4": (11030, 10.0),
     "RAW_IMU": (27, 5.0),
     "WIND": (168, 1.0),
 }
@@ -80,6 +82,7 @@ class _Asked:
     """What was asked of one start of a vehicle, and what has come since."""
 
     boot: int
+    round_s: float  # of the last look whether anything is to be sent
     waiting: deque[Any] = field(default_factory=deque)
     sent_s: float = 0.0
     rates: dict[str, _Wish] = field(default_factory=dict)
@@ -124,13 +127,18 @@ class RateRequester(Subscriber):
                 continue
             asked = self._asked.get(number)
             if asked is None or asked.boot != watch.telemetry.clock.boot:
-                asked = self._asked[number] = _Asked(watch.telemetry.clock.boot)
+                asked = self._asked[number] = _Asked(watch.telemetry.clock.boot, now_s - SPACING)
                 self._sender.heartbeat(number)
             if asked.look(watch) and not asked.waiting:
                 self._ask(watch, asked, now_s)
-            if asked.waiting and now_s - asked.sent_s >= SPACING:
+            # Rounds may be seconds apart: what could have been sent meanwhile is sent now.
+            since_s = max(asked.sent_s, asked.round_s)
+            due = min(int((now_s - since_s) / SPACING + 1e-6), IN_ONE_GO, len(asked.waiting))
+            for _ in range(due):
                 asked.sent_s = now_s
                 self._sender.send(number, asked.waiting.popleft())
+            if now_s - asked.round_s >= SPACING:
+                asked.round_s = now_s
 
     def _ask(self, watch: VehicleMonitor, asked: _Asked, now_s: float) -> None:
         """Queue what has to be asked for now, and say what is not followed."""
@@ -161,10 +169,11 @@ class RateRequester(Subscriber):
 
 
 def wanted(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
-    """Messages by name: id and Hz."""
+    """Messages by name: id and Hz; rotor speeds, without which no margin is measured, first."""
     if autopilot != ARDUPILOT:
-        return COMMON | OF_OTHERS
-    return COMMON | OF_ARDUPILOT | (OF_ARDUPILOT_MORE if rotor_count > 4 else {})
+        return OF_OTHERS | COMMON
+    more = OF_ARDUPILOT_MORE if rotor_count > 4 else {}
+    return OF_ARDUPILOT_FIRST | more | COMMON | OF_ARDUPILOT
 
 
 def wanted_parameters(watch: VehicleMonitor) -> list[str]:

@@ -6,7 +6,7 @@ Screen, voice, recording, report and STATUSTEXT say the same. Those of a bad rot
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from thrustmargin.gcs_plugin.wording.actions import LAND
 from thrustmargin.gcs_plugin.wording.fault_words import MOST_LETTERS, place_words
@@ -62,6 +62,7 @@ MISFIT = "Flight no longer fits its airframe: land, check"
 MOTOR_ORDER = "Motor order differs: rotor names are wrong, check"
 OUTSIDE_TRAINING = "Outside the model's training: less sure"
 TELEMETRY_LOST = "Telemetry lost in flight: fly by sight"
+NOT_USABLE = "Reports unusable in flight: fly by sight"
 NO_TELEMETRY = "No telemetry, last on the ground"
 NO_ROTOR_SPEEDS = "No rotor speeds: ESC telemetry lost, check wiring"
 NO_OUTPUTS = "No motor outputs: margin unknown"
@@ -84,11 +85,30 @@ def control_words(kind: LossKind, value: float) -> str:
     return say(words, amount=number(shown, unit, 0))
 
 
+def shared_id_words(system: int) -> str:
+    """That two aircraft send under one system id, of which nothing is computed, and what to do."""
+    return say("Two aircraft have id {system}: give each its own", system=system)
+
+
+def see_words(rotors: Sequence[int]) -> str:
+    """What to do about a sign of a bad rotor, from 1, that has an alarm of its own."""
+    numbers = ", ".join(map(str, rotors))
+    words = "see rotor {numbers}" if len(rotors) == 1 else "see rotors {numbers}"
+    return say(words, numbers=numbers)
+
+
 def margin_words(
-    what: str, least: float, limit: float, *, ends: tuple[float, float], rotor: int | None
+    what: str,
+    least: float,
+    limit: float,
+    *,
+    ends: tuple[float, float],
+    rotor: int | None,
+    bad: Sequence[int] = (),
 ) -> str:
     """`Thrust margin 44% below 50%, rotor 1: fly gently`; shares, rounded down, so that what is
-    below the limit also reads so. `ends` are those of its 90 % interval."""
+    below the limit also reads so. `ends` are those of its 90 % interval. While an alarm of `bad`
+    rotors stands, its order is the only one."""
     low, high = math.floor(100 * max(ends[0], 0.0) + 1e-6), math.ceil(100 * ends[1] - 1e-6)
     within = f" ({low}-{high})" if ends[1] > ends[0] else ""
     of = "" if rotor is None else say(", rotor {rotor}", rotor=rotor)
@@ -96,7 +116,8 @@ def margin_words(
     words = "{what} {low} below {limit}" if ends[1] < limit else "{what} {low} near {limit}"
     if ends[1] < 0.0:
         words = "{what} none: beyond ceiling"
-    says, do = say(words, what=say(what), low=value, limit=f"{limit:.0%}"), say(GENTLY)
+    says = say(words, what=say(what), low=value, limit=f"{limit:.0%}")
+    do = see_words(bad) if bad else say(GENTLY)
     return fitting(f"{says}{of}: {do}", f"{says}: {do}", f"{says}{of}", says)
 
 
@@ -147,7 +168,12 @@ def _of(part: str, number: int, place: str) -> str:
     return " ".join(filter(None, (part, str(number), place_words(place))))
 
 
-def thrust_against_gauge(apart_kg: float) -> str:
+def thrust_against_gauge(apart_kg: float, bad: Sequence[int] = ()) -> str:
+    """That thrust carries `apart_kg` more than the gauge says. While an alarm of `bad` rotors
+    stands, they are the cause and have the order."""
+    if bad:
+        words = "Thrust says {apart} kg against gauge: {see}"
+        return say(words, apart=f"{apart_kg:+.1f}", see=see_words(bad))
     words = "Thrust says {apart} kg against gauge: check load"
     return say(words, apart=f"{apart_kg:+.1f}")
 

@@ -117,12 +117,12 @@ def not_heard_on(urls: Iterable[str]) -> str:
     return f"{NO_VEHICLE} on {', '.join(urls)}"
 
 
-def two_vehicles(system: int, *, helps: bool = False) -> str:
-    """That one id is used twice, and (`helps`) what that means and what to do."""
-    line = f"two vehicles send as system {system}"
-    if helps:
-        line += ": nothing is computed; give each its own id (SYSID_THISMAV or MAV_SYSID)"
-    return line
+def two_vehicles(system: int) -> str:
+    """That one id is used twice, what that means and what to do."""
+    return (
+        f"two vehicles send as system {system}: nothing is computed; "
+        "give each its own id (SYSID_THISMAV or MAV_SYSID)"
+    )
 
 
 def copies_words(count: int) -> str:

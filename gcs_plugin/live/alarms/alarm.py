@@ -12,10 +12,26 @@ CRITICAL, WARNING, NOTICE = 2, 4, 5
 #: Names of alarms, the gravest first: a part that is bad, control, battery, thrust, then the load,
 #: then what an instrument says. Of one severity they are listed so.
 GRAVEST_FIRST = (
-    *("telemetry", "control", "stopped", "rotor", "motor", "esc", "battery", "saturation"),
+    *(
+        "telemetry",
+        "shared id",
+        "control",
+        "stopped",
+        "rotor",
+        "motor",
+        "esc",
+        "battery",
+        "saturation",
+    ),
     *("margin", "predicted margin", "margin ahead", "tank", "gauge"),
     *("rotor speeds", "misfit", "motor order", "airframe", "envelope"),
 )
+
+
+#: Names of those that a rotor or a motor is bad.
+OF_PARTS = ("stopped", "rotor", "motor")
+#: Name of an alarm, and its rotor from 1; None: of no rotor.
+Key = tuple[str, int | None]
 
 
 class AlarmState(StrEnum):
@@ -74,7 +90,7 @@ class Alarm:
     past: str = ""  # the text once its number is of the past
 
     @property
-    def key(self) -> tuple[str, int | None]:
+    def key(self) -> Key:
         return self.name, self.rotor
 
     @property

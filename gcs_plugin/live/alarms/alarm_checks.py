@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, Missing
+from thrustmargin.gcs_plugin.live.alarms.alarm import OF_PARTS, Alarm, AlarmSettings, Key, Missing
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -48,6 +48,19 @@ class RowsNow:
     faults: Sequence[dict[Kind, tuple[RotorFault, ...]]] = ()
     balances: Sequence[TankBalance | None] = ()  # (N,) about one a second
     stopped: Bools | None = None  # (N, R) rotors that were found to stand still by that row
+    #: (T, R) s for which messages came without a rotor's speed; NaN: none was ever reported
+    unheard_s: Floats | None = None
+    from_outputs: bool = False  # all rotor speeds are made from motor outputs
+    listed: Mapping[Key, Alarm] = field(default_factory=dict)  # what stands before these rows
+
+    @property
+    def bad_rotors(self) -> tuple[int, ...]:
+        """Rotors, from 1, of the gravest alarm that a rotor or motor is bad; empty for none."""
+        parts = [alarm for (name, _), alarm in self.listed.items() if name in OF_PARTS]
+        first = min(parts, key=lambda alarm: alarm.order, default=None)
+        if first is None:
+            return ()
+        return first.rotors or tuple(filter(None, (first.rotor,)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,9 +68,12 @@ class LinkNow:
     """What the link gives; silence is checked by when bytes came, not by when they were used."""
 
     silent: float  # s since anything was heard
-    rotors_behind: Floats  # (R,) s of each rotor's speed before the last message; NaN: never was
-    flying: bool  # when last heard
-    from_outputs: bool = False  # its rotor speeds are made from motor outputs
+    #: when last heard: a vehicle that is switched off after a landing is worth a notice
+    flying: bool = True
+    shared_id: int = 0  # system id under which two vehicles send; 0: none
+    shared_since_s: float = math.nan  # ground's clock
+    rows_behind: float = 0.0  # s for which messages were analysed that gave no row
+    read_s: float = math.nan  # ground's clock of the last message that was analysed
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,7 +87,8 @@ def margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     with np.errstate(invalid="ignore"):
         enough = np.max(ends[1], axis=1) < s.max_utilisation - s.margin_hysteresis
     off = ~np.any(measured, axis=1) & enough
-    return _low(s, words.MEASURED_MARGIN, use, ends, np.all(measured, axis=1), off)
+    clears = np.all(measured, axis=1)
+    return _low(s, words.MEASURED_MARGIN, use, ends, clears, off, bad=now.bad_rotors)
 
 
 def predicted_margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
@@ -95,7 +96,8 @@ def predicted_margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     measured: Bools = np.any(np.isfinite(analysis.utilisation[rows]), axis=1)
     use = np.where(measured[:, None], np.nan, analysis.utilisation_predicted[rows])
     ends = [end[rows] for end in analysis.use_ends]
-    low = _low(s, words.PREDICTED_MARGIN, use, ends, ~measured, measured)
+    bad = now.bad_rotors
+    low = _low(s, words.PREDICTED_MARGIN, use, ends, ~measured, measured, bad=bad)
     return replace(low, over=measured)
 
 
@@ -103,7 +105,8 @@ def margin_ahead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     rows = now.analysis.track.time_s[now.rows].size
     ahead = np.full(rows, np.nan) if now.margin_ahead is None else now.margin_ahead[now.rows]
     use, no = 1.0 - ahead[:, None], np.zeros(rows, dtype=np.bool_)
-    return _low(s, words.MARGIN_AHEAD, use, (use, use), ~no, no, rotors=False)
+    bad = now.bad_rotors
+    return _low(s, words.MARGIN_AHEAD, use, (use, use), ~no, no, rotors=False, bad=bad)
 
 
 def _low(
@@ -115,6 +118,7 @@ def _low(
     off: Bools,
     *,
     rotors=True,
+    bad: Sequence[int] = (),
 ) -> AlarmChecks:
     """Margins 1 - `use` (N, R) against the limit; a notice where that lies within the 90 % error.
 
@@ -137,7 +141,7 @@ def _low(
     def text(row: int, _: int) -> str:
         of = int(rotor[row]) + 1 if rotors and apart[row] else None
         ends = float(low[row]), float(high[row])
-        return words.margin_words(what, float(least[row]), limit, ends=ends, rotor=of)
+        return words.margin_words(what, float(least[row]), limit, ends=ends, rotor=of, bad=bad)
 
     known = on | off | (clears & np.isfinite(least))
     past = words.margin_past(what, limit)
@@ -268,28 +272,42 @@ def envelope(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def telemetry(s: AlarmSettings, now: LinkNow) -> AlarmChecks:
-    lost = now.silent > s.silence
+    silent = now.silent > s.silence
+    # In flight reports of which nothing can be made are no better than none.
+    lost = silent or (now.flying and not now.shared_id and now.rows_behind > s.silence)
     severity = CRITICAL if now.flying else NOTICE
     text = words.TELEMETRY_LOST if now.flying else words.NO_TELEMETRY
+    text = text if silent else words.NOT_USABLE
     return one_alarm(lost, not lost, True, severity=lambda *_: severity, text=lambda *_: text)
 
 
-def rotor_speeds(s: AlarmSettings, now: LinkNow) -> AlarmChecks:
-    # Counted until the last message of any kind, or a lost link would look like lost ESCs; a
-    # part of the time as hold, for rotor speeds are not the first to be heard on its return.
-    behind, limit = now.rotors_behind, s.silence - ROTORS_HOLD
-    missing = np.flatnonzero(behind > limit)
-    text = words.speeds_missing((missing + 1).tolist())
-    if missing.size == behind.size:
-        text = words.NO_ROTOR_SPEEDS
-    if now.from_outputs:
-        text = words.NO_OUTPUTS
-    heard = now.silent <= s.silence
-    on = missing.size > 0 and heard and now.flying
-    off = bool(np.all(behind <= limit)) or not now.flying
-    return one_alarm(on, off, heard, severity=lambda *_: WARNING, text=lambda *_: text)
+def shared_id(s: AlarmSettings, now: LinkNow) -> AlarmChecks:  # noqa: ARG001
+    on, text = now.shared_id > 0, words.shared_id_words(now.shared_id)
+    return one_alarm(on, not on, True, severity=lambda *_: CRITICAL, text=lambda *_: text)
 
 
+def rotor_speeds(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    rotors, rows = now.analysis.track.rotor_count, now.rows
+    unheard = np.full((now.analysis.track.time_s.size, rotors), np.nan)
+    unheard = (unheard if now.unheard_s is None else now.unheard_s)[rows]
+    # A rotor that stands owes no speed.
+    stands = [("stopped", k + 1) in now.listed for k in range(rotors)]
+    # The rest of the time it must hold: speeds are not the first to be heard after a lost link.
+    missing = (unheard > s.silence - ROTORS_HOLD) & ~np.array(stands, dtype=np.bool_)
+    known = np.isfinite(unheard).any(axis=1)
+
+    def text(row: int, _: int) -> str:
+        if now.from_outputs:
+            return words.NO_OUTPUTS
+        if missing[row].all():
+            return words.NO_ROTOR_SPEEDS
+        return words.speeds_missing((np.flatnonzero(missing[row]) + 1).tolist())
+
+    on = missing.any(axis=1)
+    return one_alarm(on, known & ~on, known, severity=lambda *_: WARNING, text=text)
+
+
+ROTOR_SPEEDS = AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds, Missing.LINK)
 #: Checked in each row, in each in which faults can be sought, in each whose prediction is final,
 #: and by a LinkNow.
 OF_ROWS = (
@@ -297,6 +315,7 @@ OF_ROWS = (
     AlarmRule("control", 0.0, 3.0, control, Missing.ATTITUDE, on_ground="kept"),
     AlarmRule("stopped", 0.0, 3.0, stopped, Missing.SPEEDS, on_ground="kept"),
     AlarmRule("esc", 0.0, 3.0, esc, Missing.ESC, on_ground="checked"),
+    ROTOR_SPEEDS,
     AlarmRule("margin", LASTS, 3.0, margin, Missing.SPEEDS, lull=LULL, of_airframe=True),
     AlarmRule(
         "margin ahead", 3.0, 3.0, margin_ahead, Missing.FORECAST, lull=LULL, of_airframe=True
@@ -325,9 +344,8 @@ OF_SETTLED_ROWS = (
     AlarmRule("tank", 5.0, 10.0, tank, Missing.GAUGE, sampled=True, of_airframe=True),
     AlarmRule("gauge", 5.0, 10.0, gauge, Missing.GAUGE, sampled=True, of_airframe=True),
 )
-TELEMETRY = AlarmRule("telemetry", 0.0, 1.0, telemetry)
 OF_THE_LINK = (
-    TELEMETRY,
-    AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds, Missing.LINK),
+    AlarmRule("telemetry", 0.0, 1.0, telemetry),
+    AlarmRule("shared id", 0.0, 0.0, shared_id),
 )
 RULES = (*OF_ROWS, *OF_SOUGHT_ROWS, *OF_SETTLED_ROWS, *OF_THE_LINK)

@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    OF_PARTS,
     Alarm,
     AlarmEvent,
     AlarmSettings,
     AlarmState,
     Debounce,
+    Key,
     Missing,
 )
 from thrustmargin.gcs_plugin.live.alarms.alarm_checks import (
@@ -31,7 +33,6 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
     OF_SOUGHT_ROWS,
     OF_THE_LINK,
     PARTS,
-    TELEMETRY,
 )
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
@@ -45,8 +46,6 @@ from thrustmargin.models.model.rotor_faults import FaultHistory, RotorFaults, fa
 
 AGAIN = 60.0  # s within which an alarm that comes again is the same one
 UNSEEN = 3.0  # s for which nothing is known of an alarm before it cannot be confirmed
-
-Key = tuple[str, int | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +79,7 @@ class Alarms:
     @property
     def of_parts(self) -> bool:
         """Whether a rotor or a motor that was found bad is listed."""
-        bad = ("stopped", *(part for part, _ in PARTS))
-        return any(name in bad for name, _ in self.listed)
+        return any(name in OF_PARTS for name, _ in self.listed)
 
     def rows(
         self,
@@ -95,6 +93,8 @@ class Alarms:
         sought: slice | None = None,
         margin_ahead: Floats | None = None,
         esc_failures: Floats | None = None,
+        unheard_s: Floats | None = None,
+        from_outputs: bool = False,
     ) -> list[AlarmEvent]:
         """Take the rows from `first` on, in order; arrays are (T,), as long as the analysis.
 
@@ -102,7 +102,9 @@ class Alarms:
         motors in the rows `sought`, where these may come later.
         `pumped_kg` is the liquid pumped so far, `virtual_kg` the virtual gauge, `margin_ahead` the
         least predicted margin on the rest of the route; NaN where unknown. `esc_failures` (T, R)
-        are ESC_FAILURE_FLAGS, NaN where an ESC does not report on itself.
+        are ESC_FAILURE_FLAGS, NaN where an ESC does not report on itself. `unheard_s` (T, R) are
+        the s for which messages came without a rotor's speed, NaN where none was ever reported;
+        `from_outputs`: all speeds are made from motor outputs.
         """
         new, final = slice(first, None), slice(first, None) if settled is None else settled
         known = final if sought is None else sought
@@ -118,12 +120,15 @@ class Alarms:
             faults=faults,
             balances=balances,
             stopped=self._stopped.add(analysis.track.rows(new)),
+            unheard_s=unheard_s,
+            from_outputs=from_outputs,
         )
         events: list[AlarmEvent] = []
         for rules, rows in ((OF_ROWS, new), (OF_SOUGHT_ROWS, known), (OF_SETTLED_ROWS, final)):
             times, flying = clock_s[rows], analysis.track.flying[rows]
             for rule in rules:
-                found, missing = rule.checks(self.settings, replace(now, rows=rows)), rule.needs
+                asked = replace(now, rows=rows, listed=dict(self.listed))
+                found, missing = rule.checks(self.settings, asked), rule.needs
                 if rule.of_airframe and analysis.withheld:
                     nothing, missing = np.zeros_like(found.on), Missing.VERDICT
                     found = replace(found, on=nothing, off=nothing, known=nothing, over=None)
@@ -188,39 +193,42 @@ class Alarms:
                 self._weighed_s, balances[n] = time_s, self._balance.balance()
         return balances
 
-    def heard(
-        self,
-        now_s: float,
-        silent: float,
-        rotors_behind: Floats,
-        *,
-        flying: bool = True,
-        from_outputs: bool = False,
-        rows_behind: float = 0.0,
-    ) -> list[AlarmEvent]:
-        """Check the link: s since anything was heard, and (R,) by which each rotor's speed is older
-        than the last message that was analysed.
+    def restarted(self, clock_s: float) -> None:
+        """Begin to count anew at `clock_s` of a vehicle that has restarted: times of its earlier
+        clock say nothing of this one. What stands, stands."""
+        of_link = {rule.name for rule in OF_THE_LINK}
+        self._cleared = {key: at for key, at in self._cleared.items() if key[0] in of_link}
+        self._weighed_s = float("-inf")
+        for key, condition in list(self._conditions.items()):
+            if key[0] in of_link:
+                continue
+            if key not in self.listed:
+                del self._conditions[key]
+                continue
+            debounce = replace(condition.debounce, since=float("nan"))
+            over_s = clock_s if condition.over_s == condition.over_s else condition.over_s
+            self._conditions[key] = _Condition(debounce, clock_s, over_s)
+            self.listed[key] = replace(
+                self.listed[key], since_s=clock_s, times=1, last_s=float("nan")
+            )
 
-        Times are the ground's clock. `rotors_behind` is NaN for a vehicle that has never reported a
-        rotor speed. `flying` when last heard: a vehicle that is switched off after a landing is
-        worth a notice, and one whose motors rest owes no rotor speeds. `from_outputs`: they are
-        made from motor outputs. `rows_behind` is the age of the last row at the last message, s.
-        """
+    def heard(self, now_s: float, link: LinkNow) -> list[AlarmEvent]:
+        """Check the link at `now_s` of the ground's clock."""
         events: list[AlarmEvent] = []
-        # A rotor that stands owes no speed.
-        owes = [("stopped", k + 1) not in self.listed for k in range(rotors_behind.size)]
-        rotors_behind = np.where(owes, rotors_behind, 0.0)
-        link = LinkNow(
-            silent=silent, rotors_behind=rotors_behind, flying=flying, from_outputs=from_outputs
-        )
+        unheard, unusable = link.silent > self.settings.silence, link.rows_behind > UNSEEN
         # However late the link was looked at, it was lost when the silence became too long.
-        lost_s = now_s - max(silent - self.settings.silence, 0.0)
+        lost_s = now_s
+        if unheard:
+            lost_s = now_s - (link.silent - self.settings.silence)
+        elif unusable:
+            lost_s = link.read_s - (link.rows_behind - UNSEEN)
+        elif link.shared_id:
+            lost_s = link.shared_since_s
         for rule in OF_THE_LINK:
-            time_s = np.full(1, lost_s if rule is TELEMETRY else now_s)
             found = rule.checks(self.settings, link)
-            self._follow(events, rule, found, time_s, np.ones(1, dtype=np.bool_), rule.needs)
-        unheard = silent > self.settings.silence
-        if unheard or rows_behind > UNSEEN:
+            time_s, always = np.full(1, lost_s), np.ones(1, dtype=np.bool_)
+            self._follow(events, rule, found, time_s, always, rule.needs)
+        if unheard or unusable or link.shared_id:
             missing = Missing.LINK if unheard else Missing.ROWS
             for alarm in list(self.listed.values()):
                 if alarm.name not in {rule.name for rule in OF_THE_LINK}:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import WARNING, AlarmSettings
+from thrustmargin.gcs_plugin.live.alarms.alarm import NOTICE, WARNING, AlarmSettings
 from thrustmargin.gcs_plugin.live.alarms.alarm_checks import AlarmChecks, RowsNow, one_alarm
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
@@ -16,19 +16,23 @@ from thrustmargin.gcs_plugin.wording import alarm_words as words
 def tank(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     texts = ["" if b is None else pump_verdict(b, s) for b in now.balances]
     known = [b is not None and math.isfinite(b.gauge - b.pump) for b in now.balances]
-    return _of_tank(texts, known)
+    return _of_tank(texts, known, WARNING)
 
 
 def gauge(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
-    texts = ["" if b is None or pump_verdict(b, s) else mass_verdict(b, s) for b in now.balances]
+    # A bad rotor makes thrust of which the model knows nothing: it has the order, and is the news.
+    bad = now.bad_rotors
+    texts = [
+        "" if b is None or pump_verdict(b, s) else mass_verdict(b, s, bad) for b in now.balances
+    ]
     known = [b is not None and math.isfinite(b.apart_kg) for b in now.balances]
-    return _of_tank(texts, known)
+    return _of_tank(texts, known, NOTICE if bad else WARNING)
 
 
-def _of_tank(texts: Sequence[str], known: Sequence[bool]) -> AlarmChecks:
+def _of_tank(texts: Sequence[str], known: Sequence[bool], severity: int) -> AlarmChecks:
     on, sure = np.array([bool(text) for text in texts], dtype=np.bool_), np.array(known, np.bool_)
     return one_alarm(
-        on, sure & ~on, on | sure, severity=lambda *_: WARNING, text=lambda row, _: texts[row]
+        on, sure & ~on, on | sure, severity=lambda *_: severity, text=lambda row, _: texts[row]
     )
 
 
@@ -52,7 +56,10 @@ def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
     return words.TANK_CLOGGED if backed else words.GAUGE_WRONG
 
 
-def mass_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
-    """That thrust carries another mass than the gauge says, for people; empty when it does not."""
+def mass_verdict(balance: TankBalance, settings: AlarmSettings, bad: Sequence[int] = ()) -> str:
+    """That thrust carries another mass than the gauge says, for people; empty when it does not.
+
+    `bad` are the rotors, from 1, of which an alarm stands.
+    """
     apart = abs(balance.apart_kg) > settings.tank_mass_kg
-    return words.thrust_against_gauge(balance.apart_kg) if apart else ""
+    return words.thrust_against_gauge(balance.apart_kg, bad) if apart else ""

@@ -141,9 +141,7 @@ def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric
     words = "Age of the newest figures; old ones are left out"
     yield _gauge("figures_age_seconds", words, rows, ("vehicle",))
     fields = [
-        ((n, field), age)
-        for n, w in watches.items()
-        for field, age in w.telemetry.stale(now_us).items()
+        ((n, field), age) for n, w in watches.items() for field, age in w.telemetry.stale().items()
     ]
     words = "Age of a field that is no longer reported"
     yield _gauge("field_age_seconds", words, fields, ("vehicle", "field"))

@@ -3,10 +3,14 @@
 Each line of `events.jsonl` has `unix_s`, the ground's clock: of an alarm when the report came that
 raised or cleared it, of a lost link when the silence became too long, of a vehicle when it was
 first heard. However late it was found out, and however many messages were analysed in one go.
+The lines are in the order of these times: an event waits until nothing earlier can be found.
 """
 
 from __future__ import annotations
 
+import heapq
+import math
+import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -28,6 +32,10 @@ class EventRecord:
     def __init__(self, recorder: Recorder | None, subscribers: Sequence[Subscriber] = ()) -> None:
         self._recorder = recorder
         self._subscribers = subscribers
+        self._lock = threading.Lock()
+        #: Events that are not written yet: their time, how many came before, and what is written.
+        self._waiting: list[tuple[int, int, dict[str, object]]] = []
+        self._count = 0
         self._known: set[int] = set()
         self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
 
@@ -35,7 +43,17 @@ class EventRecord:
         """Record one event of a vehicle, or (None) of the whole link."""
         if self._recorder is not None:
             event = {"unix_s": at_us * 1e-6, "vehicle": vehicle, "event": kind, "text": text}
-            self._recorder.event(event | more)
+            with self._lock:
+                self._count += 1
+                heapq.heappush(self._waiting, (at_us, self._count, event | more))
+
+    def write(self, until_us: float = math.inf) -> None:
+        """Write the events up to a time before which nothing more can be found; all without one."""
+        if self._recorder is None:
+            return
+        with self._lock:
+            while self._waiting and self._waiting[0][0] <= until_us:
+                self._recorder.event(heapq.heappop(self._waiting)[2])
 
     def alarm(self, at_us: int, vehicle: int, event: AlarmEvent) -> None:
         """Record an alarm that was raised, cleared, or can (not) be confirmed."""

@@ -92,6 +92,12 @@ class LiveRows:
     esc_failures: Floats  # (T, R) ESC_FAILURE_FLAGS; NaN where none are reported
     notes: tuple[str, ...]
 
+    def rows(self, part: slice) -> LiveRows:
+        """Return a part of the rows."""
+        names = ("clock_s", "stamp_us", "pump_share", "pumped_kg", "mission_item", "esc_failures")
+        arrays = {name: getattr(self, name)[part] for name in names}
+        return replace(self, track=self.track.rows(part), **arrays)
+
 
 @dataclass(slots=True)
 class _Piece:
@@ -111,6 +117,7 @@ class VehicleTelemetry:
     def __init__(self, system: int, options: Options, asked: Collection[str] = ()) -> None:
         self.state = VehicleState(system=system)
         self.stamp_us = 0  # ground's clock when anything last came
+        self.read_us = 0  # the same of the last message that `rows` has taken
         self.clock = ArrivalClock()
         self.problem = ""
         #: Restarts, leaps of its clock and changed parameters since they were last taken, and when
@@ -145,6 +152,16 @@ class VehicleTelemetry:
     def waiting(self) -> bool:
         """Whether frames have come that `rows` has not taken."""
         return bool(self._pieces)
+
+    @property
+    def unread_us(self) -> int | None:
+        """Ground's clock of the oldest message that `rows` has not taken; None for none."""
+        return self._pieces[0].frames[0].stamp_us if self._pieces else None
+
+    @property
+    def read_s(self) -> float:
+        """Vehicle's clock of the last message that `rows` has taken; -inf before any."""
+        return self._heard_s
 
     @property
     def origin(self) -> Origin | None:
@@ -198,6 +215,7 @@ class VehicleTelemetry:
         frames = [frame for piece in self._pieces for frame in piece.frames]
         pilots = [piece.state.component for piece in self._pieces for _ in piece.frames]
         stamps = np.array([frame.stamp_us for frame in frames], dtype=np.int64)
+        self.read_us = int(stamps[-1]) if stamps.size else self.read_us
         places = places_of(frames)
         own = clocks_of(places, frames, pilots)
         if not self.clock.known and not np.isfinite(own).any():
@@ -347,9 +365,13 @@ class VehicleTelemetry:
                 break
         return self._motors
 
-    def stale(self, now_us: int) -> dict[str, float]:
-        """Field -> s since it was last known, by the ground's clock; of those now too old."""
-        now, signals = self.clock.now_s(now_us), self._buffer.signals
+    def stale(self) -> dict[str, float]:
+        """Field -> s for which other messages have come without it; of those now too old.
+
+        By the vehicle's clock up to the last message that `rows` has taken: what waits to be taken
+        may hold what is missed.
+        """
+        now, signals = self._heard_s, self._buffer.signals
         ages: dict[str, float] = {}
         for limit, channels in FIELDS.items():
             found = (s for name in channels for s in signals.get(name, ()))

@@ -42,12 +42,12 @@ class AirframeWatch:
         #: The evidence in order: tracks, and of each the rows.
         self._parts: list[tuple[FlightTrack, NDArray[np.intp]]] = []
         self._last_s = -np.inf  # of its last row
-        self._looked_s = -np.inf
+        self._looked_s = self._taken_s = -np.inf
         self._volts = np.empty(0)  # the most that the battery read, V
         self._other_rotors = False  # reported last
         self._against = 0  # looks on end that spoke against what is decided
         self._opened_s = np.inf  # first row of this flight
-        self._ground_s = -np.inf  # when it came to rest; NaN in flight
+        self._ground_s = -np.inf  # first row on the ground; NaN in flight
         self.claim = self._first()
 
     def _first(self) -> AirframeClaim:
@@ -63,7 +63,11 @@ class AirframeWatch:
     def look(
         self, track: FlightTrack, facts: VehicleFacts, parameters: Mapping[str, float]
     ) -> AirframeClaim:
-        """Take new rows, in order, and say what is decided after them."""
+        """Take new rows, in order, and say what is decided in the first of them.
+
+        So that a decision does not depend on how many rows come at once, whoever has many cuts them
+        before the row from which on the next look is `due_s`.
+        """
         if track.rotor_count != self._airframe.rotor_count:  # certain, and at once
             if not self._other_rotors:
                 now = airframe_claim(track, self._airframe, facts, parameters, given=self._given)
@@ -72,11 +76,29 @@ class AirframeWatch:
             return self.claim
         if self._other_rotors:
             self._other_rotors, self.claim = False, self._first()
-        self._volts = highest(np.append(self._volts, track.voltage), self._airframe)
-        self._gather(track)
-        if not self._parts or track.time_s[-1] - self._looked_s < EVERY:
-            return self.claim
-        self._looked_s = float(track.time_s[-1])
+        due = track.time_s[0] >= self.due_s or track.time_s[0] <= self._last_s
+        first = slice(0, 1) if due else slice(None)
+        self._take(track.rows(first))
+        if due and self._parts:
+            self._look(facts, parameters)
+        if due:
+            self._take(track.rows(slice(1, None)))
+        return self.claim
+
+    @property
+    def due_s(self) -> float:
+        """Time of the track from which on the next row is a reason to look again; -inf: the first
+        row in flight."""
+        return self._looked_s + EVERY
+
+    def _take(self, track: FlightTrack) -> None:
+        if track.time_s.size:
+            self._volts = highest(np.append(self._volts, track.voltage), self._airframe)
+            self._gather(track)
+
+    def _look(self, facts: VehicleFacts, parameters: Mapping[str, float]) -> None:
+        """Decide by the evidence up to the last row that was taken."""
+        self._looked_s = self._taken_s
         since = self._last_s - REACH
         evidence = joined([(t, rows[t.time_s[rows] > since]) for t, rows in self._parts])
         self._parts = [(evidence, np.arange(evidence.time_s.size))]
@@ -87,25 +109,26 @@ class AirframeWatch:
                 high = ceiling_too_high(self._volts, self._airframe)
                 now = replace(now, outputs=replace(now.outputs, ceiling_high=high))
             self._decide(replace(now, source=self._source))
-        return self.claim
 
     def _gather(self, track: FlightTrack) -> None:
         time_s, flying = track.time_s, track.flying
+        self._taken_s = float(time_s[-1])
         if time_s[0] <= self._last_s:  # it was started anew
             self._parts, self._looked_s, self._last_s = [], -np.inf, -np.inf
             self._opened_s, self._ground_s = np.inf, -np.inf
-        if np.isnan(self._ground_s) and not flying[-1]:
-            self._ground_s = float(time_s[-1])
-        steps = np.floor(time_s / STEP)
-        new = np.diff(steps, prepend=np.floor(self._last_s / STEP)) > 0
-        rows = np.flatnonzero(new & flying)
-        if rows.size:
-            if time_s[rows[0]] - self._ground_s > LANDED:
-                self._parts, self._opened_s, self._against = [], float(time_s[rows[0]]), 0
-            self._parts.append((track, rows))
-            self._last_s = float(time_s[rows[-1]])
-        if flying[-1]:
+        for run in np.split(np.arange(time_s.size), np.flatnonzero(np.diff(flying)) + 1):
+            began_s = float(time_s[run[0]])
+            if not flying[run[0]]:
+                self._ground_s = began_s if np.isnan(self._ground_s) else self._ground_s
+                continue
+            if began_s - self._ground_s > LANDED:
+                self._parts, self._opened_s, self._against = [], began_s, 0
             self._ground_s = np.nan
+            steps = np.floor(time_s[run] / STEP)
+            rows = run[np.diff(steps, prepend=np.floor(self._last_s / STEP)) > 0]
+            if rows.size:
+                self._parts.append((track, rows))
+                self._last_s = float(time_s[rows[-1]])
 
     def _decide(self, now: AirframeClaim) -> None:
         before = self.claim

@@ -6,7 +6,7 @@ given, so that a recording gives live what it gives from its file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm_checks import LinkNow
+from thrustmargin.gcs_plugin.live.alarms.alarm_rules import OF_SETTLED_ROWS, OF_SOUGHT_ROWS
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
@@ -39,6 +41,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import BOOT_CLOCKS
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse, heavier
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
@@ -48,6 +51,8 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Rows of which screens show a mean, and in which a loss of control lasts: so many stay at least.
 SHOWN = 20
+#: s of rows that are analysed in one go, at most: what is decided from time to time is not late.
+PART = 5.0
 #: Arrays of an Update that the next one goes on with.
 CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 
@@ -72,7 +77,7 @@ class VehicleMonitor:
         self.alarms = Alarms(settings.alarms)
         self.senders: dict[int, SenderWatch] = {}
         self._piloted = False  # a heartbeat of a vehicle's autopilot has come
-        self.shared_until_us = 0
+        self._shared_since_us = self.shared_until_us = 0
         #: What happened since they were last taken, and when by the ground's clock, µs.
         self.notes: list[tuple[int, str]] = []
         self.not_followed: Mapping[str, tuple[float, float]] = {}  # in vain: Hz that come, asked
@@ -92,8 +97,8 @@ class VehicleMonitor:
         self._sortie = SortieRows(model, self.alarms, self._landed.answer)
         self._frozen = FrozenWatch(identified_airframe(model))
         self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
-        #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
-        self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
+        #: (R,) s for which messages have come without each rotor's speed; NaN before any came.
+        self._unheard_s = np.full(model.airframe.rotor_count, np.nan)
         self._look_back_s, self._look_ahead_s = model.look_back_s, model.look_ahead_s
         self._fault_look_s = fault_model(model).look_ahead_s
 
@@ -116,8 +121,8 @@ class VehicleMonitor:
     def problem(self) -> str:
         """Why there is no margin; empty when nothing stands in the way."""
         if self.shared:
-            return two_vehicles(self.system, helps=True)
-        if self.rows == 0 and self.telemetry.stamp_us - self.first_us > ROWLESS * 1e6:
+            return two_vehicles(self.system)
+        if self.rows == 0 and self.telemetry.read_us - self.first_us > ROWLESS * 1e6:
             return self.telemetry.problem or NO_ROWS.text(self._asked)
         return self.telemetry.problem
 
@@ -156,7 +161,7 @@ class VehicleMonitor:
             sender.clocked(frame.id, frame.stamp_us * 1e-6, clock_s)
         if sender.shared:
             if not self.shared:
-                self.notes.append((frame.stamp_us, two_vehicles(self.system)))
+                self._shared_since_us = frame.stamp_us
             self.shared_until_us = frame.stamp_us + int(SHARED_HOLD * 1e6)
         if verdict is not Verdict.NEW:
             return
@@ -187,17 +192,35 @@ class VehicleMonitor:
         One part for each start of the vehicle, and for each change of what it says of itself.
         `final`: no more will come, and the last predictions count as settled.
         """
-        made = [self._update(rows) for rows in self.telemetry.rows()]
+        made = [self._update(part) for rows in self.telemetry.rows() for part in self._parts(rows)]
         self.notes += self.telemetry.events
         self.telemetry.events.clear()
         if final and self.last is not None:
             made.append(self._update(None))
         return made
 
+    def _parts(self, rows: LiveRows) -> Iterator[LiveRows]:
+        """Yield new rows in parts that begin where the airframe is looked at again, and are no
+        longer than PART: what is decided between two rows does not depend on how many came."""
+        while True:
+            time_s, due_s = rows.track.time_s, self._airframe.due_s
+            cut = int(np.searchsorted(time_s, time_s[0] + PART))
+            if due_s > time_s[0]:
+                cut = min(cut, int(np.searchsorted(time_s, due_s)))
+            elif flying := np.flatnonzero(rows.track.flying[1:]).tolist():
+                cut = min(cut, 1 + flying[0])
+            if cut >= time_s.size:
+                yield rows
+                return
+            yield rows.rows(slice(0, cut))
+            rows = rows.rows(slice(cut, None))
+
     def _update(self, new: LiveRows | None) -> Update:
         """The next update: with new rows, or (None) with the last predictions settled."""
         last = self.last
         if last is None or (new is not None and not goes_on(last, new)):
+            if last is not None and new is not None and last.boot != new.boot:
+                self.alarms.restarted(float(new.clock_s[0]))
             last, self._unsettled, self._unsought, self._inferred = None, 0, 0, Inferred()
             self._ahead.restart()
             self._sortie = SortieRows(self._model, self.alarms, self._landed.answer)
@@ -236,7 +259,9 @@ class VehicleMonitor:
         arrays = {
             name: np.zeros(0) if last is None else getattr(last, name)[window] for name in CARRIED
         }
+        unheard = None
         if new is not None:
+            unheard = np.pad(self._unheard(analysis, first), ((first, 0), (0, 0)))
             added = self._beyond_the_rows(analysis, first, new)
             arrays = {name: np.concatenate([arrays[name], added[name]]) for name in CARRIED}
             self.rows += new.clock_s.size
@@ -250,6 +275,8 @@ class VehicleMonitor:
             pumped_kg=arrays["delivered_kg"],
             virtual_kg=virtual,
             margin_ahead=arrays["margin_ahead"],
+            unheard_s=unheard,
+            from_outputs=self._inferred.outputs.in_use,
             esc_failures=None
             if new is None
             else np.pad(new.esc_failures, ((first, 0), (0, 0)), constant_values=np.nan),
@@ -276,13 +303,38 @@ class VehicleMonitor:
             margin_ahead=arrays["margin_ahead"],
             outlook=self._ahead.now,
             alarms=tuple(self.alarms.listed.values()),
-            events=tuple(events),
+            events=self._stamped(events, track.time_s, arrays, last=new is None),
             flight=self._sortie.now,
             notes=new.notes if new is not None else kept.notes if kept is not None else (),
             asked=self._asked,
         )
         self.last = of_bad_part(made) if self._sortie.found_bad else made
         return self.last
+
+    def _stamped(
+        self,
+        events: Sequence[AlarmEvent],
+        time_s: Floats,
+        arrays: Mapping[str, NDArray[Any]],
+        *,
+        last: bool,
+    ) -> tuple[AlarmEvent, ...]:
+        """Return events of rows with the ground's clock when the report came that gave them.
+
+        Where predictions are final only later, that is the report that made them so; `last`: the
+        end of what comes has. `time_s` (T,) is the track's, `arrays` are as `CARRIED`.
+        """
+        later = {rule.name for rule in OF_SETTLED_ROWS} if self._model.effects else set[str]()
+        if self._fault_look_s > 0.0:
+            later |= {rule.name for rule in OF_SOUGHT_ROWS}
+        made = []
+        for event in events:
+            row = int(np.searchsorted(arrays["clock_s"], event.time_s))
+            if event.alarm.name in later:
+                row = int(np.searchsorted(time_s, time_s[row] + self._look_ahead_s))
+            row = time_s.size - 1 if last else min(row, time_s.size - 1)
+            made.append(replace(event, unix_s=float(arrays["stamp_us"][row]) * 1e-6))
+        return tuple(sorted(made, key=lambda event: event.unix_s))
 
     def _claimed(self, new: LiveRows, start: FlightState | None) -> FlightState | None:
         """Decide the claim, and say what the model goes on from: nothing after a change."""
@@ -306,16 +358,8 @@ class VehicleMonitor:
     def _beyond_the_rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
-        """What is known at each new row of pump, route and rotors; as `CARRIED`."""
+        """What is known at each new row of pump and route; as `CARRIED`."""
         delivered, ahead = self._ahead.rows(analysis, first, new, self.state)
-        known = self._inferred.outputs.heard.readings(analysis.track)[first:]
-        if known.shape[1] != self._rotor_us.size:
-            self._rotor_us = np.zeros(known.shape[1], dtype=np.int64)
-        rows = [-1] if known[-1].all() else np.flatnonzero(known.any(axis=1)).tolist()
-        for row in rows:
-            # One that never spoke is missed as soon as another did.
-            heard = known[row] | (self._rotor_us == 0)
-            self._rotor_us[heard] = new.stamp_us[row]
         return {
             "clock_s": new.clock_s,
             "stamp_us": new.stamp_us,
@@ -324,26 +368,52 @@ class VehicleMonitor:
             "margin_ahead": ahead,
         }
 
+    def _unheard(self, analysis: FlightAnalysis, first: int) -> Floats:
+        """Return (N, R) s for which rows came without a rotor's speed, at each new row; NaN where
+        no speed was ever reported.
+
+        A pause of all rows counts nothing where it is as long as a lost link.
+        """
+        known = self._inferred.outputs.heard.readings(analysis.track)[first:]
+        if known.shape[1] != self._unheard_s.size:
+            self._unheard_s = np.full(known.shape[1], np.nan)
+        ever = np.logical_or.accumulate(known.any(axis=1)) | np.isfinite(self._unheard_s).any()
+        time_s = analysis.track.time_s
+        steps = np.diff(time_s, prepend=time_s[:1])[first:]
+        steps = np.where(steps > self.alarms.settings.silence, 0.0, steps)
+        passed = np.where(ever, np.cumsum(steps), 0.0)[:, None]
+        # One that never spoke is missed as soon as another did.
+        start = np.where(np.isfinite(self._unheard_s), -self._unheard_s, passed[np.argmax(ever)])
+        heard = np.maximum.accumulate(np.where(known, passed, start), axis=0)
+        unheard = np.where(ever[:, None], np.maximum(passed - heard, 0.0), np.nan)
+        self._unheard_s = unheard[-1]
+        return unheard
+
     def tick(self, now_us: int) -> list[AlarmEvent]:
-        """Check the link at a time of the ground's clock up to which all that came is known."""
+        """Check the link at a time of the ground's clock up to which all that came is known.
+
+        Nothing here depends on how far the analysis is: what is missed in messages is told by their
+        own clock.
+        """
         if not self.seen:
             return []
         self._sortie.restate()
-        # Frames that came and were not taken yet may hold the rotor speeds.
-        behind = (self.telemetry.stamp_us - self._rotor_us) * 1e-6
-        # What comes of a shared id is not used: that is no fault of the ESCs.
-        behind = np.where(self._rotor_us > 0, 0.0 if self.shared else behind, np.nan)
-        return self.alarms.heard(
-            *(now_us * 1e-6, self.silent(now_us), behind),
+        link = LinkNow(
+            silent=self.silent(now_us),
             flying=self.flying,
-            from_outputs=self._inferred.outputs.in_use,
+            shared_id=self.system if self.shared else 0,
+            shared_since_s=self._shared_since_us * 1e-6,
             rows_behind=self._rows_behind,
+            read_s=self.telemetry.read_us * 1e-6,
         )
+        return [replace(e, unix_s=e.time_s) for e in self.alarms.heard(now_us * 1e-6, link)]
 
     @property
     def _rows_behind(self) -> float:
-        """s of the last row before the last message: what comes may be of no use."""
-        return (self.telemetry.stamp_us - int(self.last.stamp_us[-1])) * 1e-6 if self.last else 0.0
+        """s of the last row before the last message that was analysed, which may be of no use."""
+        if self.last is None:
+            return 0.0
+        return max(self.telemetry.read_us - int(self.last.stamp_us[-1]), 0) * 1e-6
 
     def silent(self, now_us: int) -> float:
         """s since anything was heard of it, at a time of the ground's clock, taken or not."""
@@ -357,13 +427,11 @@ class VehicleMonitor:
     def stale(self, now_us: int) -> str:
         """Which fields are no longer reported and since when, in words; empty when none is.
 
-        Nothing is shown of the single fields while the vehicle as a whole is silent. While frames
-        wait to be taken, they may hold what is missed: checked as of the last that was taken.
+        Nothing is shown of the single fields while the vehicle as a whole is silent.
         """
         if self.shared or self.silent(now_us) > self.alarms.settings.silence:
             return ""
-        waits = self.last_us > self.telemetry.stamp_us
-        ages = self.telemetry.stale(self.telemetry.stamp_us if waits else now_us)
+        ages = self.telemetry.stale()
         return stale_words({field: age for field, age in ages.items() if age > LASTING})
 
     @property

@@ -18,9 +18,14 @@ from tests.gcs_plugin.live.live_vehicle import Vehicle, command
 from tests.gcs_plugin.live.monitored import MODEL, recording_in
 from tests.gcs_plugin.peers.ports import free_udp_port
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
-from thrustmargin.gcs_plugin.live.console import status_lines, vehicle_cells
+from thrustmargin.gcs_plugin.live.console import EventPrinter, status_lines, vehicle_cells
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
-from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, spacing
+from thrustmargin.gcs_plugin.live.live_monitor import (
+    Lateness,
+    LiveMonitor,
+    MonitorSettings,
+    spacing,
+)
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
@@ -269,3 +274,29 @@ def test_a_row_is_not_old_while_the_next_one_is_not_overdue(tmp_path):
     assert old(2.7) == (True, True)
     with flown(tmp_path) as (monitor, _, _):
         assert 0.02 <= monitor.fleet.every_s <= 1.0
+
+
+def test_a_computer_that_is_behind_now_and_then_says_so_once():
+    lateness, told = Lateness(), []
+    behind = {0.0: 2.5, 4.0: 0.0, 8.0: 3.0, 12.0: 0.0, 27.0: 0.0, 28.5: 0.0}
+    for now_s, behind_s in behind.items():
+        if lateness.changes(behind_s, now_s):
+            told.append((now_s, lateness.late))
+    assert told == [(0.0, True), (28.5, False)]
+
+
+def test_lines_of_a_round_are_printed_in_the_order_of_their_time(tmp_path):
+    printed: list[str] = []
+    with flown(tmp_path) as (monitor, _, _):
+        printer = EventPrinter(monitor, printed.append)
+        printer.on_note(1, "second", 1.7e9 + 7.0)
+        printer.on_note(1, "first", 1.7e9)
+        printer.print()
+        printer.on_note(1, "found late", 1.7e9 + 2.0)
+        printer.print()
+    assert [line.split(": ")[1].split(" (")[0] for line in printed] == [
+        *("first", "second", "found late"),
+    ]
+    times = [line[:19] for line in printed]
+    assert times == sorted(times)
+    assert printed[2].endswith(f"(at {time.strftime('%H:%M:%S', time.localtime(1.7e9 + 2.0))})")

@@ -144,7 +144,9 @@ def test_two_vehicles_with_one_id_are_found_on_a_thinned_link_without_a_flood_of
     assert "SYSID_THISMAV" in monitor.fleet.vehicles[1].problem
     events = (recording_in(tmp_path / "out") / "events.jsonl").read_text()
     assert events.count("restarted") + events.count("ahead") <= 5
-    assert events.count("two vehicles send") == 1
+    assert events.count("Two aircraft have id 1: give each its own") == 1
+    times = [json.loads(line)["unix_s"] for line in events.splitlines()]
+    assert times == sorted(times)
     assert monitor.fleet.vehicles[1].rows < 150  # of 1,200
 
 

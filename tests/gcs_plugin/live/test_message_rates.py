@@ -30,6 +30,7 @@ class Aboard:
         self.parser = dialect.MAVLink(None)
         self.rates: dict[int, float] = {}
         self.deaf = False
+        self.rounds = 1  # ticks from one round to the next
         self.heard: list[tuple[float, Any]] = []  # s of flight, message
         self.parameters: dict[str, float] = {}
         self.count = 1000
@@ -67,7 +68,7 @@ class Aboard:
             self.fleet.take(frames)
             if tick % 10 == 0:
                 self.fleet.updates()
-            for _ in range(2):
+            for _ in range(0 if tick % self.rounds else 2):
                 self.requester.on_round(self.fleet, self.vehicle.stamp_us)
 
     def asked(self, number: int) -> list[float]:
@@ -107,6 +108,23 @@ def test_rates_that_another_station_lowers_are_renewed_within_five_seconds():
         assert len(renewed) == 1
         assert renewed[0] - lowered <= 5.0
         assert aboard.rates[ATTITUDE] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("rounds", [1, 5, 10])
+def test_however_rare_the_rounds_all_is_asked_for_within_five_seconds_and_escs_first(rounds):
+    aboard = Aboard()
+    aboard.rounds = rounds
+    aboard.fly(20.0)
+    lowered = aboard.at_s
+    aboard.rates = dict.fromkeys(aboard.rates, 2.0)
+    aboard.fly(10.0)
+    commands = [(at, int(m.param1)) for at, m in aboard.heard if m.get_type() == "COMMAND_LONG"]
+    assert commands[0][1] == ESCS
+    renewed = [
+        (at, number) for at, number in commands if at > lowered and number in (ATTITUDE, ESCS)
+    ]
+    assert [number for _, number in renewed] == [ESCS, ATTITUDE]
+    assert max(at for at, _ in renewed) - lowered <= 5.0
 
 
 def test_after_a_restart_all_is_asked_for_again_within_five_seconds():

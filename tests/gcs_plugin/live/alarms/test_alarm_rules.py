@@ -10,7 +10,7 @@ import pytest
 from tests.gcs_plugin.live.alarms.test_alarms import MODEL, balance, hover
 from thrustmargin.gcs_plugin.live.alarms import alarm_rules as rules
 from thrustmargin.gcs_plugin.live.alarms import tank_rules
-from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, Debounce
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmSettings, Debounce
 from thrustmargin.gcs_plugin.live.alarms.alarm_checks import LinkNow, RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import RULES
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, DeliveryMeter
@@ -49,6 +49,7 @@ def test_the_times_are_those_of_the_table_that_users_read():
         "airframe": (8.0, 0.0, "kept"),
         "telemetry": (0.0, 1.0, "cleared"),
         "rotor speeds": (1.0, 1.0, "cleared"),
+        "shared id": (0.0, 0.0, "cleared"),
     }
 
 
@@ -184,20 +185,77 @@ def test_a_tank_that_the_rotors_still_carry_is_not_empty():
         assert tank_rules.pump_verdict(given, USUAL) == words
 
 
-def link(rule: Any, silent: float, behind=(0.0,) * 4, *, flying: bool = True):
-    now = LinkNow(silent=silent, rotors_behind=np.array(behind), flying=flying)
-    check = rule(USUAL, now)
+def on_and_off(check: Any) -> tuple[bool, bool]:
     return bool(check.on[0, 0]), bool(check.off[0, 0])
 
 
+def silence(silent: float, **more: Any) -> tuple[bool, bool]:
+    return on_and_off(rules.telemetry(USUAL, LinkNow(silent=silent, **more)))
+
+
+def unheard(*seconds: float, **more: Any) -> Any:
+    known = {"unheard_s": np.array([seconds]), **more}
+    now = RowsNow(analysis=using([0.3] * 4), rows=slice(None), **known)
+    return rules.rotor_speeds(USUAL, now)
+
+
 def test_silence_and_missing_speeds_at_their_limits():
-    assert link(rules.telemetry, 3.0) == (False, True)
-    assert link(rules.telemetry, 3.1) == (True, False)
+    assert silence(3.0) == (False, True)
+    assert silence(3.1) == (True, False)
+    assert silence(0.1, rows_behind=3.0) == (False, True)
+    assert silence(0.1, rows_behind=3.1) == (True, False)
+    assert silence(0.1, rows_behind=3.1, flying=False) == (False, True)
+    assert silence(0.1, rows_behind=3.1, shared_id=1) == (False, True)
     # Of three seconds one is the time that it must hold.
-    assert link(rules.rotor_speeds, 0.1, [0.1, 2.0, 0.1, 0.1]) == (False, True)
-    assert link(rules.rotor_speeds, 0.1, [0.1, 2.1, 0.1, 0.1]) == (True, False)
-    assert link(rules.rotor_speeds, 3.1, [0.1, 2.1, 0.1, 0.1]) == (False, False)
-    assert link(rules.rotor_speeds, 0.1, [0.1, 2.1, 0.1, 0.1], flying=False) == (False, True)
+    assert on_and_off(unheard(0.1, 2.0, 0.1, 0.1)) == (False, True)
+    assert on_and_off(unheard(0.1, 2.1, 0.1, 0.1)) == (True, False)
+    # Of an aircraft that never reported a speed none is missed.
+    assert on_and_off(unheard(NAN, NAN, NAN, NAN)) == (False, False)
+
+
+def test_missing_speeds_are_said_by_rotor_and_one_that_stands_owes_none():
+    assert unheard(0.1, 0.1, 8.0, 0.1).text(0, 0) == "No speed of rotor 3: ESC?"
+    assert unheard(0.1, 8.0, 8.0, 0.1).text(0, 0) == "No speed of rotors 2, 3: ESC?"
+    assert unheard(8.0, 8.0, 8.0, 8.0).text(0, 0) == (
+        "No rotor speeds: ESC telemetry lost, check wiring"
+    )
+    made = unheard(8.0, 8.0, 8.0, 8.0, from_outputs=True)
+    assert made.text(0, 0) == "No motor outputs: margin unknown"
+    stands = {("stopped", 3): Alarm("stopped", 3, CRITICAL, "Rotor 3 stands still: land", 0.0)}
+    assert on_and_off(unheard(0.1, 0.1, 8.0, 0.1, listed=stands)) == (False, True)
+
+
+def test_two_aircraft_of_one_id_are_an_alarm_with_what_to_do():
+    check = rules.shared_id(USUAL, LinkNow(silent=0.1, shared_id=255))
+    assert on_and_off(check) == (True, False)
+    assert (check.severity(0, 0), check.text(0, 0)) == (
+        CRITICAL,
+        "Two aircraft have id 255: give each its own",
+    )
+    assert on_and_off(rules.shared_id(USUAL, LinkNow(silent=0.1))) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("alarm", "see"),
+    [
+        (Alarm("rotor", 3, CRITICAL, "", 0.0), "see rotor 3"),
+        (Alarm("motor", 2, CRITICAL, "", 0.0), "see rotor 2"),
+        (Alarm("rotor", None, CRITICAL, "", 0.0, rotors=(4, 6)), "see rotors 4, 6"),
+    ],
+)
+def test_while_a_bad_rotor_stands_it_has_the_only_order(alarm, see):
+    listed = {alarm.key: alarm}
+    low = replace(using([0.3, 0.56, 0.3, 0.3]), utilisation_error=np.zeros((1, 4)))
+    for known, ends in ((listed, see), ({}, "fly gently")):
+        found = rules.margin(USUAL, RowsNow(analysis=low, rows=slice(None), listed=known))
+        assert found.text(0, 0).endswith(f": {ends}")
+        assert len(found.text(0, 0)) <= 50
+    heavy = balance(gauge=1.0, pump=1.0, thrust=1.0, apart_kg=8.2)
+    for known, ends, severity in ((listed, see, NOTICE), ({}, "check load", WARNING)):
+        row = RowsNow(analysis=low, rows=slice(None), balances=[heavy], listed=known)
+        found = tank_rules.gauge(USUAL, row)
+        assert found.text(0, 0) == f"Thrust says +8.2 kg against gauge: {ends}"
+        assert found.severity(0, 0) == severity
 
 
 def meter(*points: tuple[float, float]) -> DeliveryMeter:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmSettings, Debounce
-from thrustmargin.gcs_plugin.live.alarms.alarm_checks import RowsNow
+from thrustmargin.gcs_plugin.live.alarms.alarm_checks import LinkNow, RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import faulty
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.alarms.tank_rules import mass_verdict, pump_verdict
@@ -205,9 +205,8 @@ def test_lost_telemetry_is_reported_and_taken_back():
     events = [
         event
         for now, silent in enumerate(silences)
-        for event in alarms.heard(now, silent, np.full(4, 0.0))
+        for event in alarms.heard(now, LinkNow(silent=silent))
     ]
-    # Rotor speeds are not missed while nothing at all is heard.
     assert [(e.time_s, e.raised, e.alarm.name, e.alarm.severity) for e in events] == [
         (pytest.approx(2.9), True, "telemetry", CRITICAL),  # when it was 3 s
         (6, False, "telemetry", CRITICAL),
@@ -215,44 +214,24 @@ def test_lost_telemetry_is_reported_and_taken_back():
 
 
 def test_a_vehicle_switched_off_after_landing_is_a_notice():
-    (event,) = Alarms().heard(9.0, 8.0, np.full(4, 0.0), flying=False)
+    (event,) = Alarms().heard(9.0, LinkNow(silent=8.0, flying=False))
     assert (event.alarm.name, event.alarm.severity) == ("telemetry", NOTICE)
     assert "on the ground" in event.alarm.text
 
 
 def test_rotor_speeds_alone_can_be_lost():
-    alarms = Alarms()
-    events = [
-        event
-        for now in range(10)
-        for event in alarms.heard(now, 0.1, np.full(4, 0.1 if now < 3 else now - 2.0))
-    ]
-    assert [(e.time_s, e.raised, e.alarm.name) for e in events] == [(6, True, "rotor speeds")]
-    assert "ESC telemetry lost" in events[0].alarm.text
-    for rotors, flying in ((math.nan, True), (8.0, False)):
-        quiet = Alarms()
-        calm = [quiet.heard(now, 0.1, np.full(4, rotors), flying=flying) for now in range(10)]
-        assert calm == [[]] * 10
+    track = hover(20.0)
+    unheard = np.zeros((200, 4))
+    unheard[50:150] = 0.1 * np.arange(1.01, 101.0)[:, None]  # s
 
+    def of_speeds(flown_track: FlightTrack, missing: np.ndarray) -> list:
+        events = watched(flown_track, unheard_s=missing)
+        return [(round(e[0], 1), e[1], e[4]) for e in events if e[2] == "rotor speeds"]
 
-def test_a_lost_link_is_not_taken_for_lost_escs_neither_when_it_goes_nor_when_it_returns():
-    alarms = Alarms()
-    names = []
-    for tenth in range(400):
-        now = tenth / 10
-        # Rotor speeds come last: 0.2 s before everything else ends, 0.5 s after it is back.
-        silent = 0.1 if now < 5 or now > 35 else now - 4.9
-        rotors = 0.1 if now < 4.8 or now > 35.5 else now - 4.7
-        names += [e.alarm.name for e in alarms.heard(now, silent, np.full(4, rotors - silent))]
-    assert names == ["telemetry", "telemetry"]
-
-
-def test_the_rotor_whose_speed_is_missing_is_named():
-    alarms = Alarms()
-    rotors = np.array([0.1, 0.1, 8.0, 0.1])
-    assert alarms.heard(9.0, 0.1, rotors) == []
-    (event,) = alarms.heard(10.0, 0.1, rotors)
-    assert event.alarm.text == "No speed of rotor 3: ESC?"
+    lost = "No rotor speeds: ESC telemetry lost, check wiring"
+    assert of_speeds(track, unheard) == [(7.9, True, lost), (16.0, False, lost)]
+    assert of_speeds(track, np.full((200, 4), math.nan)) == []
+    assert of_speeds(replace(track, flying=np.zeros(200, dtype=bool)), unheard) == []
 
 
 def test_a_rotor_under_the_limit_counts_though_another_is_unknown():
@@ -400,7 +379,12 @@ def flown(pieces: list[tuple[FlightTrack, dict]], alarms: Alarms) -> list[tuple]
         analysis = analyse(track, MODEL, claim=options.get("claim"))
         nothing = np.full(track.time_s.size, np.nan)
         events = alarms.rows(
-            analysis, 0, clock_s=track.time_s, pumped_kg=nothing, virtual_kg=nothing
+            analysis,
+            0,
+            clock_s=track.time_s,
+            pumped_kg=nothing,
+            virtual_kg=nothing,
+            unheard_s=options.get("unheard_s"),
         )
         found += [(e.kind, e.alarm.name, e.alarm.missing) for e in events]
     return found
@@ -423,7 +407,7 @@ def test_a_bad_rotor_stays_listed_without_a_verdict_speeds_or_link_and_is_confir
         ("unconfirmed", "rotor", "verdict")
     ]
     assert flown([(part(1060, 1100), {})], alarms) == [("confirmed", "rotor", "")]
-    lost = [e for now in (1.0, 3.5) for e in alarms.heard(now, now, np.zeros(4))]
+    lost = [e for now in (1.0, 3.5) for e in alarms.heard(now, LinkNow(silent=now))]
     assert [(e.kind, e.alarm.name, e.alarm.missing) for e in lost] == [
         ("raised", "telemetry", ""),
         ("unconfirmed", "rotor", "link"),
@@ -436,9 +420,31 @@ def test_a_bad_rotor_stays_listed_without_a_verdict_speeds_or_link_and_is_confir
 def test_reports_that_give_no_row_leave_nothing_confirmed():
     alarms = Alarms()
     watched(hover(20.0, rpm=math.sqrt(0.6) * AIRFRAME.max_rotor_speed_rpm), alarms)
-    assert alarms.heard(1.0, 0.1, np.zeros(4), rows_behind=2.9) == []
-    (event,) = alarms.heard(1.5, 0.1, np.zeros(4), rows_behind=3.1)
-    assert (event.alarm.state, event.alarm.missing) == ("unconfirmed", "rows")
+    assert alarms.heard(1.0, LinkNow(silent=0.1, rows_behind=2.9, read_s=1.0)) == []
+    # However late that is found: as of when the messages without a row became too many.
+    lost, margin = alarms.heard(9.0, LinkNow(silent=0.1, rows_behind=5.0, read_s=3.0))
+    assert (lost.alarm.name, lost.alarm.text, lost.time_s) == (
+        "telemetry",
+        "Reports unusable in flight: fly by sight",
+        1.0,
+    )
+    assert (margin.alarm.state, margin.alarm.missing) == ("unconfirmed", "rows")
+
+
+def test_two_aircraft_of_one_id_leave_nothing_confirmed_and_are_said_as_of_when_seen():
+    alarms = Alarms()
+    watched(hover(20.0, rpm=math.sqrt(0.6) * AIRFRAME.max_rotor_speed_rpm), alarms)
+    two = LinkNow(silent=0.1, shared_id=7, shared_since_s=99.5)
+    said, margin = alarms.heard(100.0, two)
+    assert (said.kind, said.alarm.text, said.time_s) == (
+        "raised",
+        "Two aircraft have id 7: give each its own",
+        99.5,
+    )
+    assert (margin.alarm.state, margin.alarm.missing) == ("unconfirmed", "rows")
+    assert alarms.heard(101.0, two) == []
+    (over,) = alarms.heard(112.0, LinkNow(silent=0.1))
+    assert (over.kind, over.alarm.name, over.time_s) == ("cleared", "shared id", 112.0)
 
 
 def test_a_battery_that_collapses_is_an_alarm_of_its_own_and_one_not_reported_is_none():
@@ -541,7 +547,7 @@ def test_lost_control_comes_before_every_alarm_but_a_lost_link():
     watched(low_margin, alarms)
     standing = sorted(alarms.listed.values(), key=lambda alarm: alarm.order)
     assert [a.name for a in standing][:2] == ["control", "saturation"]
-    alarms.heard(100.0, 5.0, np.full(4, np.nan))
+    alarms.heard(100.0, LinkNow(silent=5.0))
     standing = sorted(alarms.listed.values(), key=lambda alarm: alarm.order)
     assert [a.name for a in standing][:2] == ["telemetry", "control"]
 
@@ -562,7 +568,11 @@ def test_a_rotor_that_stands_still_is_named_within_seconds_and_kept_until_it_tur
     track, alarms, found = stopping(1.0), Alarms(), []
     for first in range(0, 900, 5):
         part = track.rows(slice(first, first + 5))
-        made = flown([(part, {"claim": claim})], alarms)
+        # It owes no speed, so that nobody looks for a broken wire.
+        unheard = np.zeros((5, 4))
+        unheard[:, 2] = max(first / 10.0 - 30.0, 0.0) if first < 700 else 0.0
+        made = flown([(part, {"claim": claim, "unheard_s": unheard})], alarms)
+        assert "rotor speeds" not in [name for _, name, _ in made]
         found += [(kind, float(part.time_s[-1])) for kind, name, _ in made if name == "stopped"]
         listed = [a for a in alarms.listed.values() if a.name == "stopped"]
         if 330 <= first < 700:
@@ -570,8 +580,6 @@ def test_a_rotor_that_stands_still_is_named_within_seconds_and_kept_until_it_tur
             place = "" if claim else " front left"  # which is known of a known airframe
             assert one.line == f"Rotor 3{place} stands still: land"
             assert (one.severity, one.rotor) == (CRITICAL, 3)
-            # It owes no speed, so that nobody looks for a broken wire.
-            assert alarms.heard(first / 10.0, 0.1, np.array([0.1, 0.1, 8.0, 0.1])) == []
     (kind, at_s), (over, over_s) = found
     assert (kind, over) == ("raised", "cleared")
     assert 31.0 < at_s < 33.0
@@ -606,3 +614,24 @@ def test_a_fault_that_stands_takes_its_size_from_the_report_of_its_flight():
     assert alarms.listed["rotor", 3].text == "Rotor 3 makes >5% less thrust: prop? land"
     assert alarms.listed["rotor", 2].since_s == 10.0
     assert alarms.listed["motor", 2].text == "of its motor"
+
+
+def test_a_restart_begins_a_new_count_and_what_stands_still_stands():
+    low = hover(40.0, rpm=math.sqrt(0.6) * AIRFRAME.max_rotor_speed_rpm)
+    full = hover(60.0, rpm=math.sqrt(0.3) * AIRFRAME.max_rotor_speed_rpm)
+    alarms = Alarms()
+    watched(replace(low, time_s=low.time_s + 300.0), alarms)
+    assert ("margin", None) in alarms.listed
+    alarms.restarted(2.0)
+    stands = alarms.listed["margin", None]
+    assert (stands.since_s, stands.times, stands.state) == (2.0, 1, "active")
+    # Cleared by its times of the new clock, and no later.
+    events = [
+        e for e in watched(replace(full, time_s=full.time_s + 2.0), alarms) if e[2] == "margin"
+    ]
+    assert [(round(e[0], 1), e[1]) for e in events] == [(25.0, False)]
+    # One that was cleared before a restart is another when it comes again.
+    alarms.restarted(1.0)
+    watched(replace(low, time_s=low.time_s + 1.0), alarms)
+    again = alarms.listed["margin", None]
+    assert (again.times, again.line) == (1, again.text)
