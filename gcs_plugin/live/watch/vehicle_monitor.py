@@ -392,7 +392,7 @@ class VehicleMonitor:
     def tick(self, now_us: int) -> list[AlarmEvent]:
         """Check the link at a time of the ground's clock up to which all that came is known.
 
-        Nothing here depends on how far the analysis is: what is missed in messages is told by their
+        Nothing here depends on how far the analysis is: what is missed in messages shows by their
         own clock.
         """
         if not self.seen:

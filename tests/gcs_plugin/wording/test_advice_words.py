@@ -299,5 +299,5 @@ def test_that_outputs_alone_show_the_rotors_is_a_fact(by_outputs_s, said):
     """From a fifth of the flight on; unsought rotors come before."""
     advice = replace(ADVICE, by_outputs_s=by_outputs_s * ADVICE.airborne_s)
     assert (dict(facts(advice)).get("weak rotors", "").startswith("by motor outputs")) is said
-    unsought = replace(advice, unsought_s=ADVICE.airborne_s)
+    unsought = replace(advice, caveats=(Caveat.ROTORS_NOT_SOUGHT,))
     assert dict(facts(unsought))["weak rotors"].startswith("not looked for")

@@ -22,6 +22,7 @@ from thrustmargin.models.model.rotor_faults import (
 )
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.motor_output import output_curve
 
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 MODES = mode_directions(MODEL)
@@ -128,7 +129,11 @@ def faded(track: FlightTrack, rotor: int, loss: float) -> FlightTrack:
     share = np.clip((track.time_s - first - 20.0) / (last - first - 20.0), 0.0, 1.0)
     speed = track.rotor_speed_rpm.copy()
     speed[:, rotor] /= np.sqrt(1.0 - loss * share)
-    return replace(track, rotor_speed_rpm=speed)
+    outputs, grid = track.throttle.copy(), np.linspace(0.0, 1.0, 2001)
+    thrust = output_curve({}, track.source("throttle")).thrust_share(grid)
+    asked = np.interp(outputs[:, rotor], grid, thrust) / (1.0 - loss * share)
+    outputs[:, rotor] = np.interp(asked, thrust, grid)
+    return replace(track, rotor_speed_rpm=speed, throttle=outputs)
 
 
 @pytest.mark.parametrize("name", ["v2_m10_q2.5", "v6_m4_q1.5"])
