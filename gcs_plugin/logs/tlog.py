@@ -35,6 +35,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     pauses,
     serial_digits,
 )
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import sent_values
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     hud_airspeed,
@@ -51,7 +52,6 @@ from thrustmargin.models.flight import Bools
 
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 _OTHER = ("HEARTBEAT", "SYSTEM_TIME", "STATUSTEXT", "PARAM_VALUE", "SYS_STATUS")
-_INT32 = 6  # MAV_PARAM_TYPE
 _MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT", "MISSION_CLEAR_ALL")
 
 
@@ -239,11 +239,7 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, f
 
 def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, float]]:
     """Name and value of each PARAM_VALUE."""
-    values = np.ascontiguousarray(fields["param_value"], dtype=np.float32)
-    # PX4 puts the bits of an integer where the number should be: what is no whole number then.
-    bits = (fields["param_type"] == _INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
-    known = np.where(bits, values.view(np.int32), values.astype(np.float64))
-    for name, value in zip(fields["param_id"], known.tolist(), strict=True):
+    for name, value in zip(fields["param_id"], sent_values(fields).tolist(), strict=True):
         yield printable(name), value
 
 

@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import of_vehicles
 from thrustmargin.gcs_plugin.telemetry.recording import mission_item
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import sent_values
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, parameter_change
 from thrustmargin.mission.plan_items import PlanItem
@@ -93,7 +94,7 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
     if frame.id not in SAYS or (columns := fields(frame)) is None:
         return state
     if name == "PARAM_VALUE":
-        named, value = printable(columns["param_id"][0]), float(columns["param_value"][0])
+        named, value = printable(columns["param_id"][0]), float(sent_values(columns)[0])
         count = int(columns["param_count"][0])
         if (state.parameters.get(named), state.parameter_count) == (value, count):
             return state

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.mission.parameter_names import parameter
+from thrustmargin.models.flight import Floats
 
 #: SERVOn_FUNCTION -> motor, both counted as ArduPilot does, the motor from 0.
 MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
@@ -13,6 +18,20 @@ MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in ra
 
 #: PWM_MAIN_FUNCn and PWM_AUX_FUNCn of PX4 -> motor, from 0.
 PX4_FUNCTIONS = {101 + k: k for k in range(12)}
+
+INT32 = 6  # MAV_PARAM_TYPE
+
+
+def sent_values(fields: Mapping[str, NDArray[Any]] | NDArray[np.void]) -> Floats:
+    """Return the values (N,) of N messages PARAM_VALUE, each as its autopilot encodes it.
+
+    ArduPilot sends an integer as a number; PX4 sends its 32 bits in the place of the number
+    (MAVLink's parameter protocol, "bytewise"). As a number those are no whole number but 0, so each
+    message shows its encoding, also one that comes before the first HEARTBEAT.
+    """
+    values = np.ascontiguousarray(fields["param_value"], dtype=np.float32)
+    bits = (fields["param_type"] == INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
+    return np.where(bits, values.view(np.int32), values.astype(np.float64))
 
 
 def whole_number(parameters: Mapping[str, float], name: str) -> int | None:

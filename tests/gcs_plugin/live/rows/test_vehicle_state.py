@@ -2,6 +2,7 @@
 
 import math
 import random
+import struct
 
 import numpy as np
 import pytest
@@ -44,6 +45,20 @@ def test_folding_leaves_the_state_before_as_it_was():
     assert dict(before.parameters) == {}
     assert dict(later.parameters) == {"SERVO5_FUNCTION": 22.0}
     assert (later.component, later.autopilot, later.kind, later.armed) == (1, 3, 2, True)
+
+
+@pytest.mark.parametrize("count", [1000, -1])
+def test_whole_numbers_of_px4_are_its_bits_and_of_ardupilot_a_number(count):
+    """A saturated output in every row came of PWM_MAIN_MIN1 read as 1.4e-42."""
+    vehicle = Vehicle()
+    bits = struct.unpack("<f", struct.pack("<i", count))[0]
+    state = VehicleState(system=1)
+    for k, value in enumerate((bits, float(count))):
+        name = f"PWM_MAIN_MIN{k + 1}".encode()
+        state = fold(
+            state, vehicle.frame(dialect.MAVLink_param_value_message(name, value, 6, 9, k))
+        )
+    assert dict(state.parameters) == {"PWM_MAIN_MIN1": count, "PWM_MAIN_MIN2": count}
 
 
 def test_values_that_cannot_be_true_do_not_replace_the_last_good_one():
