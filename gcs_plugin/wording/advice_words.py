@@ -282,7 +282,7 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
         found.append(("ESC", misread_words(advice.misread)))
     if Caveat.ROTORS_NOT_SOUGHT in advice.caveats:
         found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
-    elif advice.by_outputs_s >= 0.2 * advice.airborne_s:
+    elif Caveat.ROTORS_BY_OUTPUTS in advice.caveats:
         found.append(("weak rotors", say(BY_OUTPUTS, long=duration(advice.by_outputs_s))))
     if math.isfinite(use.lasting_most):
         found.append(("steady flight", _lasting(advice)))

@@ -194,11 +194,12 @@ def advise(
     analysis = replace(whole, track=before_loss(whole.track, losses)) if losses else whole
     found = fault_history(analysis) if history is None else history
     misread = None if planned else _misread(analysis, found)
-    if misread is not None and misread.witnessed:
-        whole = read_as_true(whole, misread.rotor, misread.factor)
+    witnessed = misread if misread is not None and misread.witnessed else None
+    if witnessed is not None:
+        whole = read_as_true(whole, witnessed.rotor, witnessed.factor)
         analysis = replace(whole, track=analysis.track) if losses else whole
     track, seconds = analysis.track, analysis.track.row_seconds
-    misfit = ModelMisfit() if planned else model_misfit(analysis)
+    misfit = ModelMisfit() if planned else model_misfit(analysis, witnessed)
     analysis = with_misfit(analysis, misfit)
     use = thrust_use(analysis, limit)
     fill, by_use, by_lost = next_fill(analysis, use, limit)
@@ -283,6 +284,7 @@ def advise(
                 beyond_gauge_kg=fill.beyond_gauge_kg,
                 model_fails=misfit.found and not faults,
                 unsought_s=unsought_s,
+                by_outputs_s=by_outputs_s,
                 misread=misread is not None,
             ),
         ),

@@ -23,6 +23,7 @@ class Caveat(StrEnum):
     BAROMETER = "barometer"
     MODEL = "model"  # measured speeds contradict it
     ROTORS_NOT_SOUGHT = "weak rotors not looked for"
+    ROTORS_BY_OUTPUTS = "weak rotors looked for by motor outputs alone"
 
 
 #: Why a channel is left out because its readings cannot be true.
@@ -40,7 +41,7 @@ _OF_CHANNEL = {
     "rotor_speed_rpm": Caveat.ROTOR_SPEEDS,
     "pressure": Caveat.BAROMETER,
 }
-NOT_SOUGHT = 0.2  # of the flight in which no weak rotor could be looked for
+NOT_SOUGHT = 0.2  # of the flight in which a weak rotor could not be looked for by its speed
 
 
 def caveats(
@@ -49,14 +50,15 @@ def caveats(
     beyond_gauge_kg: float,
     model_fails: bool,
     unsought_s: float,
+    by_outputs_s: float,
     misread: bool = False,
 ) -> tuple[Caveat, ...]:
     """Return the caveats of a flight, in the order of `Caveat`.
 
     `beyond_gauge_kg` is what hover thrust shows beyond the reported load, `model_fails` whether the
     model contradicts the measured speeds, `misread` whether one ESC reads too high or low,
-    `unsought_s` the s in flight in which no weak rotor could
-    be looked for.
+    `unsought_s` the s in flight in which no weak rotor could be looked for, and `by_outputs_s`
+    those in which motor outputs alone would have shown one that became weak.
     """
     found = {
         caveat
@@ -69,6 +71,9 @@ def caveats(
         found.add(Caveat.LOAD)
     if model_fails:
         found.add(Caveat.MODEL)
-    if track.flying_s > 0.0 and unsought_s >= NOT_SOUGHT * track.flying_s:
+    least_s = NOT_SOUGHT * track.flying_s
+    if least_s > 0.0 and unsought_s >= least_s:
         found.add(Caveat.ROTORS_NOT_SOUGHT)
+    elif least_s > 0.0 and unsought_s + by_outputs_s >= least_s:
+        found.add(Caveat.ROTORS_BY_OUTPUTS)
     return tuple(caveat for caveat in Caveat if caveat in found)

@@ -29,6 +29,7 @@ from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.model.output_witness import MisreadSpeed
 from thrustmargin.models.model.predict import Basis
 
 FEWEST_ROWS = 100
@@ -77,14 +78,18 @@ class ModelMisfit:
         return self.interval_fails or self.speed_scale != 1.0
 
 
-def model_misfit(analysis: FlightAnalysis) -> ModelMisfit:
+def model_misfit(analysis: FlightAnalysis, misread: MisreadSpeed | None = None) -> ModelMisfit:
     """Compare the measured rotor speeds of a flight with its prediction.
 
-    Rows count in flight with every rotor's speed and the load measured. Nothing is known with fewer
+    Rows count in flight with every rotor's speed and the load measured; a `misread` speed counts as
+    its true one. Nothing is known with fewer
     than FEWEST_ROWS, of a model without an interval, or of an aircraft that is not known.
     """
     track, prediction = analysis.track, analysis.prediction
     speed, predicted = track.measured("rotor_speed_rpm"), prediction.rotor_speed_rpm
+    if misread is not None:
+        speed = speed.copy()
+        speed[:, misread.rotor] /= misread.factor
     half = prediction.upper_rpm - predicted
     rows = track.flying & np.isfinite(track.measured("tank_kg"))
     rows &= np.isfinite(half).all(axis=1) & (predicted > 0.0).all(axis=1)

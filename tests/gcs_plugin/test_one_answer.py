@@ -94,7 +94,7 @@ def test_of_an_aircraft_that_is_not_known_live_says_what_the_report_says(sitl_lo
         vehicle.take(frame)
     so_far = vehicle.updates()[-1].answer
     assert so_far is not None
-    assert so_far.line.startswith("Flight to 1:48: Motors at ")
+    assert so_far.line.startswith("Flight to 1:47: Motors at ")
     (line,) = so_far.contact_lines
     assert line.startswith("motor outputs: median ")
     for frame in frames[half:]:

@@ -242,10 +242,11 @@ def test_a_forecast_from_a_log_hears_what_its_report_doubts(tmp_path, capsys):
     sound, bare = (said(capsys, path, *words)[1].splitlines()[0] for path in (log, silent))
     assert sound.startswith("MAY TAKE OFF WITH 4.0 kg (4.0 L): ")
     assert bare.startswith(
-        "MAY TAKE OFF WITH 4.0 kg (4.0 L), IF ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT): "
+        "MAY TAKE OFF WITH 4.0 kg (4.0 L), IF NO ROTOR IS WEAK FROM THE START "
+        "(OUTPUTS DO NOT SHOW IT): "
     )
     made = json.loads(said(capsys, silent, *words, "--json", "-")[1])
-    assert made["verdict"]["caveats"] == ["weak rotors not looked for"]
+    assert made["verdict"]["caveats"] == ["weak rotors looked for by motor outputs alone"]
 
 
 def test_mass_that_thrust_showed_and_nobody_reported_flies_again(capsys):
