@@ -239,7 +239,8 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, f
 
 def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, float]]:
     """Name and value of each PARAM_VALUE."""
-    for name, value in zip(fields["param_id"], sent_values(fields).tolist(), strict=True):
+    values = sent_values(fields["param_value"], fields["param_type"])
+    for name, value in zip(fields["param_id"], values.tolist(), strict=True):
         yield printable(name), value
 
 

@@ -370,7 +370,7 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
         share = curve.thrust_share(track.throttle[rows])
         own = curve_of(track.source("rotor_speed_rpm"), track.source("throttle"))
         square = np.where(
-            analysis.from_outputs[rows].all(axis=1)[:, None],
+            np.all(analysis.from_outputs[rows], axis=1, keepdims=True),
             square_of_outputs(track.rotor_speed_rpm[rows], own.thrust_share(track.throttle[rows])),
             measured**2,
         )

@@ -94,7 +94,8 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
     if frame.id not in SAYS or (columns := fields(frame)) is None:
         return state
     if name == "PARAM_VALUE":
-        named, value = printable(columns["param_id"][0]), float(sent_values(columns)[0])
+        named = printable(columns["param_id"][0])
+        value = float(sent_values(columns["param_value"], columns["param_type"])[0])
         count = int(columns["param_count"][0])
         if (state.parameters.get(named), state.parameter_count) == (value, count):
             return state

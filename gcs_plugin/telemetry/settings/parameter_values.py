@@ -22,15 +22,15 @@ PX4_FUNCTIONS = {101 + k: k for k in range(12)}
 INT32 = 6  # MAV_PARAM_TYPE
 
 
-def sent_values(fields: Mapping[str, NDArray[Any]] | NDArray[np.void]) -> Floats:
-    """Return the values (N,) of N messages PARAM_VALUE, each as its autopilot encodes it.
+def sent_values(values: NDArray[Any], kinds: NDArray[Any]) -> Floats:
+    """Return the true values (N,) of N messages PARAM_VALUE by `param_value` and `param_type` (N,).
 
     ArduPilot sends an integer as a number; PX4 sends its 32 bits in the place of the number
     (MAVLink's parameter protocol, "bytewise"). As a number those are no whole number but 0, so each
     message shows its encoding, also one that comes before the first HEARTBEAT.
     """
-    values = np.ascontiguousarray(fields["param_value"], dtype=np.float32)
-    bits = (fields["param_type"] == INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
+    values = np.ascontiguousarray(values, dtype=np.float32)
+    bits = (kinds == INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
     return np.where(bits, values.view(np.int32), values.astype(np.float64))
 
 

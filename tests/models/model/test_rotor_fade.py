@@ -114,7 +114,8 @@ def test_a_new_flight_has_a_reference_of_its_own():
 
 def test_sizes_are_bounded():
     """45 % and more is beyond what is searched for between 3 and 60 %."""
-    test = RotorFade(*(np.zeros((4, FAULT_SIZES.size, 4)) for _ in range(2)), np.full(4, 0.01))
+    none = np.zeros((4, FAULT_SIZES.size, 4))
+    test = RotorFade(none, none, np.full(4, 0.01))
     test._middles = [7.5 + 15.0 * k for k in range(8)]
     sizes = np.zeros(FAULT_SIZES.size)
     sizes[-1] = 1.0
