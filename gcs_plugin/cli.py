@@ -162,13 +162,23 @@ def run(argv: Sequence[str]) -> int:
         where = error.filename or "standard output"
         _complain(f"cannot read or write {where}: {error.strerror or error}")
         return 1
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ImportError) as error:
+        if not _stopped(error):
+            raise
         _complain("stopped; files that were finished are whole")
         return 130
     terminal = sys.modules.get("thrustmargin.gcs_plugin.commands.shared.terminal")
     if terminal is not None and terminal.Terminal.unread:
         return 1
     return outcome if isinstance(outcome, int) else 0
+
+
+def _stopped(error: BaseException | None) -> bool:
+    """Return whether Ctrl-C is why; a compiled module that it meets in its import makes an
+    ImportError of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _in_language(argv: Sequence[str]) -> list[str]:

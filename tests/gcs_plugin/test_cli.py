@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from thrustmargin.gcs_plugin import cli
 from thrustmargin.gcs_plugin.cli import COMMANDS, command_function, run
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET
 
@@ -223,3 +224,17 @@ def test_a_wrong_command_line_is_exit_2_before_any_log_is_read(line, tmp_path, m
 )
 def test_what_is_named_and_not_there_is_exit_1(line, tmp_path, monkeypatch, capsys):
     assert "none" in refused(line, 1, tmp_path, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize("cause", [KeyboardInterrupt(), None])
+def test_ctrl_c_in_an_import_is_ctrl_c_and_another_import_error_is_not(cause, monkeypatch, capsys):
+    def broken(_: object) -> None:
+        raise ImportError("initialization failed") from cause
+
+    monkeypatch.setattr(cli, "_answer", broken)
+    if cause is None:
+        with pytest.raises(ImportError):
+            run(["report"])
+        return
+    assert run(["report"]) == 130
+    assert "stopped" in capsys.readouterr().err

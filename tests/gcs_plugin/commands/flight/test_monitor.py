@@ -1,5 +1,6 @@
 """`thrustmargin monitor` as a process: fed over UDP, killed, on a full disk, and as a page."""
 
+import math
 import os
 import re
 import signal
@@ -189,8 +190,10 @@ def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says
     clock = read_log(path, airframe=AIRFRAME, sampling="hold").clock_start_s + track.time_s
     at = {round(1e3 * c): row for row, c in enumerate(clock)}
     figures = [m for m in ours if m.get_type() == "NAMED_VALUE_FLOAT" and m.name == "MARGIN"]
-    assert len(figures) >= 4
-    for figure in figures:
+    # A computer that is behind sends NaN for what it no longer knows.
+    known = [figure for figure in figures if math.isfinite(figure.value)]
+    assert len(known) >= 4
+    for figure in known:
         row = min(at, key=lambda ms: abs(ms - figure.time_boot_ms))
         assert abs(row - figure.time_boot_ms) <= 1
         assert figure.value == pytest.approx(100 * expected.margin[at[row]].min(), rel=1e-6)
