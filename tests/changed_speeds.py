@@ -59,4 +59,5 @@ def changed_speeds(
                 sender.seq = message.get_seq()
                 data = made.pack(sender)
             file.write(struct.pack(">Q", int(message._timestamp * 1e6)) + bytes(data))
+    source.close()
     return out

@@ -20,6 +20,7 @@ def without(log: Path, out: Path, *types: str, drop: Callable[[Any], bool] | Non
             if out.suffix.lower() == ".tlog":
                 file.write(struct.pack(">Q", int(message._timestamp * 1e6)))
             file.write(message.get_msgbuf())
+    source.close()
     return out
 
 
