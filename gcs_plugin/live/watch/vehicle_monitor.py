@@ -244,17 +244,14 @@ class VehicleMonitor:
             analysis = heavier(analysis, flight.beyond_gauge_kg)
         total = track.time_s.size
         first = total - (0 if new is None else new.clock_s.size)
-        unsettled, settled = first - self._unsettled, total
-        if self._model.effects and new is not None:
-            sure_s = track.time_s[-1] - self._look_ahead_s
-            until = int(np.searchsorted(track.time_s, sure_s, side="right"))
-            settled = max(until, unsettled)
+        final = new is None or not self._model.effects
+        unsettled, settled = _known_rows(
+            track.time_s, first - self._unsettled, 0.0 if final else self._look_ahead_s
+        )
         self._unsettled = total - settled
-        unsought, sought = first - self._unsought, total
-        if self._model.effects and new is not None:
-            sure_s = track.time_s[-1] - self._fault_look_s
-            until = int(np.searchsorted(track.time_s, sure_s, side="right"))
-            sought = max(until, unsought)
+        unsought, sought = _known_rows(
+            track.time_s, first - self._unsought, 0.0 if final else self._fault_look_s
+        )
         self._unsought = total - sought
         arrays = {
             name: np.zeros(0) if last is None else getattr(last, name)[window] for name in CARRIED
@@ -445,3 +442,12 @@ class VehicleMonitor:
         One that fell silent in flight is missed and never forgotten.
         """
         return self.silent(now_us) > GONE and not self.flying
+
+
+def _known_rows(time_s: Floats, begin: int, look_s: float) -> tuple[int, int]:
+    """Return the rows from `begin` to the last one that is followed by `look_s` seconds of the
+    increasing times (T,) s, as begin and end."""
+    if look_s <= 0.0:
+        return begin, time_s.size
+    until = int(np.searchsorted(time_s, time_s[-1] - look_s, side="right"))
+    return begin, max(until, begin)
