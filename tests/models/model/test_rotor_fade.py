@@ -147,3 +147,24 @@ def test_a_fade_of_a_recorded_flight_is_found_and_none_in_it_as_it_was(name):
     assert episode.fault.evidence == "fade"
     assert episode.fault.lower <= 0.07 <= episode.fault.upper
     assert math.isfinite(episode.begin_s)
+
+
+def test_the_interval_is_as_wide_as_means_of_four_and_two_windows_scatter():
+    """Windows of 0.02: d scatters by 0.02 sqrt(1/4 + 1/2), and four modes halve that: 0.0087.
+
+    The lower end lies 1.96 of these below, 0.017, and up to twice that: the jump counts among the
+    second differences as three standard deviations, and each mode may drift by itself.
+    """
+    signs = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]], dtype=float)
+    steps = signs[:, None, :] * FAULT_SIZES[None, :, None]
+    below = []
+    for seed in range(20):
+        rng, test = np.random.default_rng(seed), RotorFade(steps, 0.0 * steps, np.zeros(4))
+        for window in range(14):
+            modes = 0.2 * signs[1] * (window >= 6) + 0.02 * rng.standard_normal(4)
+            for block in range(4):
+                test.add(15.0 * window + 3.0 * block, modes)
+        assert test.current is not None
+        assert test.current.rotor == 1
+        below.append(test.current.size - test.current.lower)
+    assert 0.026 < np.mean(below) < 0.040
