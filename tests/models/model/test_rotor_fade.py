@@ -8,7 +8,7 @@ import pytest
 
 from tests.lab.undeclared.recorded import CAMPAIGN
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.fault_test import FAULT_SIZES, RotorFault
 from thrustmargin.models.model.model_file import shipped_model
@@ -155,11 +155,13 @@ def test_the_interval_is_as_wide_as_means_of_four_and_two_windows_scatter():
     The lower end lies 1.96 of these below, 0.017, and up to twice that: the jump counts among the
     second differences as three standard deviations, and each mode may drift by itself.
     """
-    signs = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]], dtype=float)
-    steps = signs[:, None, :] * FAULT_SIZES[None, :, None]
+    signs: Floats = np.array(
+        [[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]], dtype=float
+    )
+    steps: Floats = np.asarray(signs[:, None, :] * FAULT_SIZES[None, :, None], np.float64)
     below = []
     for seed in range(20):
-        rng, test = np.random.default_rng(seed), RotorFade(steps, 0.0 * steps, np.zeros(4))
+        rng, test = np.random.default_rng(seed), RotorFade(steps, np.zeros_like(steps), np.zeros(4))
         for window in range(14):
             modes = 0.2 * signs[1] * (window >= 6) + 0.02 * rng.standard_normal(4)
             for block in range(4):
