@@ -88,6 +88,15 @@ class Deviations:
         return self.output > max(RISEN * speed, APART * self.error)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Shown:
+    """What outputs showed of a fault of one rotor when it had this `size`."""
+
+    size: float
+    misread: bool = False  # its ESC
+    rotors: tuple[int, ...] = ()  # from 0, of one of which it is; empty: its own
+
+
 class _FlightRows:
     """Rows evenly spread over a flight so far: MOST_ROWS at most, half as many or more."""
 
@@ -119,8 +128,8 @@ class OutputWitness:
         #: Of each rotor with a fault: s at which it was first assessed, and whether it was there in
         #: most of the rows then, as an ESC's is. What begins in flight is none: poles stay as many.
         self._first: dict[int, tuple[float, bool]] = {}
-        #: Rotors whose ESC misreads: it stays so until an output rises as a propeller's does.
-        self._misread: set[int] = set()
+        #: Of each rotor with a fault, what outputs showed last: it holds while they show nothing.
+        self._shown: dict[int, _Shown] = {}
 
     def add(self, row: Floats) -> None:
         """Take a row in flight."""
@@ -134,7 +143,7 @@ class OutputWitness:
         self._rows.clear()
         self._flight = _FlightRows()
         self._first.clear()
-        self._misread.clear()
+        self._shown.clear()
 
     def assessed(
         self, faults: Iterable[RotorFault], known: Collection[RotorFault] = ()
@@ -146,7 +155,7 @@ class OutputWitness:
         found = tuple(faults)
         asked = [f for f in found if f.kind == "propeller" and not f.rotors and f not in known]
         self._first = {r: v for r, v in self._first.items() if r in {f.rotor for f in asked}}
-        self._misread &= self._first.keys()
+        self._shown = {r: v for r, v in self._shown.items() if r in self._first}
         if not (asked and self._rows):
             return found
         rows = np.array(self._rows)
@@ -176,14 +185,23 @@ class OutputWitness:
             shown = Deviations.of(since, self._rotors) or whole
         high = float(shown.speed[rotor])
         others = np.flatnonzero(shown.raised(high) & (shown.speed < RISEN * high))
-        rises = not high > least or shown.output[rotor] > RISEN * high
-        if rises or others.size:
-            self._misread.discard(rotor)
-            rotors = () if rises else tuple(sorted({rotor, *others.tolist()}))
-            return replace(fault, rotors=rotors) if rotors else fault
-        if standing and shown.misread(rotor):
-            self._misread.add(rotor)
-        return None if rotor in self._misread else fault
+        last = self._shown.get(rotor)
+        if last is not None and MOSTLY * fault.size > last.size:
+            last = None  # most of it has come since
+        if not high > least:
+            found = last
+        elif shown.output[rotor] > RISEN * high:
+            found = _Shown(size=fault.size)
+        elif others.size:
+            found = _Shown(size=fault.size, rotors=tuple(sorted({rotor, *others.tolist()})))
+        elif standing and shown.misread(rotor):
+            found = _Shown(size=fault.size, misread=True)
+        else:
+            found = last
+        if found is None:
+            return fault
+        self._shown[rotor] = found
+        return None if found.misread else replace(fault, rotors=found.rotors)
 
 
 def undecided(

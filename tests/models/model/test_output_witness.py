@@ -66,6 +66,20 @@ def test_where_another_output_is_raised_instead_it_is_one_of_the_two():
     assert judged(noisy, fault(rotor=1))[0].rotors == (0, 1)
 
 
+def test_one_of_two_stays_so_where_later_rows_do_not_show_the_fault():
+    """Speeds in coarse steps stay between two of them: their median then shows nothing."""
+    witness = OutputWitness(ROTORS)
+    swapped = signals([0.0, 0.12, 0.0, 0.0], [0.09, 0.0, 0.0, 0.0])
+    between = signals([0.0, 0.01, 0.0, 0.0], [0.09, 0.0, 0.0, 0.0], seconds=60.0)
+    between[:, 0] += 30.0
+    for rows in (swapped, between):
+        for row in rows:
+            witness.add(row)
+        assert witness.assessed([fault(rotor=1, size=0.12)])[0].rotors == (0, 1)
+    # Of a fault that is more than twice as large they have shown nothing.
+    assert witness.assessed([fault(rotor=1, size=0.3)]) == (fault(rotor=1, size=0.3),)
+
+
 def test_a_step_in_flight_is_judged_by_the_rows_since_and_is_no_escs():
     """Poles stay as many: what begins in flight is a part, whatever outputs that lag say."""
     before = signals([0.0] * 4, [0.0] * 4, seconds=27.0)
