@@ -143,7 +143,9 @@ def report(
     for also in (json, pdf):
         if also is not None:
             summary.print(f"wrote {also}")
-    return 1 if unread else 0
+    # A flight that is not of the airframe that was given has no answer either.
+    unfit = any(one.claim.basis == "given" and one.claim.withheld for one, _ in flights)
+    return 1 if unread or unfit else 0
 
 
 def print_verdicts(console: Console, made: Report) -> None:
