@@ -4,7 +4,6 @@ import json
 import re
 import signal
 import subprocess
-import time
 import urllib.error
 import urllib.request
 from dataclasses import replace
@@ -19,6 +18,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from tests.gcs_plugin.live.live_vehicle import command, first_part, log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
+from tests.waiting import until
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
 from thrustmargin.gcs_plugin.link.playback import play
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
@@ -41,7 +41,7 @@ Samples = dict[str, list[tuple[dict[str, str], float]]]
 
 def scraped(port: int) -> Samples:
     """Name of a sample -> its labels and value."""
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as answer:
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=100) as answer:
         text = answer.read().decode()
     found: Samples = {}
     for family in text_string_to_metric_families(text):
@@ -72,18 +72,20 @@ def flown(tmp_path_factory, sitl_logs) -> SimpleNamespace:
         transport = open_transport(f"udpout:127.0.0.1:{link}")
         play(log, transport, speed=40.0)
         fresh: Samples = {}
-        deadline = time.monotonic() + 20.0
-        while time.monotonic() < deadline:
+        now: Samples = {}
+
+        def old() -> bool:
+            nonlocal fresh, now
             now = scraped(port)
             if "thrustmargin_margin_ratio" in now:
                 fresh = now
-            if fresh and "thrustmargin_margin_ratio" not in now:
-                break
-            time.sleep(0.05)
+            return bool(fresh) and now is not fresh
+
+        until(old)
         transport.close()
     finally:
         monitor.send_signal(signal.SIGINT)
-        monitor.communicate(timeout=30)
+        monitor.communicate(timeout=120)
     track = read_log(log, airframe=AIRFRAME, sampling="hold").track
     return SimpleNamespace(
         said=said,
@@ -179,7 +181,7 @@ def watched(tmp_path_factory, sitl_logs):
     folder = tmp_path_factory.mktemp("watched")
     log = first_part(sitl_logs / "campaign" / "v4_m10_q3.5.tlog", 80.0, folder)
     with LiveMonitor(MODEL, MonitorSettings(urls=(str(log),))) as monitor:
-        monitor.wait(60.0)
+        monitor.wait(100.0)
         yield monitor
 
 
@@ -299,9 +301,9 @@ def test_a_name_that_a_web_page_points_here_gets_nothing():
     try:
         asked = urllib.request.Request(served.url, headers={"Host": "evil.example:9464"})
         with pytest.raises(urllib.error.HTTPError) as refused:
-            urllib.request.urlopen(asked, timeout=5)
+            urllib.request.urlopen(asked, timeout=100)
         assert refused.value.code == 403
-        with urllib.request.urlopen(served.url, timeout=5) as answer:
+        with urllib.request.urlopen(served.url, timeout=100) as answer:
             assert answer.headers["X-Content-Type-Options"] == "nosniff"
     finally:
         served.close()

@@ -5,8 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +14,7 @@ from pymavlink import mavutil
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
 from tests.gcs_plugin.live.monitored import sample_table
+from tests.waiting import until
 from thrustmargin.gcs_plugin.live.recording.recorder import Recorder
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
@@ -31,14 +30,6 @@ def flight(seconds: float) -> list[Frame]:
 
 def rows(first: int, count: int) -> pa.RecordBatch:
     return pa.record_batch({"number": np.arange(first, first + count), "value": np.ones(count)})
-
-
-def until(done: Callable[[], object], timeout: float = 30.0) -> None:
-    """Wait, also on a busy computer."""
-    deadline = time.monotonic() + timeout
-    while not done():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -183,7 +174,8 @@ import resource, sys, time
 sys.path.insert(0, {root!r})
 from pathlib import Path
 from thrustmargin.gcs_plugin.live.recording import recorder as module
-from tests.gcs_plugin.live.recording.test_recorder import flight, record, rows, until
+from tests.gcs_plugin.live.recording.test_recorder import flight, record, rows
+from tests.waiting import until
 module.SYNC = module.SAMPLE_SYNC = 0.1
 recorder, sent = module.Recorder(Path({folder!r}), "session"), flight(10)
 record(recorder, rows(0, 10))
@@ -207,7 +199,7 @@ print(repr(full.trouble), full.frames_lost, after.frames_lost, after.frames, rep
 def test_a_full_disk_is_told_and_recording_goes_on_when_there_is_room(tmp_path):
     code = FULL.format(root=str(ROOT), folder=str(tmp_path))
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=200
     )
     trouble, lost_then, lost, frames, left = (
         done.stdout.split("' ", 1)[0],
