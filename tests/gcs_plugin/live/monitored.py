@@ -1,14 +1,17 @@
 """For tests of the monitor: its model, its recordings, and whether rows agree."""
 
+from contextlib import AbstractContextManager
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from thrustmargin.gcs_plugin.link import listener
 from thrustmargin.gcs_plugin.live.live_monitor import MonitorStatus
 from thrustmargin.gcs_plugin.live.metrics.collector import MonitorCollector
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
@@ -18,6 +21,20 @@ from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")
 MODEL = physics_model(AIRFRAME)
+
+
+class Ground:
+    """In place of a listener's clock: time passes only when a test moves `us` on."""
+
+    def __init__(self, us: int = 1_700_000_000_000_000) -> None:
+        self.us = us
+
+    def now_us(self) -> int:
+        return self.us
+
+    def in_listeners(self) -> AbstractContextManager[object]:
+        """Meanwhile, listeners that are made have this clock."""
+        return patch.object(listener, "SteadyClock", lambda: self)
 
 
 def same(ours: FlightTrack, theirs: FlightTrack, after: float = 1.0) -> None:

@@ -11,15 +11,13 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from unittest.mock import patch
 
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, command
-from tests.gcs_plugin.live.monitored import MODEL, recording_in
+from tests.gcs_plugin.live.monitored import MODEL, Ground, recording_in
 from tests.gcs_plugin.peers.ports import free_udp_port
 from tests.waiting import PATIENCE, until
-from thrustmargin.gcs_plugin.link import listener
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.console import EventPrinter, status_lines, vehicle_cells
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
@@ -66,15 +64,6 @@ class Blocked(Subscriber):
 
     def named(self, name: str) -> list[tuple[int, bool]]:
         return [(v, event.raised) for v, event in self.events if event.alarm.name == name]
-
-
-class Ground:
-    """In place of the listener's clock: time passes when vehicles move it on."""
-
-    us = 1_700_000_000_000_000
-
-    def now_us(self) -> int:
-        return self.us
 
 
 class Sending:
@@ -132,7 +121,7 @@ def flown(folder: Path) -> Iterator[tuple[LiveMonitor, Blocked, Sending]]:
     watch = WatchSettings(alarms=AlarmSettings(silence=SILENCE))
     settings = MonitorSettings(urls=("udpin:127.0.0.1:0",), record=folder, watch=watch)
     ground = Ground()
-    with patch.object(listener, "SteadyClock", lambda: ground):
+    with ground.in_listeners():
         monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
     monitor.start()
     sending = Sending(monitor, ground, seen)
