@@ -20,6 +20,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from tests.waiting import PATIENCE
+
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
@@ -119,6 +121,7 @@ def open_page(
     errors: list[str] = []
     try:
         page = shared.browser.new_page(viewport={"width": width, "height": height})
+        page.set_default_timeout(1000 * PATIENCE)
         page.on(
             "request",
             lambda r: (

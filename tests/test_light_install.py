@@ -10,13 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.gcs_plugin.live.live_vehicle import first_part
 from thrustmargin.gcs_plugin.cli import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
-FLIGHT = str(ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog")
+#: The first 100 s of a flight, in the folder in which a command runs.
+FLIGHT = "flight.tlog"
 VIEW = ["--port", "0", "--no-browser", "--seconds", "1"]
 WITHOUT_EXTRAS = {
-    "demo": [FLIGHT, *VIEW],
+    "demo": VIEW,
     "airframe": ["check", "topxgun-f16-sitl", FLIGHT],
     "export": [FLIGHT, "--layout", "layout.json"],
     "fill": ["--airframe", "topxgun-f16"],
@@ -87,9 +89,14 @@ class Done:
     errors: str
 
 
+def with_flight(folder: Path) -> Path:
+    first_part(ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog", 100.0, folder).rename(folder / FLIGHT)
+    return folder
+
+
 def done(lines: list[list[str]], place: pytest.TempPathFactory) -> dict[str, Done]:
     """How each command line ended, by its words."""
-    folders = [place.mktemp(line[0]) for line in lines]
+    folders = [with_flight(place.mktemp(line[0])) for line in lines]
     asked = json.dumps([(str(f), line) for f, line in zip(folders, lines, strict=True)])
     run = [sys.executable, "-c", BLOCKED + MANY, asked]
     told = subprocess.run(run, stdout=subprocess.PIPE, text=True, check=True, timeout=500)
@@ -103,7 +110,7 @@ def done(lines: list[list[str]], place: pytest.TempPathFactory) -> dict[str, Don
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory) -> dict[str, Done]:
     lines = [[c, *words] for c, words in WITHOUT_EXTRAS.items() if c != "replay"]
-    return done([*lines, ["demo", *VIEW]], tmp_path_factory)
+    return done(lines, tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +136,9 @@ def test_a_command_runs_without_any_extra(command: str, ran: dict[str, Done]):
 def test_a_replay_runs_without_any_extra_until_ctrl_c(tmp_path: Path):
     line = [sys.executable, "-c", BLOCKED + ONE, "replay", *WITHOUT_EXTRAS["replay"]]
     pipe = subprocess.PIPE
-    with subprocess.Popen(line, cwd=tmp_path, stdout=pipe, stderr=pipe, text=True) as process:
+    with subprocess.Popen(
+        line, cwd=with_flight(tmp_path), stdout=pipe, stderr=pipe, text=True
+    ) as process:
         try:
             if process.stdout and process.stdout.readline():
                 process.send_signal(signal.SIGINT)

@@ -50,7 +50,7 @@ def test_every_pipe_is_refused_in_one_line(tmp_path: Path):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=200,
         check=False,
     )
     answers = dict(part.split("\n", 1) for part in done.stderr.split("### ")[1:])
@@ -73,7 +73,7 @@ def test_what_nobody_reads_any_more_ends_no_command(tmp_path: Path, words: str):
         stdout=writes,
         stderr=subprocess.PIPE,
         text=True,
-        timeout=60,
+        timeout=200,
         check=False,
     )
     os.close(writes)

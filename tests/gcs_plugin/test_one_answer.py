@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import log_frames
+from tests.gcs_plugin.live.monitored import metrics_of
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
-from thrustmargin.gcs_plugin.live.collector import _of_vehicle
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.logs import read_log
@@ -111,7 +111,8 @@ def test_of_an_aircraft_that_is_not_known_live_says_what_the_report_says(sitl_lo
     assert f"  Last flight: {first}" in summary(reading(last, 0.0), 0.5, 0.0)
     contact = answer.contact
     assert contact is not None
-    assert _of_vehicle(last)["outputs_median_ratio"] == contact.median_use
+    (_, share), *_ = metrics_of(vehicle)["thrustmargin_outputs_median_ratio"]
+    assert share == contact.median_use
     notice = Alarm("airframe", None, 5, "NO VERDICT: airframe not known", 0.0)
     row = ShownRow(last.analysis, -1)
     page = VehicleSummary(number=1, row=row, update=last, alarms=(notice,))

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
+from tests.waiting import PATIENCE
 from thrustmargin.gcs_plugin.link import find_link
 from thrustmargin.gcs_plugin.link.find_link import USUAL, LinkFinder
 from thrustmargin.gcs_plugin.wording.live_words import tried_words
@@ -50,7 +51,7 @@ def test_a_vehicle_by_udp_is_found_and_the_port_is_free_again():
     urls = (f"udpin:127.0.0.1:{quiet}", f"udpin:127.0.0.1:{port}")
     out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     with out, sending(lambda: out.sendto(HEARTBEAT, ("127.0.0.1", port))):
-        assert LinkFinder(urls, list).find(5.0) == urls[1]
+        assert LinkFinder(urls, list).find(PATIENCE) == urls[1]
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("127.0.0.1", port))
 
@@ -70,7 +71,7 @@ def test_a_simulator_by_tcp_is_found_though_it_starts_later(monkeypatch):
 
     thread = threading.Thread(target=serve, daemon=True)
     thread.start()
-    assert LinkFinder((url,), list).find(8.0) == url
+    assert LinkFinder((url,), list).find(PATIENCE) == url
     thread.join()
 
 
@@ -99,7 +100,7 @@ def test_an_autopilot_on_a_serial_port_is_found():
     ours, theirs = os.openpty()
     device = os.ttyname(theirs)
     with sending(lambda: os.write(ours, HEARTBEAT)):
-        found = LinkFinder((), lambda: [device]).find(6.0)
+        found = LinkFinder((), lambda: [device]).find(PATIENCE)
     assert found is not None
     assert found.split(",")[0] == device
     os.close(ours)
@@ -116,7 +117,7 @@ def test_it_says_what_became_of_each():
     urls = [f"udpin:127.0.0.1:{port}" for port in (heard, taken, silent)]
     finder = LinkFinder((*urls, f"tcp:127.0.0.1:{nobody}"), list)
     with out, other, sending(lambda: out.sendto(bytes(station), ("127.0.0.1", heard))):
-        assert finder.find(0.5) is None
+        assert finder.find(2.0) is None
     assert finder.tried[urls[0]] == "MAVLink, but no autopilot"
     assert "another program listens there" in finder.tried[urls[1]]
     assert finder.tried[urls[2]] == "nothing came"

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
+from tests.waiting import PATIENCE, until
 from thrustmargin.gcs_plugin.link import sockets
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Link, Listener, SteadyClock
@@ -30,7 +31,7 @@ class Heard:
     def __call__(self, frames: list[Frame]) -> None:
         self.frames += frames
 
-    def wait(self, count: int, timeout: float = 5.0) -> list[bytes]:
+    def wait(self, count: int, timeout: float = 100.0) -> list[bytes]:
         deadline = time.monotonic() + timeout
         while len(self.frames) < count and time.monotonic() < deadline:
             time.sleep(0.01)
@@ -56,7 +57,7 @@ def port_of(listener: Listener) -> int:
 def udp() -> socket.socket:
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     made.bind((LOOPBACK, 0))
-    made.settimeout(5.0)
+    made.settimeout(PATIENCE)
     return made
 
 
@@ -165,7 +166,7 @@ def test_a_byte_stream_is_forwarded_in_whole_frames_without_losing_a_byte():
 def test_tcp_connects_again_when_the_vehicle_comes_back():
     sent = messages(5)
     with socket.create_server((LOOPBACK, 0)) as server:
-        server.settimeout(5.0)
+        server.settimeout(PATIENCE)
         with listening(f"tcp:{LOOPBACK}:{server.getsockname()[1]}") as (_, heard):
             for turn in (1, 2):
                 connection, _ = server.accept()
@@ -195,12 +196,9 @@ def test_a_recording_is_a_link_too_and_keeps_its_stamps(sitl_logs):
     path = sitl_logs / "onset" / "reference.tlog"
     with listening(str(path)) as (listener, heard):
         expected = log_frames(path)
-        heard.wait(len(expected), 20.0)
+        heard.wait(len(expected))
         assert [f[:7] for f in heard.frames] == [f[:7] for f in expected]
-        deadline = time.monotonic() + 5
-        while not listener.finished and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert listener.finished
+        until(lambda: listener.finished)
 
 
 def test_answers_go_to_where_the_vehicle_was_heard():
@@ -220,7 +218,7 @@ def test_a_peer_is_answered_for_a_minute_after_it_was_heard(monkeypatch):
     monkeypatch.setattr(sockets, "time", SimpleNamespace(monotonic=lambda: now[0]))
     with closing(open_transport(f"udpin:{LOOPBACK}:0")) as ours, closing(udp()) as peer:
         peer.sendto(b"heard", ours.address)  # type: ignore[attr-defined]
-        assert ours.receive(5.0)
+        assert ours.receive(PATIENCE)
         now[0] += 59.0
         ours.send(b"within")
         assert peer.recv(99) == b"within"
@@ -290,7 +288,7 @@ def test_a_set_wall_clock_does_not_move_the_stamps(monkeypatch):
     before = clock.now_us()
     monkeypatch.setattr(time, "time_ns", lambda: 0)
     monkeypatch.setattr(time, "time", lambda: 0.0)
-    assert 0 <= clock.now_us() - before < 1_000_000
+    assert 0 <= clock.now_us() - before < 1_000_000_000
 
 
 def test_a_full_queue_drops_the_newest_or_the_oldest_and_counts_them():

@@ -1,18 +1,40 @@
 """For tests of the monitor: its model, its recordings, and whether rows agree."""
 
+from contextlib import AbstractContextManager
+from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from thrustmargin.gcs_plugin.link import listener
+from thrustmargin.gcs_plugin.live.collector import MonitorCollector
+from thrustmargin.gcs_plugin.live.live_monitor import MonitorStatus
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")
 MODEL = physics_model(AIRFRAME)
+
+
+class Ground:
+    """In place of a listener's clock: time passes only when a test moves `us` on."""
+
+    def __init__(self, us: int = 1_700_000_000_000_000) -> None:
+        self.us = us
+
+    def now_us(self) -> int:
+        return self.us
+
+    def in_listeners(self) -> AbstractContextManager[object]:
+        """Meanwhile, listeners that are made have this clock."""
+        return patch.object(listener, "SteadyClock", lambda: self)
 
 
 def same(ours: FlightTrack, theirs: FlightTrack, after: float = 1.0) -> None:
@@ -27,6 +49,21 @@ def same(ours: FlightTrack, theirs: FlightTrack, after: float = 1.0) -> None:
         settled = start & airborne if channel == "position_ned" else start
         one, other = getattr(ours, channel)[settled], getattr(theirs, channel)[settled]
         assert np.array_equal(one, other, equal_nan=True), channel
+
+
+def metrics_of(watch: VehicleMonitor) -> dict[str, list[tuple[dict[str, str], float]]]:
+    """Name of each metric of one vehicle, at its newest row -> labels and value of its samples."""
+    assert watch.last is not None
+    now_us = int(watch.last.stamp_us[-1])
+    fleet = SimpleNamespace(vehicles={watch.system: watch}, max_utilisation=0.5, old_s=1.5)
+    counts = {field.name: 0 for field in fields(MonitorStatus)} | {"recorder": None}
+    monitor: Any = SimpleNamespace(
+        fleet=fleet, now_us=lambda: now_us, status=lambda: SimpleNamespace(**counts)
+    )
+    return {
+        family.name: [(sample.labels, sample.value) for sample in family.samples]
+        for family in MonitorCollector(monitor).collect()
+    }
 
 
 def recording_in(folder: Path) -> Path:

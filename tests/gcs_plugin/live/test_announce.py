@@ -94,10 +94,11 @@ def heard_by(station: Any) -> list[Any]:
 @pytest.mark.slow
 def test_a_ground_station_behind_a_forward_sees_alarms_and_figures():
     with monitored(forward=True, announce=True, battery=True) as (_, air, station):
-        messages = []
+        messages, began = [], time.monotonic()
         for _ in range(4):  # its socket does not hold it all
             air.fly(3.0, rpm=(2200, 2200, 2300, 2200))
             messages += heard_by(station)
+        took = time.monotonic() - began
     ours = [m for m in messages if m.get_srcComponent() == COMPONENT]
     assert {m.get_srcSystem() for m in ours} == {1}
     texts = [(m.severity, m.text) for m in ours if m.get_type() == "STATUSTEXT"]
@@ -107,7 +108,7 @@ def test_a_ground_station_behind_a_forward_sees_alarms_and_figures():
     margin = [m.value for m in figures if m.name == "MARGIN"]
     # 3000 rpm at 58.8 V, and the ESCs report 50 V.
     assert margin[-1] == pytest.approx(100 * (1 - (2300 / (3000 * 50 / 58.8)) ** 2), abs=0.1)
-    assert 4 <= len(margin) <= 13
+    assert 4 <= len(margin) <= took + 1.0  # once a second
     said = {m.name: m.value for m in figures}
     assert (said["MARGIN_ROT"], said["MARGIN_LIM"]) == (3.0, 50.0)
     assert said["MARGIN_DO"] == 2.0  # fly gently

@@ -26,6 +26,7 @@ from tests.gcs_plugin.live.monitored import (
     sample_table,
 )
 from tests.gcs_plugin.peers.ports import free_udp_port
+from tests.waiting import until
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
@@ -254,9 +255,7 @@ def test_noise_bad_checksums_and_cut_frames_cost_only_themselves(tmp_path):
     with socket.create_connection(address) as client:
         client.sendall(raw + b"".join(f.data for f in frames[-60:]))
         good = len(frames) - 2 * len(range(5, len(frames), 20)) + 60
-        deadline = time.monotonic() + 10
-        while monitor.status().frames < good - 5 and time.monotonic() < deadline:
-            time.sleep(0.02)
+        until(lambda: monitor.status().frames >= good - 5)
     monitor.close()
     status = monitor.status()
     assert abs(status.frames - good) <= 2

@@ -22,7 +22,7 @@ from tests.gcs_plugin.logs.tlog_files import (
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink import scan as frames
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.scan import _without_overlap, read_bytes
+from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 from thrustmargin.models.errors import LogError
 
 PADDING = 512  # bytes behind the data that a scan may look at
@@ -289,8 +289,17 @@ def test_a_raw_link_recording_without_stamps_is_refused(tmp_path):
         read_log(written(tmp_path, raw))
 
 
-def test_of_frames_that_overlap_the_earlier_counts():
-    kept = _without_overlap(np.array([0, 5, 6, 11, 12]), np.array([6, 9, 12, 20, 14]))
-    assert kept is not None
-    assert kept.tolist() == [True, False, True, False, True]
-    assert _without_overlap(np.array([0, 6]), np.array([6, 9])) is None
+def test_a_frame_within_another_is_part_of_its_payload_and_none_of_its_own():
+    packer = link(1)
+    inner = dialect.MAVLink_system_time_message(7, 1000).pack(packer)
+    text = b"a log of somebody else: " + inner
+    outer = dialect.MAVLink_log_data_message(1, 0, len(text), [*text.ljust(90, b"\0")])
+    first, last = outer.pack(packer), dialect.MAVLink_system_time_message(8, 2000).pack(packer)
+    assert inner in first
+    found = scanned(stamped(first, 0.0) + stamped(last, 1.0))
+    assert found.id.tolist() == [120, 2]
+    assert found.start.tolist() == [8, 8 + len(first) + 8]
+    assert scanned(first[5:] + stamped(last, 1.0)).id.tolist() == [
+        2,
+        2,
+    ]  # of a torn one it is all there is

@@ -34,8 +34,8 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.P
     try:
         options = ["--nthreads", "1", "--no-nanny", "--local-directory", place]
         running += [begin("dask_worker", address, *options) for _ in range(workers)]
-        with Client(address, timeout=60) as client:
-            client.wait_for_workers(workers, timeout=60)
+        with Client(address, timeout=100) as client:
+            client.wait_for_workers(workers, timeout=100)
         yield address, running[1:]
     finally:
         for process in running:

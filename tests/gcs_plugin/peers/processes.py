@@ -39,7 +39,7 @@ def process(script: str, *arguments: object, orders: object = None) -> Iterator[
         yield peer
     finally:
         peer.stdin.close()
-        peer.wait(10)
+        peer.wait(100)
 
 
 def vehicle(**orders: object):

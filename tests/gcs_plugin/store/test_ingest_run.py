@@ -15,6 +15,7 @@ import pytest
 
 from tests.gcs_plugin.store.season import content, files, log_files, small_flight, stage_number
 from tests.import_graph import ROOT
+from tests.waiting import until
 from thrustmargin.gcs_plugin.office.season.ingest import local_processes
 from thrustmargin.gcs_plugin.store.ingest_run import (
     IngestOutcome,
@@ -172,16 +173,12 @@ def test_ctrl_c_ends_the_processes_too_and_the_rest_follows(tmp_path: Path):
             assert process.poll() is None
             time.sleep(0.01)
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-        begun = time.monotonic()
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=30)
+        _, said = process.communicate(timeout=120)
     assert process.returncode == 130
     assert said == "thrustmargin: stopped; files that were finished are whole\n"
-    assert time.monotonic() - begun < 10.0
     assert children
-    while left := [c for c in children if Path(f"/proc/{c}").exists()]:
-        assert time.monotonic() - begun < 10.0, left
-        time.sleep(0.1)
+    until(lambda: not any(Path(f"/proc/{child}").exists() for child in children))
     assert subprocess.run(command, check=False).returncode == 0
     assert len(content(SeasonStore.open(str(tmp_path)))["flights"]) == len(logs)
 

@@ -55,6 +55,39 @@ def test_an_analysis_fills_every_column_and_says_how_sure_a_load_is():
     assert made["rotor_speed_rpm_1_error"].tolist() == [0.0, 0.0]
 
 
+def test_each_column_of_an_analysis_holds_what_its_name_says():
+    rows = 4
+    track = level_flight(
+        rows=rows,
+        tank_kg=np.linspace(8.0, 7.0, rows),
+        velocity_ned=np.arange(3.0 * rows).reshape(rows, 3),
+    )
+    analysis = analyse(track, curve_model())
+    speed = analysis.prediction.rotor_speed_rpm
+    prediction = replace(analysis.prediction, lower_rpm=speed - 10.0, upper_rpm=speed + 20.0)
+    analysis = replace(analysis, prediction=prediction)
+    made = analysis_columns(analysis, slice(0, None))
+    expected = {
+        "tank_kg": track.tank_kg,
+        "velocity_ned_e": track.velocity_ned[:, 1],
+        "rotor_speed_rpm_3": track.rotor_speed_rpm[:, 2],
+        "flying": track.flying,
+        "predicted_rpm_2": prediction.rotor_speed_rpm[:, 1],
+        "lower_rpm_2": prediction.lower_rpm[:, 1],
+        "upper_rpm_4": prediction.upper_rpm[:, 3],
+        "margin_1": 1.0 - analysis.utilisation[:, 0],
+        "margin_predicted_1": 1.0 - analysis.utilisation_predicted[:, 0],
+        "density": analysis.density,
+        "weight": analysis.weight,
+        "redundancy_yaw_kept": analysis.redundancy_yaw_kept,
+        "redundancy_yaw_free": analysis.redundancy_yaw_uncontrolled,
+        "trimmable_loss": analysis.trimmable_loss,
+    }
+    for name, values in expected.items():
+        np.testing.assert_array_equal(made[name], values, err_msg=name)
+    assert made["redundancy_yaw_free"][0] != made["redundancy_yaw_kept"][0]
+
+
 def test_the_example_asks_a_store_with_duckdb_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -13,7 +13,12 @@ import pytest
 
 from tests.gcs_plugin.store.season import content, files, small_flight
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
-from thrustmargin.gcs_plugin.store.staging import merge, stage, staged_partitions
+from thrustmargin.gcs_plugin.store.staging import (
+    drop_replaced,
+    merge,
+    stage,
+    staged_partitions,
+)
 from thrustmargin.models.errors import DataError
 
 #: Changes of the store while three flights come into it: each staged, merged and unstaged.
@@ -216,3 +221,44 @@ def test_a_damaged_flight_that_waits_is_refused_by_its_name(tmp_path: Path):
         file.write_bytes(cut)
         with pytest.raises(DataError, match=r"\.zip cannot be read"):
             merge_all(store)
+
+
+def test_a_figure_that_is_unknown_is_null_and_never_a_number(tmp_path: Path):
+    store = SeasonStore.open(str(tmp_path))
+    fill(store, [2])
+    merge_all(store)
+    (flights,) = (tmp_path / "flights").rglob("*.parquet")
+    table = pq.ParquetFile(flights).read()
+    assert table["hectares"].null_count == 1  # NaN when it was staged
+    assert table["worst_margin"].to_pylist() == [0.5]
+    (rows,) = (tmp_path / "rows").rglob("*.parquet")
+    table = pq.ParquetFile(rows).read()
+    assert table["voltage"].to_pylist() == [52.0, None, 49.0]
+    assert table["margin_1"].null_count == 3  # not given at all
+
+
+@pytest.mark.parametrize("started", [None, np.nan, 1e300])
+def test_a_flight_without_a_time_has_a_month_of_its_own(tmp_path: Path, started):
+    store, flight = SeasonStore.open(str(tmp_path)), small_flight(0xAB)
+    flight.summary["started_unix_s"] = started
+    assert flight.rows_file == "rows-0.parquet"  # by the first digit of its name
+    stage(store, flight)
+    assert list(staged_partitions(store)) == [("A", "unknown")]
+    merge_all(store)
+    assert (tmp_path / "rows/aircraft=A/month=unknown/rows-0.parquet").exists()
+
+
+def test_a_flight_that_is_now_another_aircraft_s_leaves_the_one_before(tmp_path: Path):
+    store = SeasonStore.open(str(tmp_path))
+    fill(store, [2, 4])
+    merge_all(store)
+    assert store.aircraft() == ["A"]
+    stage(store, small_flight(2, aircraft="C", days=24.0))
+    drop_replaced(store, staged_partitions(store))
+    assert read_flights(store)["flight"].to_pylist() == [f"{4:016x}"]
+    merge_all(store)
+    assert store.aircraft() == ["A", "C"]
+    assert read_flights(store, "A")["flight"].to_pylist() == [f"{4:016x}"]
+    assert read_flights(store, "C")["flight"].to_pylist() == [f"{2:016x}"]
+    assert [sums["aircraft"] for sums in read_sums(store)] == ["A", "C"]
+    assert len(content(store)["rows"]) == 6

@@ -49,7 +49,7 @@ def onboard_logs(folder: Path) -> dict[int, tuple[int, str]]:
 
 def fetch_mission(
     url: str,
-    timeout: float = 10.0,
+    timeout: float = 100.0,
     *,
     vehicle: int | None = 1,
     progress: Progress | None = None,

@@ -30,10 +30,10 @@ def test_two_vehicles_on_a_link_are_never_mixed_up(port: int):
         vehicle(port=port, system_id=1, items=ARDUPILOT_ITEMS),
         vehicle(port=port, system_id=9, items=other),
     ):
-        with pytest.raises(LinkError, match=r"carries vehicles 1, 9; choose one with --vehicle"):
-            fetch_mission(url, vehicle=None)
         assert len(fetch_mission(url, vehicle=9).items) == 1
         assert len(fetch_mission(url, vehicle=1).items) == 6
+        with pytest.raises(LinkError, match=r"carries vehicles 1, 9; choose one with --vehicle"):
+            fetch_mission(url, vehicle=None)
         with pytest.raises(LinkError, match=r"no vehicle 3 heard in 2 s \(heard: 1, 9\)"):
             fetch_mission(url, 2.0, vehicle=3)
 
@@ -142,16 +142,16 @@ def test_with_a_key_an_unsigned_or_wrongly_signed_vehicle_is_not_believed(port: 
 
     def heard() -> None:
         with signed_link(url, key) as link:
-            link.vehicle(timeout=1.5)
+            link.vehicle(timeout=3.0)
 
     with (
         vehicle(port=port, heartbeat=0.5),
-        pytest.raises(LinkError, match=r"no vehicle heard .* [2-4] unsigned"),
+        pytest.raises(LinkError, match=r"no vehicle heard .* [1-9]\d* unsigned"),
     ):
         heard()
     with (
         vehicle(port=port, heartbeat=0.5, key=bytes(31).hex() + "01"),
-        pytest.raises(LinkError, match=r"no vehicle heard .* [2-4] signed with another key"),
+        pytest.raises(LinkError, match=r"no vehicle heard .* [1-9]\d* signed with another key"),
     ):
         heard()
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -13,6 +14,7 @@ import pytest
 
 from tests.gcs_plugin.peers.ports import free_udp_port
 from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, vehicle
+from tests.waiting import PATIENCE, until
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
@@ -40,7 +42,7 @@ class Ground:
         self.fetcher = MissionFetcher(
             self.listener,
             sign=sign,
-            timeout=3.0,
+            timeout=PATIENCE,
         )
         self.listener.start()
 
@@ -52,14 +54,14 @@ class Ground:
     def told(self) -> list[tuple[int, str]]:
         return [(n, text) for n, w in self.fleet.vehicles.items() for _, text in w.notes]
 
-    def until(self, done: Callable[[], object], timeout: float = 15.0) -> None:
-        deadline = time.monotonic() + timeout
-        while not done():
-            assert time.monotonic() < deadline, self.told
+    def until(self, done: Callable[[], object]) -> None:
+        def told() -> bool:
             taken, self._frames = self._frames, []
             self.fleet.take(taken)
             self.fetcher.on_round(self.fleet, self.listener.now_us())
-            time.sleep(0.02)
+            return bool(done())
+
+        until(told, lambda: self.told)
 
 
 @contextmanager
@@ -142,13 +144,13 @@ def test_a_vehicle_without_a_mission_is_told_and_the_others_go_on(port: int):
         assert station.fleet.vehicles[1].plan is None
 
 
-def test_closing_in_a_transfer_ends_at_once(port: int):
+def test_closing_in_a_transfer_ends_at_once(port: int, monkeypatch: pytest.MonkeyPatch):
+    """It waits for no answer: the wait for one is longer than a test may take."""
+    monkeypatch.setattr("thrustmargin.gcs_plugin.vehicle.connection.SILENCE", 1e6)
     with vehicle(port=port, mute=True), ground(port) as station:
         station.until(lambda: station.fleet.vehicles)
         station.until(lambda: station.fetcher._link is not None)
-        began = time.monotonic()
         station.fetcher.close()
-        assert time.monotonic() - began < 4.0
         assert not station.fetcher._thread.is_alive()
 
 
@@ -156,16 +158,16 @@ def test_monitor_fetches_the_mission_and_records_that_it_did(port: int, tmp_path
     model = tmp_path / "weight.safetensors"
     save_model(physics_model(load_airframe("topxgun-f16-sitl")), model)
     code = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
-    options = f"--fetch-mission --seconds 6 --record {tmp_path / 'rec'} --model {model}"
+    options = f"--fetch-mission --no-view --record {tmp_path / 'rec'} --model {model}"
+    command = [sys.executable, "-c", code, "monitor", f"udpin:127.0.0.1:{port}", *options.split()]
+
+    def recorded() -> bool:
+        files = (tmp_path / "rec").rglob("events.jsonl")
+        return any("mission of 6 items fetched" in file.read_text() for file in files)
+
     with vehicle(port=port, items=ARDUPILOT_ITEMS):
-        done = subprocess.run(
-            [sys.executable, "-c", code, "monitor", f"udpin:127.0.0.1:{port}", *options.split()],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-    assert done.returncode == 0, done.stderr
-    recorded = [p for p in (tmp_path / "rec").rglob("*") if p.suffix in (".jsonl", ".json")]
-    events = "\n".join(p.read_text() for p in recorded)
-    assert "mission of 6 items fetched" in events
+        monitor = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        until(recorded)
+        monitor.send_signal(signal.SIGINT)
+        _, told = monitor.communicate(timeout=120)
+    assert "Traceback" not in told

@@ -2,7 +2,6 @@
 
 import socket
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -144,14 +143,12 @@ def test_only_home_is_no_mission(port: int):
         fetch_mission(f"udpin:127.0.0.1:{port}")
 
 
-def test_a_vehicle_that_claims_65535_items_is_refused_at_once(port: int):
-    began = time.monotonic()
+def test_a_vehicle_that_claims_65535_items_is_refused(port: int):
     with (
         vehicle(port=port, items=ARDUPILOT_ITEMS, claims=65_535),
         pytest.raises(LinkError, match="65535 items"),
     ):
-        fetch_mission(f"udpin:127.0.0.1:{port}", 10.0)
-    assert time.monotonic() - began < 12.0
+        fetch_mission(f"udpin:127.0.0.1:{port}")
 
 
 @pytest.mark.slow

@@ -1,13 +1,13 @@
 """The alarms of a long flight come after its picture; until then the page says that they do."""
 
 import threading
-import time
 
 import numpy as np
 import pytest
 
 from tests.browser import open_page
 from tests.gcs_plugin.view.view_flight import flight
+from tests.waiting import PATIENCE, until
 from thrustmargin.gcs_plugin.view import replay_view
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
@@ -25,7 +25,7 @@ def search(monkeypatch) -> threading.Event:
     over = threading.Event()
 
     def history(_analysis):
-        assert over.wait(30.0)
+        assert over.wait(PATIENCE)
         return [(20.0, (FAULT,))]
 
     monkeypatch.setattr(replay_view, "SEARCHED_FIRST", 0)
@@ -45,13 +45,6 @@ def view(search):
     yield view
     search.set()
     view.stop()
-
-
-def until(done, timeout: float = 10.0) -> None:
-    end = time.monotonic() + timeout
-    while not done():
-        assert time.monotonic() < end, "the view did not get there in time"
-        time.sleep(0.02)
 
 
 def test_it_is_open_before_the_search_ends_and_calls_nothing_good_till_then(view, search):
@@ -111,6 +104,6 @@ def test_a_browser_that_opens_the_page_begins_the_search(search, monkeypatch):
     view.start()
     try:
         with open_page(view.url, width=1366, height=768):
-            until(lambda: not view._screen.state()["vehicles"][0]["pending"], timeout=60.0)
+            until(lambda: not view._screen.state()["vehicles"][0]["pending"])
     finally:
         view.stop()

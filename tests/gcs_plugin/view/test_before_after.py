@@ -104,7 +104,7 @@ def test_replay_takes_the_model_before(closed, tmp_path):
     assert process.stdout is not None
     line = process.stdout.readline()
     assert line.startswith("replay at http://127.0.0.1:"), process.communicate()[1]
-    assert urllib.request.urlopen(line.split()[2], timeout=10).status == 200
+    assert urllib.request.urlopen(line.split()[2], timeout=100).status == 200
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=15)
+    _, errors = process.communicate(timeout=120)
     assert process.returncode == 0, errors

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 pytestmark = pytest.mark.browser
-PATIENCE_MS = 60_000  # a browser without a graphics card on a busy machine
+PATIENCE_MS = 100_000  # a browser without a graphics card on a busy machine
 EVIL = "</script><script>window.hacked=1</script><img src=x onerror='window.hacked=1'>"
 SIZES = ((390, 664), (390, 844), (820, 1180), (1024, 768), (1366, 768), (1920, 1080))
 #: Of what a finger must hit: those that are in sight and too small.
@@ -43,7 +43,6 @@ def opened(analysis) -> Iterator[tuple[ReplayView, Page]]:
     view.start()
     try:
         with open_page(view.url, width=1366, height=768) as page:
-            page.set_default_timeout(PATIENCE_MS)
             page.wait_for_selector("[data-rotor]")
             until(page, lambda: seen(page, MARGIN.screen(analysis.margin.min())) > 50)
             yield view, page

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 pytestmark = pytest.mark.browser
-LONG_MS = 30_000  # for a page that other programs keep from being drawn
+LONG_MS = 100_000  # for a page that other programs keep from being drawn
 SIZES = ((390, 664), (390, 844), (820, 1180), (1024, 768), (1366, 768), (1920, 1080))
 #: In one look, for every report draws them anew.
 BOXES = """["#tm-headline", "#tm-age", "button#tm-ack", "button#tm-sound", "[data-rotor='2']",
@@ -36,7 +36,6 @@ window.SpeechSynthesisUtterance = class { constructor(text) { this.text = text; 
 @pytest.fixture(scope="module")
 def opened() -> Iterator[tuple[Live, Page]]:
     with flying() as live, open_page(live.view.url, width=390, height=844, script=SPY) as page:
-        page.set_default_timeout(LONG_MS)
         yield live, page
 
 

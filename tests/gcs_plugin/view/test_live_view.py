@@ -2,7 +2,6 @@
 
 import json
 import socket
-import time
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.view.live_flight import AIRFRAME
 from tests.gcs_plugin.wording.seen_colours import seen_for
+from tests.waiting import until
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.view.live_view import LiveView
 from thrustmargin.gcs_plugin.wording.palette import MARGIN
@@ -44,13 +44,6 @@ class Heard:
 
     def node(self, name: str) -> Any:
         return self.view._scene._api.get_handle_by_name(name)
-
-
-def until(done, timeout: float = 5.0) -> None:
-    end = time.monotonic() + timeout
-    while not done():
-        assert time.monotonic() < end, "the view did not get there in time"
-        time.sleep(0.02)
 
 
 @pytest.fixture

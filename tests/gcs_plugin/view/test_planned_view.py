@@ -23,7 +23,7 @@ def test_the_page_shows_the_plan_as_planned_with_its_verdict_and_its_four_colour
     view.start()
     try:
         assert view.url.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(view.url, timeout=10) as answer:
+        with urllib.request.urlopen(view.url, timeout=100) as answer:
             page = answer.read().decode()
         assert '"planned": true' in page
         state = view._screen.state()

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from tests.gcs_plugin.wording.seen_colours import seen_for
+from tests.waiting import PATIENCE, until
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.view import replay_view as replaying
 from thrustmargin.gcs_plugin.view.page import view_page
@@ -72,24 +73,21 @@ def view(analysis):
     view.stop()
 
 
-def settled(view: ReplayView, done, timeout: float = 5.0) -> None:
+def settled(view: ReplayView, done) -> None:
     """Wait until the worker has done what was asked, in a view that is open."""
     assert view.url
-    end = time.monotonic() + timeout
-    while not done():
-        assert time.monotonic() < end, "the view did not get there in time"
-        time.sleep(0.02)
+    until(done)
 
 
 def asked(view: ReplayView, path: str) -> Any:
     """What the page is answered."""
-    with urllib.request.urlopen(view.url + path, timeout=5) as answer:
+    with urllib.request.urlopen(view.url + path, timeout=100) as answer:
         return json.load(answer)
 
 
 def act(view: ReplayView, what: str, to: str = "") -> None:
     """Ask as the page does, with the token that it was given."""
-    with urllib.request.urlopen(view.url, timeout=5) as page:
+    with urllib.request.urlopen(view.url, timeout=100) as page:
         given = re.search(rb'"token": "([^"]+)"', page.read())
     assert given
     told = urllib.parse.urlencode({"do": what, "to": to, "token": given[1].decode()})
@@ -404,11 +402,11 @@ def test_the_url_answers_until_stop_and_stopping_twice_is_harmless(analysis):
         _ = view.url
     view.start()
     url = view.url
-    assert urllib.request.urlopen(url, timeout=5).status == 200
+    assert urllib.request.urlopen(url, timeout=100).status == 200
     view.stop()
     view.stop()
     with pytest.raises(OSError, match="refused"):
-        urllib.request.urlopen(url, timeout=5)
+        urllib.request.urlopen(url, timeout=100)
 
 
 def test_two_views_on_one_port_are_refused(view, analysis):
@@ -422,9 +420,9 @@ def test_run_replay_plays_until_ctrl_c_and_then_frees_its_port(analysis, capsys)
     urls = []
 
     def press_ctrl_c():
-        ready.wait(10)
+        ready.wait(PATIENCE)
         urls.append(capsys.readouterr().out.split()[2])
-        assert urllib.request.urlopen(urls[0], timeout=5).status == 200
+        assert urllib.request.urlopen(urls[0], timeout=100).status == 200
         _thread.interrupt_main()
         if not ended.wait(5):  # what comes while garbage is collected is lost
             _thread.interrupt_main()
@@ -435,7 +433,7 @@ def test_run_replay_plays_until_ctrl_c_and_then_frees_its_port(analysis, capsys)
     ended.set()
     presser.join()
     with pytest.raises(OSError, match="refused"):
-        urllib.request.urlopen(urls[0], timeout=5)
+        urllib.request.urlopen(urls[0], timeout=100)
 
 
 def test_run_replay_ends_when_it_is_told_to_and_warns_on_an_open_network(analysis, capsys):

@@ -7,6 +7,8 @@ difference of two runs, one of many flights and one of few.
 from pathlib import Path
 
 from tests.lab.bench.bench_ingest import MODULE, make_logs, seconds_of_pymavlink, timed
+from tests.mission.coverage.fields_made import outline, rectangle
+from thrustmargin.gcs_plugin.office.cover.coverage_plan import CoverageOrder, cover_field
 
 FEW, MANY = 4, 34
 
@@ -29,6 +31,24 @@ def test_ingest(benchmark, tmp_path):
         f"\ningest: {each:.3f} s of processor a flight beside {spent[0] - FEW * each:.1f} s a run; "
         f"pymavlink reads such a log in {theirs:.3f} s: {each / theirs:.2f} x"
     )
+
+
+def test_help(benchmark):
+    """It is there before a person waits for it: 0.3 s."""
+    runs = []
+    benchmark.pedantic(lambda: runs.append(timed([*MODULE, "--help"])), rounds=3)
+    assert not any(code for code, _, _ in runs)
+    spent = min(core for _, _, core in runs)
+    print(f"\nhelp: {spent:.2f} s of processor")
+    assert spent < 0.3
+
+
+def test_500_hectares_are_covered_in_seconds(benchmark):
+    field = outline(rectangle(2500.0, 2000.0))
+    order = CoverageOrder(swath=5.0, speed=5.0, height=3.0, heading_deg=0.0)
+    found = benchmark.pedantic(lambda: cover_field(field, order), rounds=1)
+    assert len(found.lines.lines) == 500
+    assert benchmark.stats.stats.min < 5.0
 
 
 def test_report(benchmark, sitl_logs: Path, tmp_path):

@@ -13,6 +13,7 @@ from thrustmargin.mission.forecast.plan_flight import (
     PlanConditions,
     PlanFlight,
     energy_back,
+    energy_home,
     fly_plan,
     way_back,
 )
@@ -51,6 +52,28 @@ def test_energy_from_the_far_end_is_power_times_time(north: float, airspeed: flo
     # 1,112 m at 5 m/s; over home 5 s, then 3 m down at 0.5 m/s.
     by_hand = 222.4 * watts(airspeed) + 11.0 * watts(abs(north))
     assert back[far] * 3600.0 == pytest.approx(by_hand, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("away", "height", "up"),
+    [
+        (4.0, 2.0, 12.0),  # near home no higher than three times the distance
+        (9.9, 2.0, 29.7),
+        (100.0, 2.0, 30.0),  # from elsewhere up to the height of a return
+        (4.0, 20.0, 20.0),  # none goes down before it is over home
+        (100.0, 45.0, 45.0),
+    ],
+)
+def test_a_way_home_climbs_to_the_height_of_a_return_but_stays_in_the_cone_about_home(
+    away: float, height: float, up: float
+):
+    limits = flight_limits({"WP_SPD": 5.0, "RTL_ALT_M": 30.0})
+    place, still = np.array([[0.0, -away, -height]]), (0.0, 0.0, 0.0)
+    (found,) = energy_home(place, np.array([8.0]), np.array([1.225]), limits, MODEL, still)
+    # Up at 2.5 m/s, down at 1.5 m/s to 10 m and at 0.5 m/s from there; 5 s over home.
+    hover_s = (up - height) / 2.5 + (up - 10.0) / 1.5 + 10.0 / 0.5 + 5.0
+    by_hand = hover_s * watts(0.0) + away / 5.0 * watts(5.0)
+    assert found * 3600.0 == pytest.approx(by_hand, rel=0.001)
 
 
 def test_on_the_ground_there_is_no_way_home():

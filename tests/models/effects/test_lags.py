@@ -8,13 +8,7 @@ import pytest
 from tests.models.made_flights import F16, made_flight
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Placed, look_of
-from thrustmargin.models.effects.channels import (
-    LAGS,
-    _shift_tables,
-    derivative_look,
-    lag_weights,
-    shifts_look,
-)
+from thrustmargin.models.effects.channels import derivative_look, lag_weights, shifts_look
 from thrustmargin.models.model.predict import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 
@@ -22,13 +16,7 @@ from thrustmargin.models.model.rotor_model import physics_model
 LAG_STEP = 0.1
 NEAR_LAG = 0.5
 
-TIMES = np.array(LAGS)
-
-
-def test_the_table_of_delays_reaches_far_into_the_past_and_little_into_what_comes():
-    assert LAGS[0] == -1.8
-    assert LAGS[-1] == 0.7
-    assert np.diff(LAGS) == pytest.approx(LAG_STEP)
+TIMES = np.arange(-18, 8) / 10.0  # s; reports come late, hardly ever early
 
 
 @pytest.mark.parametrize("lag", [-1.4, -0.27, 0.0, 0.05, 0.3])
@@ -93,7 +81,7 @@ def test_a_delay_over_a_gap_is_unknown_near_the_row_and_held_far_from_it():
     track = replace(made_flight(1, duration=6.0), airspeed=rising)
     late = [BY_KEY["sensor_lag:rotor speed"]]
     table = model_channels(physics_model(F16), track, effects=late).airspeed_shifts
-    column = {lag: k for k, lag in enumerate(LAGS)}
+    column = {lag: k for k, lag in enumerate(TIMES.tolist())}
     assert np.isnan(table[28, column[0.2]])
     assert np.isnan(table[33, column[-0.3]])
     assert table[28, column[0.1]] == pytest.approx(2.9)
@@ -103,10 +91,12 @@ def test_a_delay_over_a_gap_is_unknown_near_the_row_and_held_far_from_it():
 
 
 def test_a_shifted_channel_is_known_from_the_first_row_to_the_last():
-    time_s, lags = np.arange(30) / 10.0, np.array(LAGS)
-    found = _shift_tables(time_s, late=True)(10.0 * time_s)
-    at = time_s[:, None] + lags
-    inside = (at >= 0.0) & (at <= 2.9)
-    near = np.abs(lags) <= NEAR_LAG
-    np.testing.assert_allclose(found[inside], (10.0 * at)[inside], atol=1e-9)
+    track = made_flight(1, duration=6.0)
+    track = replace(track, airspeed=track.time_s.copy())
+    late = [BY_KEY["sensor_lag:rotor speed"]]
+    found = model_channels(physics_model(F16), track, effects=late).airspeed_shifts
+    at = track.time_s[:, None] + TIMES
+    inside = (at >= track.time_s[0]) & (at <= track.time_s[-1])
+    near = np.abs(TIMES) <= NEAR_LAG
+    np.testing.assert_allclose(found[inside], at[inside], atol=1e-9)
     assert np.isnan(found[:, near][~inside[:, near]]).all()

@@ -1,17 +1,16 @@
 """The largest fill: each limit against the formula by hand, the least of them, its interval."""
 
 from dataclasses import replace
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
 from tests.models.model.made_models import worn_rotor
+from thrustmargin.models.model import fill_limits
 from thrustmargin.models.model.fill_limits import (
-    REASONS,
     Fills,
-    _crossing,
     largest_fills,
     steady_flight,
 )
@@ -78,7 +77,7 @@ def test_the_makers_mass_and_the_tank_cap_the_fill():
 
 def test_without_a_rotor_to_lose_only_the_use_counts():
     found = fills(max_utilisation=0.45, rotor_lost=False)
-    assert found.by_reason[REASONS.index("one rotor lost"), 0] == np.inf
+    assert found.by_reason[1, 0] == np.inf
     assert found.largest == pytest.approx([4 * 0.45 * FULL / G - 21.1])
 
 
@@ -131,13 +130,25 @@ def test_flight_into_the_wind_takes_from_the_fill_of_a_model_that_knows_drag():
     assert slow != pytest.approx(fast, abs=0.05)
 
 
-def test_a_use_that_does_not_grow_with_the_fill_has_no_largest_one():
-    fills = np.array([0.0, 5.0, 10.0])
-    assert _crossing(fills, np.array([0.3, 0.4, 0.6]), 0.5) == pytest.approx(7.5)
-    assert _crossing(fills, np.array([0.3, 0.4, 0.5]), 0.6) == pytest.approx(15.0)
-    assert _crossing(fills, np.array([0.3, 0.4, 0.6]), 0.8) == pytest.approx(15.0)
-    assert _crossing(fills, np.array([0.6, 0.7, 0.9]), 0.5) == pytest.approx(-5.0)
-    assert _crossing(fills, np.array([0.3, 0.5, 0.45]), 0.5) == pytest.approx(5.0)
-    assert _crossing(fills, np.array([0.3, 0.4, np.nan]), 0.5) == pytest.approx(10.0)
-    for use in ([0.4, 0.4, 0.4], [0.5, 0.45, 0.4], [0.4, np.nan, np.nan], [np.nan] * 3):
-        assert np.isnan(_crossing(fills, np.array(use), 0.6))
+@pytest.mark.parametrize(
+    ("use", "limit", "kg"),
+    [
+        (lambda fill: 0.3 + 0.01 * fill, 0.5, 20.0),
+        (lambda fill: 0.3 + 0.001 * fill, 0.5, 200.0),  # far above any tank, on by the last slope
+        (lambda fill: 0.6 + 0.01 * fill, 0.5, -10.0),  # too heavy when it is empty
+        (lambda fill: np.minimum(0.3 + 0.01 * fill, 0.45), 0.4, 10.0),
+        (lambda fill: np.where(fill < 12.0, 0.3 + 0.01 * fill, np.nan), 0.5, 20.0),
+        (lambda fill: 0.4 + 0.0 * fill, 0.5, np.nan),
+        (lambda fill: 0.5 - 0.001 * fill, 0.6, np.nan),
+        (lambda fill: np.where(fill == 0.0, 0.4, np.nan), 0.5, np.nan),
+        (lambda fill: np.nan * fill, 0.5, np.nan),
+    ],
+)
+def test_a_fill_is_the_largest_where_the_use_grows_to_its_limit(monkeypatch, use, limit, kg):
+    def steady(_model, _density, _voltage, _airspeed, fills):
+        made = use(fills)[:, None] * [1.0, 0.9]
+        return SimpleNamespace(utilisation_predicted=made, utilisation_error=np.zeros_like(made))
+
+    monkeypatch.setattr(fill_limits, "steady_flight", steady)
+    found = largest_fills(physics_model(F16), 1.2, 51.8, airspeed=0.0, max_utilisation=limit)
+    assert found.by_reason[0, 0] == pytest.approx(kg, nan_ok=True)

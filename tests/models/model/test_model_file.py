@@ -11,8 +11,6 @@ from safetensors.numpy import load_file, save_file
 from tests.models.model.made_models import F16, learnt_model
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.model.model_file import (
-    METADATA_KEY,
-    SCHEMA,
     load_model,
     save_model,
     shipped_model,
@@ -79,7 +77,7 @@ def test_effects_are_written_in_the_form_that_identify_reports(tmp_path):
     from safetensors import safe_open
 
     with safe_open(str(saved(tmp_path)), framework="numpy") as file:
-        effects = json.loads(file.metadata()[METADATA_KEY])["effects"]
+        effects = json.loads(file.metadata()["thrustmargin"])["effects"]
     assert len(effects) == 1
     assert (effects[0]["name"], effects[0]["rotor"]) == ("rotor_degradation", 1)
     assert effects[0]["parameters"]["loss"] == {
@@ -147,13 +145,13 @@ def rewritten(tmp_path, *, change_metadata=None, change_tensors=None):
 
     path = saved(tmp_path)
     with safe_open(str(path), framework="numpy") as file:
-        data = json.loads(file.metadata()[METADATA_KEY])
+        data = json.loads(file.metadata()["thrustmargin"])
     tensors = load_file(path)
     if change_metadata:
         change_metadata(data)
     if change_tensors:
         change_tensors(tensors)
-    save_file(tensors, path, metadata={METADATA_KEY: json.dumps(data)})
+    save_file(tensors, path, metadata={"thrustmargin": json.dumps(data)})
     return path
 
 
@@ -203,7 +201,7 @@ def test_damaged_metadata_is_named(change, message, tmp_path):
 def test_metadata_nested_without_end_is_refused_in_one_line(tmp_path):
     path = saved(tmp_path)
     deep = "[" * 100_000 + "]" * 100_000
-    save_file(load_file(path), path, metadata={METADATA_KEY: deep})
+    save_file(load_file(path), path, metadata={"thrustmargin": deep})
     with pytest.raises(ModelError, match="recursion"):
         load_model(path)
 
@@ -255,7 +253,7 @@ def test_the_shipped_model_is_whole_and_small():
     assert model.training.config.learning_rate == 0.0006
     size = (resources.files("models") / "shipped" / "default.safetensors").read_bytes()
     assert len(size) < 1_000_000
-    assert SCHEMA == "thrustmargin.model/1"
+    assert b"thrustmargin.model/1" in size
 
 
 def test_one_number_changed_on_the_disk_is_refused(tmp_path):

@@ -102,7 +102,7 @@ def test_somebody_at_a_terminal_is_asked_and_offered_no_default(tmp_path):
     run_it = "from thrustmargin.gcs_plugin.cli import main; main()"
     line = [sys.executable, "-c", run_it, "airframe", "new", "--from", str(source)]
     done = subprocess.run(
-        [*line, "--out", str(out)], stdin=terminal, capture_output=True, text=True, timeout=60
+        [*line, "--out", str(out)], stdin=terminal, capture_output=True, text=True, timeout=200
     )
     os.close(own)
     os.close(terminal)

@@ -11,6 +11,7 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, command
 from tests.gcs_plugin.peers.ports import free_udp_port
+from tests.waiting import PATIENCE, until
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
 
 pty = pytest.importorskip("pty")  # no such thing on Windows
@@ -25,11 +26,11 @@ GREEN = b"\x1b[32m"  # as a terminal is told
 
 
 def on_a_terminal(
-    folder: Path, *options: str, until: str, colour: bytes = b""
+    folder: Path, *options: str, awaited: str, colour: bytes = b""
 ) -> tuple[bytes, str]:
     """What the monitor writes to its terminal while a vehicle flies: its bytes, and as read.
 
-    It ends with what is waited for, or after 20 s.
+    It ends with what is waited for.
     """
     port = free_udp_port()
     ours, theirs = pty.openpty()
@@ -46,12 +47,9 @@ def on_a_terminal(
     shown = b""
     vehicle, air = Vehicle(), open_transport(f"udpout:127.0.0.1:{port}")
     try:
-        end = time.monotonic() + 30.0
-        while not list(folder.glob("*/telemetry.tlog")):
-            assert time.monotonic() < end
-            time.sleep(0.05)
-        end = time.monotonic() + 20.0
-        while time.monotonic() < end and not (colour in shown and re.search(until, text(shown))):
+        until(lambda: list(folder.glob("*/telemetry.tlog")))
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end and not (colour in shown and re.search(awaited, text(shown))):
             for frame in vehicle.tick(rpm=(1700,) * 4):
                 air.send(frame.data)
             if select.select([ours], [], [], 0.1)[0]:
@@ -59,7 +57,7 @@ def on_a_terminal(
     finally:
         air.close()
         monitor.kill()
-        monitor.wait(10)
+        monitor.wait()
         os.close(ours)
     return shown, text(shown)
 
@@ -67,7 +65,7 @@ def on_a_terminal(
 def test_a_real_terminal_shows_colours_and_no_markup(tmp_path):
     margin = r"\d+% r[1-4]"
     shown, read = on_a_terminal(
-        tmp_path, "--airframe", "topxgun-f16-sitl", until=margin, colour=GREEN
+        tmp_path, "--airframe", "topxgun-f16-sitl", awaited=margin, colour=GREEN
     )
     assert re.search(margin, read), read[-2000:]
     for markup in ("[green]", "[bold red]", "[dim]", "[/"):
@@ -76,7 +74,7 @@ def test_a_real_terminal_shows_colours_and_no_markup(tmp_path):
 
 
 def test_what_is_advised_can_be_done_while_the_monitor_holds_its_link(tmp_path):
-    _, read = on_a_terminal(tmp_path, until="airframe new --from[^`]+`")
+    _, read = on_a_terminal(tmp_path, awaited="airframe new --from[^`]+`")
     (telemetry,) = tmp_path.glob("*/telemetry.tlog")
     advised = re.findall(r"airframe new --from ([^`]+)`", re.sub(r"\r?\n", "", read))
     assert advised, read[-2000:]

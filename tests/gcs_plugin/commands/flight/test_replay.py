@@ -48,10 +48,10 @@ def test_a_log_is_served_until_ctrl_c_which_is_a_clean_end(sitl_logs):
     assert process.stdout is not None
     line = process.stdout.readline()
     assert line.startswith("replay at http://127.0.0.1:"), process.communicate()[1]
-    page = urllib.request.urlopen(line.split()[2], timeout=10).read()
+    page = urllib.request.urlopen(line.split()[2], timeout=100).read()
     assert b"<html" in page.lower()
     process.send_signal(signal.SIGINT)
-    rest, errors = process.communicate(timeout=15)
+    rest, errors = process.communicate(timeout=120)
     assert process.returncode == 0, errors
     assert "Traceback" not in errors
     assert rest == ""
@@ -75,7 +75,7 @@ def test_what_cannot_be_replayed_is_one_line_and_exit_1(sitl_logs, capsys, argum
 
 def test_help_reads_without_loading_the_view():
     process = replay("--help")
-    words, _ = process.communicate(timeout=60)
+    words, _ = process.communicate(timeout=120)
     assert process.returncode == 0
     for option in ("--model", "--airframe", "--port", "--speed", "--no-browser", "--start-paused"):
         assert option in words

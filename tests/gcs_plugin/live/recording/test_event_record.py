@@ -29,7 +29,7 @@ def watched(frames: list[Frame], folder: Path, **watch) -> tuple[list[tuple], li
     monitor = LiveMonitor(MODEL, settings)
     monitor.subscribers.append(EventPrinter(monitor, printed.append))
     with monitor:
-        monitor.wait(60.0)
+        monitor.wait(100.0)
     lines = (recording_in(folder / "out") / "events.jsonl").read_text().splitlines()
     events = [
         (e["unix_s"] - BEGAN, e["vehicle"], e["event"], e["text"]) for e in map(json.loads, lines)

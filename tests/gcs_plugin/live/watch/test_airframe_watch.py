@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, log_frames
-from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
+from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL, metrics_of
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import esc, saturation
 from thrustmargin.gcs_plugin.live.announce import figures
-from thrustmargin.gcs_plugin.live.collector import _of_rotors
 from thrustmargin.gcs_plugin.live.console import numbers
 from thrustmargin.gcs_plugin.live.watch import airframe_watch
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
@@ -188,7 +187,7 @@ def test_motors_in_another_order_are_an_alarm_and_take_the_places_away():
     charts = chart_images(last.places, Speeds.of(last), 0.0, window_s=20.0, ahead=0.0)
     assert (
         {chart["place"] for chart in charts}
-        == {name for (_, name, _), _ in _of_rotors(updates[-1])}
+        == {labels["name"] for labels, _ in metrics_of(vehicle)["thrustmargin_margin_ratio"]}
         == {""}
     )
     assert ("motor order", None) not in monitored(share=0.4)[0].alarms.listed

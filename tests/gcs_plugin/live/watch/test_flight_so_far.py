@@ -97,12 +97,12 @@ def test_what_the_end_of_listening_cuts_off_has_no_answer():
 
     def first() -> str:
         begun.set()
-        assert go_on.wait(10.0)
+        assert go_on.wait(100.0)
         return "landed"
 
     later = in_background(pool, pytest.fail)  # type: ignore[arg-type]
     running, waiting = later(first), later(lambda: "never")
-    assert begun.wait(10.0)
+    assert begun.wait(100.0)
     assert running() is None
     assert waiting() is None
     pool.shutdown(wait=False, cancel_futures=True)

@@ -157,3 +157,42 @@ def test_a_mission_of_which_an_item_was_not_heard_is_none(missing: int | None):
     if plan is not None:  # item 0 of ArduPilot is home
         assert plan.home[:2] == HOME[:2]
         assert len(plan.items) == len(state.mission) - 1
+
+
+def test_a_restart_of_the_vehicle_begins_the_window_of_the_gauge_anew():
+    """The level before it, of another fill, is no fall of this one."""
+    vehicle, watch = Tank(), VehicleMonitor(1, MODEL, WatchSettings())
+
+    def fly(seconds: int) -> float:
+        for _ in range(seconds):
+            for _ in range(10):
+                vehicle.level -= 0.005
+                for frame in vehicle.tick(rpm=(1700,) * 4):
+                    watch.take(frame)
+            watch.updates()
+        assert watch.last is not None
+        return watch.last.outlook.seconds_to_empty
+
+    vehicle.level = 10.0
+    assert fly(40) == pytest.approx(8.0 / 0.05, abs=4.0)
+    vehicle.clock_s, vehicle.level = 5.0, 4.0
+    assert math.isnan(fly(12))
+    assert fly(12) == pytest.approx(2.8 / 0.05, abs=4.0)
+
+
+def test_a_plan_that_was_fetched_stays_until_the_vehicle_has_another():
+    given, heard = plan_of(*TWO_LINES), VehicleState(system=1, autopilot=12)
+    look, _ = looked(state=heard, plan=given)
+    assert look.plan is given
+    assert look.now.route is not None
+    look.use_plan(None, heard)  # it holds none
+    track = replace(level_flight(rows=1), position_ned=np.array([[0.0, 0.0, -3.0]]))
+    new = SimpleNamespace(
+        clock_s=np.array([200.0]),
+        pumped_kg=np.zeros(1),
+        pump_share=np.array([math.nan]),
+        mission_item=np.array([2.0]),
+    )
+    look.rows(analyse(track, MODEL), 0, cast(LiveRows, new), heard)
+    assert look.plan is None
+    assert math.isnan(look.now.margin_ahead)

@@ -48,7 +48,7 @@ class Drawn:
 def drawn(screen: Path, *commands: str) -> list[Drawn]:
     told = "\n".join(commands) + "\n"
     done = subprocess.run(
-        ["mono", screen], input=told, capture_output=True, text=True, check=True, timeout=60
+        ["mono", screen], input=told, capture_output=True, text=True, check=True, timeout=200
     )
     rows = [line.split("|") for line in done.stdout.splitlines()]
     return [Drawn(a, b, int(n), int(m), left, edge) for a, b, n, m, left, edge in rows]

@@ -12,6 +12,7 @@ import websockets
 from websockets.asyncio.client import connect
 from websockets.typing import Subprotocol
 
+from tests.waiting import PATIENCE
 from thrustmargin.gcs_plugin.view.page.guard import (
     address_of,
     asked_for,
@@ -35,7 +36,7 @@ def server():
 
 
 def get(port: int, host: str) -> http.client.HTTPResponse:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=100)
     connection.request("GET", "/", headers={"Host": host})
     return connection.getresponse()
 
@@ -52,9 +53,10 @@ def socket_opens(port: int, *, host: str, origin: Any, cookie: str = "") -> bool
                     origin=origin,
                     subprotocols=[PROTOCOL],
                     proxy=None,
+                    open_timeout=PATIENCE,
                     additional_headers={"Cookie": cookie} if cookie else None,
                 ) as link:
-                    return len(await asyncio.wait_for(link.recv(), 5)) > 0
+                    return len(await asyncio.wait_for(link.recv(), PATIENCE)) > 0
             except websockets.exceptions.InvalidStatus as refused:
                 return refused.response.status_code not in (401, 403)
 
@@ -172,7 +174,7 @@ TOKEN = "field-pilot-2026"
 
 def asked(port: int, path: str = "/", cookie: str = "") -> tuple[http.client.HTTPResponse, bytes]:
     """The reply and its body: what is left unread, the server waits for when it stops."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=100)
     # The server waits for a connection that is left open when it stops.
     headers = {"Host": f"127.0.0.1:{port}", "Connection": "close"}
     headers |= {"Cookie": cookie} if cookie else {}

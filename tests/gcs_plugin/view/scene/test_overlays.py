@@ -10,7 +10,13 @@ from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.gcs_plugin.view.scene.aircraft import tank_level
-from thrustmargin.gcs_plugin.view.scene.overlays import overlays_of
+from thrustmargin.gcs_plugin.view.scene.overlays import (
+    before_and_after,
+    overlays_of,
+    residual_limit,
+    speed_overlay,
+)
+from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -118,3 +124,42 @@ def test_an_aircraft_without_a_tank_shows_no_level():
     assert np.isnan(tank_level(0.0, 0.0))
     assert np.isnan(tank_level(np.nan, 10.0))
     assert [tank_level(kg, 10.0) for kg in (0.0, 4.0, 12.0)] == [0.0, 0.4, 1.0]
+
+
+def test_the_speed_over_ground_is_level_and_its_extreme_the_fastest():
+    analysis = flight()
+    velocity = np.zeros((ROWS, 3))
+    velocity[:, 2] = 9.0  # up or down is none
+    velocity[30] = 3.0, -4.0, 0.0
+    made = speed_overlay(replace(analysis.track, velocity_ned=velocity))
+    assert made.values[30] == pytest.approx(5.0)
+    assert made.values[31] == 0.0
+    assert made.worst_row(np.ones(ROWS, dtype=bool)) == 30
+    assert made.at(30, 151.0, ("front right",)) == {
+        "extreme": "fastest",
+        "value": made.scale.number(5.0),
+        "number": None,
+        "place": "",
+        "time": "2:31",
+    }
+
+
+def test_a_residual_ends_its_colours_where_two_percent_of_the_rows_in_flight_are_beyond():
+    residual = np.linspace(-50.0, 50.0, 1001)
+    flying = np.ones(1001, dtype=bool)
+    assert residual_limit(residual, flying) == pytest.approx(49.0, abs=0.1)
+    residual[:100] = 900.0  # on the ground
+    flying[:100] = False
+    assert residual_limit(residual, flying) < 50.0
+    assert residual_limit(residual / 1000.0, flying) == 1.0
+    assert residual_limit(np.full(1001, np.nan), flying) == 1.0
+
+
+def test_before_and_after_are_of_one_flight_and_in_the_same_colours():
+    one = flight()
+    other = analyse(one.track, replace(one.model, background_rpm=(5.0,) * 4))
+    first, second = before_and_after(one, other)
+    assert first.scale is second.scale
+    assert first.name != second.name
+    with pytest.raises(DataError, match="two flights"):
+        before_and_after(one, flight(name="another.tlog"))

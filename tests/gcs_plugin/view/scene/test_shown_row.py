@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.view.scene.aircraft import rotor_label
 from thrustmargin.gcs_plugin.view.scene.shown_row import (
     ShownRow,
     enu,
+    ground_height,
     row_at,
     wxyz_from_attitude,
 )
@@ -121,3 +122,76 @@ def test_thrust_with_a_rotor_lost_has_an_interval_of_90_percent():
     # exp(-0.1645) is 0.848 and exp(0.0987) is 1.104.
     assert row.redundancy == pytest.approx((1.2, 1.018, 1.3245), abs=1e-3)
     assert row.survives
+
+
+def test_on_the_ground_the_margin_is_the_predicted_one_and_promises_nothing():
+    """Rotors at idle have nearly all their thrust left, which says nothing of the flight."""
+    idle = np.full((ROWS, 8), 300.0)
+    analysis = flight(airframe="agras-t40", rotor_speed_rpm=idle, flying=np.zeros(ROWS, dtype=bool))
+    row = ShownRow(analysis, 50)
+    assert not row.flying
+    assert row.measured.all()
+    assert 1.0 - analysis.utilisation[50].max() > 0.9
+    np.testing.assert_array_equal(row.margin, 1.0 - analysis.utilisation_predicted[50])
+    assert np.isnan(row.coloured).all()  # enough, but only predicted
+    assert row.basis(0) == "predicted"
+
+
+def test_a_disc_has_the_colour_of_the_least_that_may_be_left():
+    analysis = flight(airframe="topxgun-f16")
+    row = ShownRow(analysis, 50)
+    assert row.measured.all()
+    low = 1.0 - analysis.use_ends[1][50]
+    assert (low < row.margin).all()
+    np.testing.assert_array_equal(row.coloured, low)
+    margin, rotor = row.worst
+    assert rotor is not None
+    assert row.surely_left == low[rotor] < margin
+
+
+def test_with_one_rotor_unknown_nothing_is_surely_left():
+    rpm = flight().track.rotor_speed_rpm.copy()
+    rpm[:, 1] = np.nan
+    row = ShownRow(flight(rotor_speed_rpm=rpm, tank_kg=np.full(ROWS, np.nan)), 50)
+    assert row.unmeasured == 1
+    assert np.isnan(row.surely_left)
+    assert row.worst[1] is not None
+    assert row.why_unknown == ""
+
+
+def test_a_predicted_margin_that_is_too_low_is_coloured_all_the_same():
+    nothing = np.full((ROWS, 4), np.nan)
+    heavy = ShownRow(flight(rotor_speed_rpm=nothing, tank_kg=np.full(ROWS, 40.0)), 50)
+    light = ShownRow(flight(rotor_speed_rpm=nothing, tank_kg=np.zeros(ROWS)), 50)
+    assert heavy.unmeasured == light.unmeasured == 0
+    assert heavy.margin.max() < 0.3
+    assert light.margin.min() > 0.6
+    assert np.isfinite(heavy.coloured).all()
+    assert np.isnan(light.coloured).all()
+
+
+@pytest.mark.parametrize(
+    ("airframe", "kg", "survives"),
+    [("agras-t40", 40.0, True), ("topxgun-f16", 16.0, False), ("agras-t20", 40.0, False)],
+)
+def test_an_aircraft_survives_where_the_least_thrust_with_a_rotor_lost_holds_its_weight(
+    airframe, kg, survives
+):
+    row = ShownRow(flight(airframe=airframe, tank_kg=np.full(ROWS, kg)), 50)
+    held, low, high = row.redundancy
+    assert low < held < high
+    assert (low >= 1.0) is survives
+    assert row.survives is survives
+
+
+def test_the_ground_is_below_the_aircraft_by_its_height_else_at_its_lowest_place():
+    track = flight().track
+    assert ground_height(track) == pytest.approx(0.0)
+    hill = track.position_ned - [0.0, 0.0, 12.0]
+    assert ground_height(replace(track, position_ned=hill)) == pytest.approx(12.0)
+    climb = track.position_ned.copy()
+    climb[:, 2] = np.linspace(-7.0, -30.0, ROWS)
+    climb[0] = np.nan
+    lost = replace(track, position_ned=climb, height_agl=np.full(ROWS, np.nan))
+    assert ground_height(lost) == pytest.approx(7.0, abs=0.1)
+    assert ground_height(replace(lost, position_ned=np.full((ROWS, 3), np.nan))) == 0.0

@@ -349,7 +349,7 @@ def test_ctrl_c_leaves_files_whole(worn_logs, tmp_path):
         time.sleep(0.02)
     time.sleep(0.5)
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=120)
     assert process.returncode == 130, errors
     assert "stopped" in errors
     assert target.read_text() == '{"old": true}'

@@ -281,7 +281,7 @@ def test_every_plot_is_drawn_and_the_page_keeps_to_the_screen(address, tmp_path)
         boxes = shown.locator("[data-figure]")
         for k in range(boxes.count()):
             boxes.nth(k).scroll_into_view_if_needed()
-            boxes.nth(k).locator(".main-svg").first.wait_for(timeout=30_000)
+            boxes.nth(k).locator(".main-svg").first.wait_for()
         drawn = shown.evaluate(
             "[...document.querySelectorAll('[data-figure]')].map(b => b.querySelectorAll("
             "'.scatterlayer .trace, .heatmaplayer image, .barlayer .trace').length)"

@@ -227,7 +227,7 @@ def test_ctrl_c_ends_a_training_without_leaving_a_file(few_logs, tmp_path):
         time.sleep(0.02)
     time.sleep(2.0)
     process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=60)
+    _, error = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "Traceback" not in error
     assert list(tmp_path.iterdir()) == []

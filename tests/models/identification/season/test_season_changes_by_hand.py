@@ -18,7 +18,7 @@ from tests.models.identification.season.test_season_by_hand import (
 )
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import penalty_of
-from thrustmargin.models.identification.season.flight_sums import LIMITS, SeasonSums, season_sums
+from thrustmargin.models.identification.season.flight_sums import SeasonSums, season_sums
 from thrustmargin.models.identification.season.season_changes import (
     _about,
     _Found,
@@ -28,6 +28,9 @@ from thrustmargin.models.identification.season.season_changes import (
 
 #: absent, lower, upper, scale, smallest, 1 of a flight's own, 1 of a shape
 PLAIN = (0.0, -100.0, 100.0, 10.0, 0.0, 0.0, 0.0)
+
+#: Columns of the limits of a value, in the order in which a season keeps them.
+UPPER, SCALE, SMALLEST = 2, 3, 4
 
 
 def sums_of(values: Floats, alike: Floats | None = None, noise: Floats | float = 0.5) -> SeasonSums:
@@ -67,7 +70,7 @@ def test_another_does_as_well_up_to_18_squares_or_a_twentieth(size, alike, as_we
     values = np.zeros((40, 2))
     values[20:, at] = size
     sums = sums_of(values, np.array([[1.0, alike], [alike, 1.0]]))
-    sums.limits[:, LIMITS.index("smallest")] = 1e3  # means may be anything
+    sums.limits[:, SMALLEST] = 1e3  # means may be anything
     gain = 10.0 * size**2
     assert (gain * (1.0 - alike**2) < max(18.0, 0.05 * gain)) == as_well
     changed = season_changes(sums).trends[0]
@@ -119,7 +122,7 @@ def test_a_mean_stands_out_of_what_the_model_is_uncertain_by(size, named):
     """All of the error is of the model, 1: nine tenths of the size, by a usual one of 3, are to be
     4.00 of it, which they are of 4.45. The next one is named in any case."""
     sums = sums_of(np.full((40, 2), [size, 20.0]), noise=0.1)
-    sums.limits[:, LIMITS.index("scale")] = 3.0
+    sums.limits[:, SCALE] = 3.0
     sums.known[:] = 1e12
     assert np.sqrt(penalty_of(40, 2)) == pytest.approx(4.0, abs=0.01)
     found = season_changes(sums)
@@ -151,8 +154,8 @@ def test_a_step_is_weighed_by_all_flights_whatever_mean_it_would_make(part, chan
     least = BEYOND * np.sqrt(penalty_of(40, 1) / 10.0)
     values = np.repeat([0.0, part * least], 20)[:, None]
     sums = sums_of(values, noise=1.0)
-    sums.limits[:, LIMITS.index("smallest")] = 1e3  # means may be anything
-    sums.limits[:, LIMITS.index("upper")] = 0.1
+    sums.limits[:, SMALLEST] = 1e3  # means may be anything
+    sums.limits[:, UPPER] = 0.1
     (trend,) = season_changes(sums).trends
     assert len(trend.changes) == changes
 
