@@ -19,8 +19,8 @@ from thrustmargin.models.errors import DataError
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import ReportedAirframe
 
-#: Endings of logs, without a folder's reports and tables.
-LOGS = (".bin", ".log", ".tlog", ".ulg")
+#: Ending of the tables that reports write beside logs.
+TABLE = ".csv"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,8 +32,11 @@ class Answers:
 
 
 def logs_here(folder: Path) -> list[Path]:
-    """The logs of a folder, by name."""
-    return [path for path in sorted(folder.iterdir()) if path.suffix.lower() in LOGS]
+    """List the logs of a folder by name, without tables: reports write tables beside logs."""
+    from thrustmargin.gcs_plugin.logs.read import log_endings
+
+    endings = log_endings() - {TABLE}
+    return [path for path in sorted(folder.iterdir()) if path.suffix.lower() in endings]
 
 
 def open_fields(
