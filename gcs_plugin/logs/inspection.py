@@ -23,12 +23,16 @@ from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.frozen import INSTRUMENTS
 from thrustmargin.models.checks.held import attitude_denied
 from thrustmargin.models.checks.instruments import sprayed_by_thrust
-from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.plausible import OF_ANY_AIRFRAME, Comparison, comparisons
-from thrustmargin.models.checks.speed_readings import reading_scatter, resolution_words
-from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
+from thrustmargin.models.checks.speed_readings import (
+    SpeedScale,
+    check_speed_scale,
+    late_speeds,
+    reading_scatter,
+    resolution_words,
+)
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim

@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, per
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.fault_test import MOST, RotorFault
-from thrustmargin.models.model.output_witness import MisreadSpeed
+from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
 #: What a level is called where several flights are counted; {limit} is like "50 %".

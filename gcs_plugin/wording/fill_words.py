@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from thrustmargin.gcs_plugin.wording.fault_words import TOO_HEAVY
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
-from thrustmargin.models.model.fill_limits import Reason
-from thrustmargin.models.model.next_fill import NextFill
+from thrustmargin.models.model.fill_limits import NextFill, Reason
 
 #: reason -> why not more, and why not even empty
 _BECAUSE: Mapping[Reason, tuple[str, str]] = {

@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
 from thrustmargin.gcs_plugin.wording.numbers import clock, known, number, percent
 from thrustmargin.models.model.advice import Advice, FlightLevel
-from thrustmargin.models.model.margin_check import MarginCheck
+from thrustmargin.models.model.model_misfit import MarginCheck
 
 #: What a flight without a channel cannot say; channels that nothing depends on are left out.
 WITHOUT: Mapping[str, str] = {

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thrustmargin.models.checks.broken_voltage import VoltageSoFar, broken_voltage
 from thrustmargin.models.checks.instruments import (
     LIGHTER,
     barometer_fault,
@@ -28,7 +27,8 @@ from thrustmargin.models.checks.instruments import (
     share_lighter,
     voltage_without_sag,
 )
-from thrustmargin.models.checks.speed_scale import FEWEST_ROWS
+from thrustmargin.models.checks.speed_readings import FEWEST_ROWS
+from thrustmargin.models.checks.voltage import VoltageSoFar, broken_voltage
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_median

@@ -22,7 +22,7 @@ from thrustmargin.models.checks.output_evidence import (
     thrust_by_outputs,
     thrust_by_speeds,
 )
-from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
+from thrustmargin.models.checks.speed_readings import FEWEST_ROWS, lifted_mass
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import pressure_altitude

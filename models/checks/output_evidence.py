@@ -23,9 +23,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from thrustmargin.models.checks.full_battery import ceiling_too_high
 from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
-from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
+from thrustmargin.models.checks.speed_readings import FEWEST_ROWS, lifted_mass
+from thrustmargin.models.checks.voltage import ceiling_too_high
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air

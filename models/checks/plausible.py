@@ -37,19 +37,19 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.models.checks.full_battery import (
-    POSSIBLE_VOLTAGE,
-    beyond_full,
-    full_voltage,
-    most_voltage,
-)
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.checks.output_evidence import (
     SURELY,
     OutputEvidence,
     output_evidence,
 )
-from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, check_speed_scale
+from thrustmargin.models.checks.speed_readings import FEWEST_ROWS, check_speed_scale
+from thrustmargin.models.checks.voltage import (
+    POSSIBLE_VOLTAGE,
+    beyond_full,
+    full_voltage,
+    most_voltage,
+)
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, utilisation

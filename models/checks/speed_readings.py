@@ -11,19 +11,39 @@ the whole flight is there to look ahead in.
 
 Slow or coarse readings are used like any others: that they are is for a reader of the result to
 know, since they look like a speed that lags or a rotor that jumps.
+
+Is a reported rotor speed in rpm of the rotor? The thrust that the aircraft needs shows it.
+
+In flight the rotors together make m f, f the upward specific force [m/s²] and m the mass. With
+T = a (rho/rho_ref) N^2 the speed that a reported one should be is known to the square root of the
+mass, so a wrong factor shows: pole pairs (an ESC that reports electrical rpm), 60 (rev/s),
+2 pi/60 (rad/s), powers of ten.
+
+Do rotor speeds and acceleration have the same clock?
+
+What the rotors do more, the body feels at once: their squared speeds together rise and fall with
+the upward specific force. A table put together from two logs, or telemetry that queues, has one of
+the two seconds later, and manoeuvres would be explained by inertias that nothing has. Delays up to
+`USUAL` are a matter of the fit (effect `sensor_lag` of the rotor speeds); beyond is another clock.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.motor_order import ANSWERS, DECISIVE
+from thrustmargin.models.checks.motor_order import FEWEST_ROWS as FEWEST_OF_ORDER
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats
-from thrustmargin.models.physics.smoothing import row_step
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0, track_air
+from thrustmargin.models.physics.smoothing import known_median, row_step, running_mean
 
 TURNING = 30.0  # rpm; no propeller that lifts an aircraft turns slower
 HELD_S = 3.0  # s; slow ESC telemetry repeats a value for one or two
@@ -265,3 +285,189 @@ def _step(values: Floats) -> float:
     """Return the grid, rpm, that readings (T,) are on: the least distance of two different ones."""
     apart = np.diff(np.unique(values))
     return float(apart.min()) if apart.size else 0.0
+
+
+#: Pole pairs of motors that carry sprayers and their trainers.
+POLE_PAIRS = (4, 6, 7, 10, 11, 12, 14, 15, 16, 18, 20, 21)
+#: reported over true -> what that unit is
+OTHER_UNITS = {
+    1.0 / 60.0: "revolutions per second",
+    2.0 * math.pi / 60.0: "rad/s",
+    0.1: "tens of rpm",
+    0.01: "hundreds of rpm",
+    100.0: "hundredths of rpm",
+}
+#: A ratio within this of 1 is a rotor's own speed: payload, wear and air explain it.
+USUAL_RATIO = (0.75, 1.35)
+#: A factor fits when the ratio over it is within this of 1.
+CLOSE = 0.15
+FEWEST_ROWS = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedScale:
+    """Reported rotor speed over the speed that the weight needs."""
+
+    verdict: Literal["rotor", "electrical", "unit", "odd", "unknown"]
+    words: str
+    ratio: float  # with the tank as reported, else with half a tank
+    low: float  # with a full tank where the level is unknown
+    high: float  # with an empty one
+    rows: int
+
+
+def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
+    """Compare the flight's rotor speeds with what its weight and the thrust curve need."""
+    nan = float("nan")
+    unknown = SpeedScale(
+        verdict="unknown",
+        words="cannot tell: too few rows in flight with every rotor's speed",
+        ratio=nan,
+        low=nan,
+        high=nan,
+        rows=0,
+    )
+    if track.rotor_count != airframe.rotor_count:
+        return unknown
+    density = track_air(track).density
+    thrust = (
+        airframe.thrust_coefficient
+        * (density / airframe.reference_density)
+        * np.sum(airframe.rotor_effectiveness * track.rotor_speed_rpm**2, axis=1)
+    )
+    lift = lifted_mass(track, thrust)
+    use = np.isfinite(lift)
+    rows = int(np.sum(use))
+    if rows < FEWEST_ROWS:
+        return replace(unknown, rows=rows)
+
+    def ratio_with(tank_kg: np.ndarray | float) -> float:
+        return known_median(np.sqrt(lift / (airframe.empty_mass + tank_kg)))
+
+    lift = lift[use]
+    gauge = track.measured("tank_kg")
+    tank_kg = np.where(gauge >= 0, gauge, np.nan)[use]
+    if np.isfinite(tank_kg).any():
+        ratio = full = empty = ratio_with(tank_kg)
+    else:
+        full, empty = ratio_with(airframe.tank_capacity_kg), ratio_with(0.0)
+        ratio = ratio_with(0.5 * airframe.tank_capacity_kg)
+    verdict, words = _named(ratio, full, empty, airframe)
+    return SpeedScale(verdict=verdict, words=words, ratio=ratio, low=full, high=empty, rows=rows)
+
+
+def lifted_mass(track: FlightTrack, thrust: Floats) -> Floats:
+    """(T,) kg that `thrust` (T,) N holds in the rows in flight, as the body accelerates in them."""
+    # Thrust points up the body's axis: its specific force, without the drag of the body.
+    upward = -track.specific_force_frd[:, 2]
+    upward = np.where(np.isfinite(upward), upward, G0)
+    use = track.flying & np.isfinite(thrust) & (thrust > 0) & (upward > 0.5 * G0)
+    return np.where(use, thrust / np.where(use, upward, np.nan), np.nan)
+
+
+def _named(
+    ratio: float, low: float, high: float, airframe: Airframe
+) -> tuple[Literal["rotor", "electrical", "unit", "odd"], str]:
+    if low <= USUAL_RATIO[1] and high >= USUAL_RATIO[0]:
+        return "rotor", f"rotor speeds fit the weight (ratio {ratio:.2f})"
+    unit = min(OTHER_UNITS, key=lambda factor: abs(math.log(ratio / factor)))
+    if abs(math.log(ratio / unit)) <= math.log(1 + CLOSE):
+        return "unit", (
+            f"rotor speeds are {ratio:.3g} times what the weight needs: they look like "
+            f"{OTHER_UNITS[unit]}, not rpm"
+        )
+    own = airframe.motor_poles / 2.0
+    pairs = sorted({float(p) for p in POLE_PAIRS} | {own})
+    fitting = [p for p in pairs if low / (1 + CLOSE) <= p <= high * (1 + CLOSE)]
+    if fitting:
+        nearest = own if own in fitting else min(fitting, key=lambda p: abs(math.log(ratio / p)))
+        words = (
+            f"rotor speeds are {ratio:.1f} times what the weight needs: the ESC looks to report "
+            f"electrical rpm; set its pole count ({2 * nearest:g} poles fits"
+        )
+        others = [f"{2 * p:g}" for p in fitting if p != nearest]
+        return "electrical", words + (f", so would {', '.join(others)})" if others else ")")
+    return "odd", (
+        f"rotor speeds are {ratio:.2f} times what the weight and the thrust curve of "
+        f"{airframe.name} need: wrong airframe, wrong unit, or a load that it does not know"
+    )
+
+
+LARGEST_DELAY = 1.4  # s, either way
+REACH = 10.0  # s, either way, that are tried
+TREND = 5.0  # s of the running mean that is taken out: the tank and climbs drift
+SMOOTH_ROWS = 3  # rows over which a body feels what its rotors do, and its noise evens out
+
+
+def late_speeds(track: FlightTrack) -> str | None:
+    """Why the rotor speeds of a flight are of other seconds than its acceleration, and what to do.
+
+    None where they are not, or where the flight moves too little to tell.
+    """
+    delay_s, correlation, likelihood = delays(track)
+    if not delay_s.size:
+        return None
+    usual = np.abs(delay_s) <= LARGEST_DELAY + (delay_s[1] - delay_s[0]) / 2.0
+    best, at_usual = np.argmax(likelihood), np.argmax(np.where(usual, likelihood, -1.0))
+    lead = likelihood[best] - likelihood[at_usual]
+    if usual[best] or correlation[best] < ANSWERS or lead < DECISIVE:
+        return None
+    late = delay_s[best]
+    return (
+        f"rotor speeds come {abs(late):.1f} s {'after' if late > 0 else 'before'} the acceleration "
+        f"that they make (correlation {correlation[best]:.2f}; {correlation[at_usual]:.2f} within "
+        f"{LARGEST_DELAY:g} s): they have another clock; move them by {-late:+.1f} s"
+    )
+
+
+def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
+    """Delays (D,) s of rotor speeds, correlation at each (D,), log-likelihood over none (D,).
+
+    Empty where specific force or rotor speeds are not known in
+    `FEWEST_OF_ORDER` rows of the flight.
+    """
+    time_s = track.time_s
+    squares = np.sum(track.rotor_speed_rpm**2, axis=1)
+    upward = -track.specific_force_frd[:, 2]
+    known = track.flying & np.isfinite(squares) & np.isfinite(upward)
+    empty = np.empty(0)
+    if np.sum(known) < FEWEST_OF_ORDER:
+        return empty, empty, empty
+    step = float(np.median(np.diff(time_s[known])))
+    if not REACH / 1000.0 < step <= LARGEST_DELAY / 2.0:
+        return empty, empty, empty
+    grid = np.arange(time_s[known][0], time_s[known][-1], step)
+    # Rows beside pauses and landings are joined by a line; a delay that is real outweighs them.
+    together, felt = (
+        _quick(np.interp(grid, time_s[known], c[known]), step) for c in (squares, upward)
+    )
+    furthest = min(round(REACH / step), grid.size - FEWEST_OF_ORDER)
+    if furthest < 1:
+        return empty, empty, empty
+    rows = np.arange(-furthest, furthest + 1)
+    found = np.array([_alike(together[max(k, 0) :], felt[max(-k, 0) :]) for k in rows])
+    return (rows * step).astype(np.float64), found[:, 0], found[:, 1]
+
+
+def _quick(values: Floats, step: float) -> Floats:
+    """Without its running mean, and smoothed."""
+    values = values - running_mean(values, round(TREND / step) | 1)
+    return running_mean(values, SMOOTH_ROWS)
+
+
+def _alike(one: Floats, other: Floats) -> tuple[float, float]:
+    """Correlation of what two have in common from their first row on, and its log-likelihood.
+
+    Neighbours are alike: independent samples are fewer by Bartlett's rule (1935) for two
+    autoregressive series of first order.
+    """
+    rows = min(one.size, other.size)
+    one, other = one[:rows], other[:rows]
+    powers = float(one @ one), float(other @ other)
+    if min(powers) <= 0.0:
+        return 0.0, 0.0
+    correlation = float(one @ other) / np.sqrt(powers[0] * powers[1])
+    both = float(one[1:] @ one[:-1]) * float(other[1:] @ other[:-1]) / (powers[0] * powers[1])
+    samples = rows * (1.0 - both) / (1.0 + both)
+    explained = min(max(correlation, 0.0), 0.999999) ** 2
+    return correlation, -0.5 * samples * float(np.log1p(-explained))

@@ -1,30 +1,28 @@
-"""The catalogue of physical effects. Adding one is adding one file to the room of its kind.
+"""The catalogue of physical effects.
 
-Each module of a room (inputs, demand, moments, coefficient) has its effects in `EFFECTS`. The
-catalogue has them in the order of the kinds, then of their names.
-`models.effects.compose` puts effects together into rotor speeds; `identification.loop` searches
-this catalogue and nothing else.
+An effect is added to the module of what it changes (instrument, demand, moment, thrust effects) and
+to the `EFFECTS` of that module. The catalogue lists them in the order of the kinds, then of names.
+`models.effects.compose` combines effects into rotor speeds; `identification.loop` searches this
+catalogue and nothing else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import fields
 from difflib import get_close_matches
-from importlib import import_module
-from pkgutil import iter_modules
 
+from thrustmargin.models.effects import (
+    demand_effects,
+    instrument_effects,
+    moment_effects,
+    thrust_effects,
+)
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.airframe import Airframe
-
-
-def _found() -> Iterator[Effect]:
-    for room in (module.name for module in iter_modules(__path__) if module.ispkg):
-        for module in iter_modules(import_module(f"{__name__}.{room}").__path__):
-            yield from import_module(f"{__name__}.{room}.{module.name}").EFFECTS
 
 
 def with_known_channels(effects: Iterable[Effect]) -> list[Effect]:
@@ -45,9 +43,12 @@ def with_known_channels(effects: Iterable[Effect]) -> list[Effect]:
     return found
 
 
+#: The modules of effects, one for what each changes; each lists its own in `EFFECTS`.
+_KINDS = (instrument_effects, demand_effects, moment_effects, thrust_effects)
+
 CATALOGUE: tuple[Effect, ...] = tuple(
     sorted(
-        with_known_channels(_found()),
+        with_known_channels(effect for kind in _KINDS for effect in kind.EFFECTS),
         key=lambda effect: (list(Kind).index(effect.kind), effect.name),
     )
 )

@@ -17,16 +17,19 @@ from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer.accepted_names import accepted_names, size
-from thrustmargin.models.identification.answer.already_followed import followed_wind
+from thrustmargin.models.identification.answer.acceptance import (
+    accepted_names,
+    followed_wind,
+    open_cause,
+    size,
+)
+from thrustmargin.models.identification.answer.cross_validation import LeftOut, on_new_flights
 from thrustmargin.models.identification.answer.floor import floor_rpm
-from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_flights
+from thrustmargin.models.identification.answer.held_out_errors import Unseen, errors_of
 from thrustmargin.models.identification.answer.open_causes import change_on, open_causes
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.standing_shares import standing_shares
-from thrustmargin.models.identification.answer.unexplained import open_cause
-from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
 from thrustmargin.models.identification.rows.candidates import Candidate, slopes
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
 from thrustmargin.models.identification.rows.output_shares import (

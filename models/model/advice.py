@@ -23,9 +23,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from thrustmargin.models.checks.full_battery import HELD_ROWS
 from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
 from thrustmargin.models.checks.stopped_rotor import stopped_rotors
+from thrustmargin.models.checks.voltage import HELD_ROWS
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
@@ -35,10 +35,10 @@ from thrustmargin.models.model.analysis import (
 )
 from thrustmargin.models.model.caveats import Caveat, caveats
 from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.fill_limits import NextFill, next_fill, unsound_fill
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.model_misfit import ModelMisfit, model_misfit, with_misfit
-from thrustmargin.models.model.next_fill import NextFill, next_fill, unsound_fill
-from thrustmargin.models.model.output_witness import MisreadSpeed, misread_speed, undecided
+from thrustmargin.models.model.output_faults import MisreadSpeed, misread_speed, undecided
 from thrustmargin.models.model.rotor_faults import (
     FaultEpisode,
     FaultHistory,

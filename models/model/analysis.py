@@ -11,7 +11,7 @@ import numpy as np
 
 from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.effects.base import FlightState as FlightState
-from thrustmargin.models.effects.track_channels import own_channels
+from thrustmargin.models.effects.channels import own_channels
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import (

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import Effect, FlightState, Placed
-from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.effects.channels import Channels, channels_of
 from thrustmargin.models.effects.compose import (
     BaseTable,
     base_table,
@@ -32,7 +32,6 @@ from thrustmargin.models.effects.compose import (
     tolerant,
     unseen,
 )
-from thrustmargin.models.effects.track_channels import channels_of
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.rotor_model import RotorModel, hover_speed

@@ -29,13 +29,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from thrustmargin.models.checks.full_battery import POSSIBLE_VOLTAGE
 from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.checks.sudden_change import Prior
+from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
-from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
 from thrustmargin.models.effects.stored import losses_of
+from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import (
@@ -47,8 +47,13 @@ from thrustmargin.models.model.fault_test import (
     Kind,
     RotorFault,
 )
-from thrustmargin.models.model.output_onset import of_outputs, output_test, square_of_outputs
-from thrustmargin.models.model.output_witness import OutputWitness, undecided
+from thrustmargin.models.model.output_faults import (
+    OutputWitness,
+    of_outputs,
+    output_test,
+    square_of_outputs,
+    undecided,
+)
 from thrustmargin.models.model.predict import model_channels, predict, table_of
 from thrustmargin.models.model.rotor_fade import UNKNOWN_DRIFT, RotorFade
 from thrustmargin.models.model.rotor_model import RotorModel

@@ -25,9 +25,8 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.advice_words import action, headline
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.fill_limits import largest_fills
+from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.next_fill import before_take_off
 
 FLIGHTS = ("onset/worn_prop_onset.tlog", "campaign/v4_m16_q2.5.tlog")
 

@@ -18,8 +18,8 @@ from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.atmosphere import G0
 
 if TYPE_CHECKING:
-    from thrustmargin.models.model.network_points import NetworkPoints
     from thrustmargin.models.model.rotor_model import RotorModel
+    from thrustmargin.models.model.training import NetworkPoints
     from thrustmargin.models.physics.matching import Matching
 
 PAPER_AIRFRAME = "topxgun-f16"
@@ -148,7 +148,7 @@ def notes(matching: Matching) -> list[str]:
 def _network(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
     """The network's points, and a sentence that says what they are or why there are none."""
     from thrustmargin.models.model.model_file import load_model, shipped_model
-    from thrustmargin.models.model.network_points import network_points
+    from thrustmargin.models.model.training import network_points
 
     if path is not None:
         model = load_model(path)

@@ -169,7 +169,7 @@ def _same(first: Path, second: Path) -> bool:
 def check_voltage(voltage: float, craft: Airframe) -> None:
     """Raise UsageError for what no battery of the airframe's number of cells has in flight: less
     than an empty one, or more than its charger leaves in it."""
-    from thrustmargin.models.checks.full_battery import POSSIBLE_VOLTAGE, TOLERANCE, full_voltage
+    from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE, TOLERANCE, full_voltage
 
     nominal = craft.nominal_voltage
     low, high = POSSIBLE_VOLTAGE[0] * nominal, (1.0 + TOLERANCE) * full_voltage(craft)

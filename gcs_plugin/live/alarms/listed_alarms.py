@@ -41,7 +41,7 @@ from thrustmargin.models.checks.stopped_rotor import StoppedWatch
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
-from thrustmargin.models.model.output_witness import undecided
+from thrustmargin.models.model.output_faults import undecided
 from thrustmargin.models.model.rotor_faults import FaultHistory, RotorFaults, fault_signals
 
 AGAIN = 60.0  # s within which an alarm that comes again is the same one

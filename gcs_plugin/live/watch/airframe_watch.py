@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET, AIRFRAME_UNKNOWN
-from thrustmargin.models.checks.full_battery import ceiling_too_high, highest
-from thrustmargin.models.checks.speed_scale import FEWEST_ROWS
+from thrustmargin.models.checks.speed_readings import FEWEST_ROWS
+from thrustmargin.models.checks.voltage import ceiling_too_high, highest
 from thrustmargin.models.flight import FlightTrack, joined
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.predict import identified_airframe

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from thrustmargin.models.checks.broken_voltage import VoltageSoFar
 from thrustmargin.models.checks.frozen import Stand, frozen, left_out, without_broken_voltage
+from thrustmargin.models.checks.voltage import VoltageSoFar
 from thrustmargin.models.flight import FlightTrack, joined
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Reason

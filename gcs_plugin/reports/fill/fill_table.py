@@ -13,8 +13,7 @@ from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, how_sure
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.numbers import number
-from thrustmargin.models.model.fill_limits import Fills, largest_fills
-from thrustmargin.models.model.next_fill import NextFill, before_take_off
+from thrustmargin.models.model.fill_limits import Fills, NextFill, before_take_off, largest_fills
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
 

@@ -15,13 +15,16 @@ from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.change_points import SeasonEntry
-from thrustmargin.models.identification.season.flight_sums import FlightEvidence, from_arrays
+from thrustmargin.models.identification.season.flight_sums import (
+    FlightEvidence,
+    from_arrays,
+    season_sums,
+)
 from thrustmargin.models.identification.season.season_changes import (
     SeasonChanges,
     Trend,
     season_changes,
 )
-from thrustmargin.models.identification.season.season_sums import season_sums
 from thrustmargin.models.model.advice import FlightLevel
 
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"

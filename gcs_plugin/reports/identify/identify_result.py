@@ -14,9 +14,13 @@ from thrustmargin.gcs_plugin.wording.loop.effect_sentences import asked_of, effe
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import answer
 from thrustmargin.gcs_plugin.wording.numbers import chance, number, shown_unit, within
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer import unseen_errors
-from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
-from thrustmargin.models.identification.answer.model_update import ModelUpdate, update_model
+from thrustmargin.models.identification.answer import held_out_errors
+from thrustmargin.models.identification.answer.model_update import (
+    MarginChange,
+    ModelUpdate,
+    margin_changes,
+    update_model,
+)
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight, following_flight
 from thrustmargin.models.json_values import to_json_values
@@ -33,8 +37,8 @@ class Result:
     update: ModelUpdate
     tracks: Sequence[FlightTrack]  # the fitted flights, then the held-out ones
     not_used: tuple[UnusedLog, ...]
-    unseen: tuple[unseen_errors.Unseen, ...]  # the last one is that of the errors
-    errors: tuple[unseen_errors.RotorErrors, ...]  # all rotors, then each
+    unseen: tuple[held_out_errors.Unseen, ...]  # the last one is that of the errors
+    errors: tuple[held_out_errors.RotorErrors, ...]  # all rotors, then each
     margins: tuple[MarginChange, ...]  # of each effect
     margin: MarginChange  # of all effects, worst rotor
     following: NextFlight | None
@@ -66,7 +70,7 @@ def result_of(
         tracks=tracks,
         not_used=tuple(not_used),
         unseen=unseen,
-        errors=unseen_errors.rotor_errors(unseen[-1]),
+        errors=held_out_errors.rotor_errors(unseen[-1]),
         margins=margins,
         margin=margin,
         following=following,

@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, channel_title
 from thrustmargin.gcs_plugin.wording.palette import residual_scale
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.answer.unseen_errors import Unseen
+from thrustmargin.models.identification.answer.held_out_errors import Unseen
 from thrustmargin.models.identification.rows.problem import Problem
 
 LEAST_VARIATION = 0.02  # of its median, below which nothing can be seen to go with a channel

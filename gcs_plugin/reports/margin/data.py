@@ -24,7 +24,7 @@ from thrustmargin.models.checks.loss_of_control import LossOfControl
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeBasis
-from thrustmargin.models.model.margin_check import MarginCheck
+from thrustmargin.models.model.model_misfit import MarginCheck
 from thrustmargin.models.scores import Estimate
 
 SCHEMA = "thrustmargin.report/1"

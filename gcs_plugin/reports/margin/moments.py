@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
-from thrustmargin.models.model.output_witness import MisreadSpeed
+from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 from thrustmargin.models.physics.smoothing import known_mean
 

@@ -17,7 +17,7 @@ from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from thrustmargin.models.model.network_points import NetworkPoints
+    from thrustmargin.models.model.training import NetworkPoints
     from thrustmargin.models.physics.matching import Matching
 
 INK = "#1f2933"

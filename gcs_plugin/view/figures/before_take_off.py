@@ -8,8 +8,7 @@ from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, fill_advice
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.fill_limits import largest_fills
-from thrustmargin.models.model.next_fill import before_take_off
+from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
 
 AIRSPEED = 5.0  # m/s, what `thrustmargin fill` takes unless it is asked for another
 CHANGE = 0.003  # of air density, from which it is worked out anew

@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.wording.loop import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.loop.effect_amounts import DescribedEffect, rotor_words
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS
 from thrustmargin.models.effects.base import Placed
-from thrustmargin.models.effects.inputs.wind import FOLLOWED_WIND
+from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND
 from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
 from thrustmargin.models.identification.certainty import COSTS
 from thrustmargin.models.model.rotor_model import RotorModel

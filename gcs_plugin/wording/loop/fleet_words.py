@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.wording.loop.effect_sentences import WORDS
 from thrustmargin.gcs_plugin.wording.numbers import known, number, within
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.season.change_points import SeasonEntry
-from thrustmargin.models.identification.season.season_sums import LOSS
+from thrustmargin.models.identification.season.flight_sums import LOSS
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,8 +28,8 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     shown_unit,
     within,
 )
-from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
-from thrustmargin.models.identification.answer.margin_change import WORST_SHARE, MarginChange
+from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
+from thrustmargin.models.identification.answer.model_update import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.answer.result import (
     Errors,
     Excluded,

@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.left_out import FIFTHS, MOST_FOLDS
+from thrustmargin.models.identification.answer.cross_validation import FIFTHS, MOST_FOLDS
 from thrustmargin.models.identification.rows.problem import Problem, thinned
 from thrustmargin.models.identification.sets.discrepancy import hats
 

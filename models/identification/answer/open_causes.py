@@ -28,8 +28,8 @@ from thrustmargin.models.effects.unnamed import (
     curve_columns,
 )
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.borne_out import LEAST_FALL
-from thrustmargin.models.identification.answer.left_out import MOST_FOLDS
+from thrustmargin.models.identification.answer.acceptance import LEAST_FALL
+from thrustmargin.models.identification.answer.cross_validation import MOST_FOLDS
 from thrustmargin.models.identification.answer.result import Found, OpenCause
 from thrustmargin.models.identification.certainty import SURE
 from thrustmargin.models.identification.rows.candidates import (

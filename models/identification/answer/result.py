@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.answer.held_out_errors import Errors, Unseen
 from thrustmargin.models.identification.answer.standing_shares import StandingShares
-from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
 from thrustmargin.models.identification.certainty import CHOICE
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import Problem

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
-from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS, ROTOR_DEGRADATION
+from thrustmargin.models.effects.thrust_effects import LOSS, ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import TrialEffect, placed
 from thrustmargin.models.identification.rows.output_shares import lacks_sound_flights

@@ -26,10 +26,10 @@ from thrustmargin.models.identification.rows.candidates import (
     predicted,
     slopes,
 )
+from thrustmargin.models.identification.rows.noise import Whitening, plain
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
 from thrustmargin.models.identification.rows.problem import Problem, assemble
 from thrustmargin.models.identification.rows.row_fit import block_sums
-from thrustmargin.models.identification.rows.whitening import Whitening, plain
 from thrustmargin.models.identification.sets.discrepancy import WANDER, slow_wander
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.records import GoodFlights, scatter_between

@@ -19,13 +19,13 @@ import numpy as np
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     Term,
     TrialEffect,
     candidate,
 )
+from thrustmargin.models.identification.rows.noise import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
 from thrustmargin.models.identification.rows.problem import Problem, assemble, thinned
 from thrustmargin.models.identification.rows.row_fit import (

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import Effect, Parameter, Placed
-from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS
-from thrustmargin.models.effects.demand.parasite_drag import PARASITE_DRAG
+from thrustmargin.models.effects.demand_effects import PARASITE_DRAG
+from thrustmargin.models.effects.thrust_effects import LOSS
 from thrustmargin.models.effects.unnamed import (
     ALONG,
     CONSTANT,

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.channels import LAG_STEP
-from thrustmargin.models.effects.inputs.sensor_lag import ROTOR_SPEED_LAG
+from thrustmargin.models.effects.instrument_effects import ROTOR_SPEED_LAG
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.noise import whitening_of
 from thrustmargin.models.identification.rows.problem import Problem
-from thrustmargin.models.identification.rows.whitening import whitening_of
 from thrustmargin.models.network.records import GoodFlights, scatter_between
 
 ENOUGH = 1_500  # rows: they show a delay to 2 ms, and telemetry repeats to no better than 10

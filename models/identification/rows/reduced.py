@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.effects.channels import concatenate, froude_time_scale
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.fast_rows import UNKNOWN, delay_of_rows
+from thrustmargin.models.identification.rows.noise import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.output_shares import of_outputs
 from thrustmargin.models.identification.rows.problem import (
     Problem,

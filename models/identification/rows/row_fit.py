@@ -17,8 +17,8 @@ from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.candidates import TrialEffect, derivatives, predicted
+from thrustmargin.models.identification.rows.noise import Whitening, plain
 from thrustmargin.models.identification.rows.problem import Problem
-from thrustmargin.models.identification.rows.whitening import Whitening, plain
 
 ROUNDS = 2  # of weights by what is left
 STEPS = 10  # of Gauss and Newton in each

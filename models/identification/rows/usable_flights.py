@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from typing import Protocol
 
-from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.motor_order import check_motor_order
+from thrustmargin.models.checks.speed_readings import late_speeds
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.problem import LEAST_ROWS, assemble_flight

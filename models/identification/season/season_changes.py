@@ -28,7 +28,7 @@ from thrustmargin.models.identification.season.change_points import (
     placed,
     spread_beyond,
 )
-from thrustmargin.models.identification.season.season_sums import SeasonSums, season_sums
+from thrustmargin.models.identification.season.flight_sums import SeasonSums, season_sums
 from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.set_search import NEAR
 

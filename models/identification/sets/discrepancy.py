@@ -5,15 +5,34 @@ airspeed times tank mass; a heading has its first two harmonics, the pump a step
 wanders: slow noise that goes with nothing, as weather does, is a curve of its own over time.
 Coefficients are drawn from a normal distribution whose size is a hypothesis of the search. Source:
 Kennedy and O'Hagan 2001, the discrepancy of a model as a smooth function with its own prior.
+
+What the laws of the base model and its effects may be off by, as directions of rotor speed.
+
+What sound flights show: how large the scatter and the discrepancy are when nothing is missing.
+
+Both are variance components of a linear model, found by expectation and maximisation (Dempster,
+Laird and Rubin 1977; Laird and Ware 1982): the mean square of each draw given the flights takes the
+place of its variance, until it stays.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.effects.moment_effects import MANOEUVRE_MOMENT
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.candidates import predicted
+from thrustmargin.models.identification.rows.reduced import Reduced
+from thrustmargin.models.identification.sets.nuisance import (
+    FlightScatter,
+    Nuisance,
+    root_of,
+    root_of_shared,
+)
 
 #: channel -> number of hats, and the least span over which it can be a cause: less is control
 CHANNELS = {
@@ -127,3 +146,193 @@ def slowly(values: Floats, flight: NDArray[np.intp]) -> Floats:
         sums = np.convolve(values[mine], ones, mode="same")
         out[mine] = sums / np.convolve(np.ones(int(mine.sum())), ones, mode="same")
     return out
+
+
+LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
+SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
+ANSWER = 0.3  # of an output's answer to a turn: what a third less thrust would make of it
+
+
+def what_laws_leave(reduced: Reduced) -> Floats:
+    """(N, R, D) rpm in modes: what the base model may be off by, and the forms of its effects.
+
+    A law may be off along slow channels and with how large the change is: where large turns bend
+    otherwise than small ones, another inertia against the law's own freedom would take that.
+    """
+    columns = [np.moveaxis(reduced.in_modes(reduced.uncertainty_rpm), 0, 2)]
+    base, slow = predicted(reduced, ()), form_columns(reduced.channels)
+    for k in range(len(reduced.model.placed)):
+        change = np.nan_to_num(base - reduced.in_modes(reduced.speeds((), without=k)))
+        for mode in range(base.shape[1]):
+            if np.sqrt(np.mean(change[:, mode] ** 2)) < LEAST_CHANGE:
+                continue
+            size = change[:, mode, None]
+            along = np.concatenate([slow, (size / np.abs(size).max()) ** 2], axis=1)
+            own = np.zeros((*base.shape, along.shape[1]))
+            own[:, mode] = FORM * size * along
+            columns.append(own)
+    columns += _shapes(reduced, base)
+    columns += [_answers_to_load(reduced, base)]
+    columns += _answers(reduced, base) if reduced.of_outputs else []
+    columns += [] if reduced.model.taught else [_of_rotors(reduced, base)]
+    return np.concatenate(columns, axis=2)
+
+
+def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
+    """What the shapes of the model's own effects (lags, derivative corrections) may be off by."""
+    columns = []
+    for k, item in enumerate(reduced.model.placed):
+        for p in item.effect.parameters:
+            if p.detail:
+                value = float(item.values[p.name])
+                step = SHAPE * p.scale * (1.0 if value < (p.lower + p.upper) / 2 else -1.0)
+                moved = replace(item, values={**item.values, p.name: value + step})
+                change = reduced.in_modes(reduced.speeds((moved,), without=k)) - base
+                columns.append(np.nan_to_num(change)[:, :, None])
+    return columns
+
+
+def _of_rotors(reduced: Reduced, base: Floats) -> Floats:
+    """(N, R, R) rpm: FORM of what each rotor's predicted speed does within its flight.
+
+    Where no flight has shown how the rotors of this aircraft answer to load, that is known no
+    better than the laws that load them, and by that alone none is a weak one.
+    """
+    directions = reduced.modes.directions
+    speed = np.nan_to_num(base) @ directions.T
+    for f in np.unique(reduced.flight):
+        speed[reduced.flight == f] -= speed[reduced.flight == f].mean(axis=0)
+    return FORM * speed[:, None, :] * directions.T
+
+
+def _answers_to_load(reduced: Reduced, base: Floats) -> Floats:
+    """(N, R, R - 1) rpm: what the moments' modes do while gusts and manoeuvres load the rotors.
+
+    A controller's answer, as large as the load's own change: it is no sign of how rotors share it.
+    """
+    load = np.nan_to_num(base[:, 0])
+    fast = load - slowly(load, reduced.flight)
+    return fast[:, None, None] * np.eye(base.shape[1])[None, :, 1:]
+
+
+def _answers(reduced: Reduced, base: Floats) -> list[Floats]:
+    """By how much each rotor's output may answer a turn more than the others.
+
+    Outputs are asked for, not measured: a rate loop that answers a gust asks the same of all
+    rotors, and not more of one that makes less thrust.
+    """
+    columns = []
+    for k, item in enumerate(reduced.model.placed):
+        if item.effect.key == MANOEUVRE_MOMENT.key:
+            turning = base - reduced.in_modes(reduced.speeds((), without=k))
+            by_rotor = np.nan_to_num(turning) @ reduced.modes.directions.T
+            for rotor, direction in enumerate(reduced.modes.directions):
+                columns.append((ANSWER * by_rotor[:, rotor, None] * direction)[:, :, None])
+    return columns
+
+
+STEPS = 20
+LEAST = 0.05  # of the size that a component began with, below which it is not let fall: few flights
+# cannot show that something never varies
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Learnt:
+    """Factors of the sizes that a nuisance began with."""
+
+    scatter: Floats  # (K,)
+    free: Floats  # (R, groups)
+
+
+def learn(
+    nuisance: Nuisance,
+    residual: Floats,
+    groups: tuple[str, ...],
+    numbers: NDArray[np.intp],
+    factor: float = 1.0,
+) -> Learnt:
+    """Variance components of a residual (N, R) rpm in modes.
+
+    `groups` (H,) is each hat's channel; `numbers` (K,) has the component of each column that a
+    flight draws for itself, -1 for those that keep their size.
+    """
+    names = list(dict.fromkeys(groups))
+    of = np.array([names.index(g) for g in groups])
+    modes = nuisance.free.shape[0]
+    scatter = np.ones(nuisance.scatter.shape[2])
+    free = np.ones((modes, len(names)))
+    sums = _Sums.of(nuisance, residual)
+    if factor != 1.0 and len(sums.flights) == 1:
+        sums = _of_draws_alone(sums, factor)
+    known, hats = sums.known, sums.hats
+    of = of[:hats]
+    acts = np.concatenate([one.acts for one in sums.flights])
+    for _ in range(STEPS):
+        size = np.concatenate([np.ones(known), free[:, of].ravel()])
+        taken, moved, spread = [], [], []
+        for one, seen in zip(sums.flights, sums.seen, strict=True):
+            own = scatter[one.acts, None]
+            root = root_of(np.eye(one.acts.size) + own * one.gram * own.T)
+            taken.append(root @ (own * np.concatenate([one.crossed * size, seen], axis=1)))
+            moved.append(root.T @ taken[-1])
+            spread.append(np.sum(root**2, axis=0))
+        crossed, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
+        left = size[:, None] * sums.shared * size - crossed.T @ crossed
+        root = root_of_shared(left, known, hats, factor)
+        mean = root.T @ (root @ (size[:, None] * sums.along - crossed.T @ drawn))
+        square = (mean[:, 0] ** 2 + np.sum(root**2, axis=0))[known:].reshape(modes, hats)
+        for g in range(len(names)):
+            free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if factor == 1.0 else 1.0
+        shift, at = np.split(np.concatenate(moved), [size.size], axis=1)
+        draws = (at - shift @ mean)[:, 0] ** 2 + np.concatenate(spread)
+        draws += np.sum((shift @ root.T) ** 2, axis=1)
+        # Where a draw shows nowhere, it is as large as it was taken to be.
+        drawn = 1.0 + np.bincount(acts, draws - 1.0, scatter.size) / len(sums.flights)
+        for g in range(numbers.max() + 1):
+            scatter[numbers == g] *= np.sqrt(drawn[numbers == g].mean())
+        scatter, free = np.maximum(scatter, LEAST), np.maximum(free, LEAST)
+    return Learnt(scatter=scatter, free=free)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sums:
+    """All that the steps need of a nuisance and a residual."""
+
+    flights: tuple[FlightScatter, ...]
+    seen: tuple[Floats, ...]  # of each (K, 1): S'r
+    shared: Floats  # (X, X) X'X
+    along: Floats  # (X, 1) X'r
+    known: int  # of X, those before the hats
+    hats: int  # of each mode
+
+    @classmethod
+    def of(cls, nuisance: Nuisance, residual: Floats) -> _Sums:
+        z = nuisance.filtered(residual[:, :, None])
+        pairs = zip(nuisance.by_flight, nuisance.flights, strict=True)
+        return cls(
+            flights=nuisance.by_flight,
+            seen=tuple(
+                (one.columns @ z.values[rows].swapaxes(0, 1)).sum(axis=0) for one, rows in pairs
+            ),
+            shared=nuisance.shared_gram,
+            along=nuisance.products(z)[0],
+            known=nuisance.uncertainty.shape[2],
+            hats=nuisance.free.shape[2],
+        )
+
+
+def _of_draws_alone(sums: _Sums, factor: float) -> _Sums:
+    """A single flight, what flights share marginalised once, for it keeps its size: the steps then
+    solve for the draws alone, a fifth of all."""
+    (one,), (seen,) = sums.flights, sums.seen
+    root = root_of_shared(sums.shared, sums.known, sums.hats, factor)
+    moved = one.crossed @ root.T
+    alone = replace(one, gram=one.gram - moved @ moved.T, crossed=one.crossed[:, :0])
+    return _Sums(
+        flights=(alone,),
+        seen=(seen - moved @ (root @ sums.along),),
+        shared=sums.shared[:0, :0],
+        along=sums.along[:0],
+        known=0,
+        hats=0,
+    )

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.identification.rows.noise import Whitening
 from thrustmargin.models.identification.rows.value_columns import (
     ALL_FLIGHTS,
     ALL_MODES,
     ValueColumns,
 )
-from thrustmargin.models.identification.rows.whitening import Whitening
 
 #: times what a curve has, of a constant: 0.2 % of rotor speed, by which sound propellers
 #: scatter (0.4 % of thrust). A constant beyond that is an effect: the table has one for each mode

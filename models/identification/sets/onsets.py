@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thrustmargin.models.effects.coefficient.rotor_degradation import (
+from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_EACH,
     ROTOR_DEGRADATION_ONSET,

@@ -16,7 +16,7 @@ from itertools import combinations
 
 import numpy as np
 
-from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -26,7 +26,6 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
-from thrustmargin.models.identification.sets.column_sums import Prepared
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
     TEMPERATURE,
@@ -38,6 +37,7 @@ from thrustmargin.models.identification.sets.linear_sets import (
     FittedSet,
     Key,
     Linear,
+    Prepared,
 )
 from thrustmargin.models.identification.sets.nuisance import Nuisance
 

@@ -9,7 +9,7 @@ from thrustmargin.gcs_plugin.wording import actions, fault_words
 from thrustmargin.gcs_plugin.wording.actions import Action, When
 from thrustmargin.gcs_plugin.wording.loop import effect_sentences, fleet_words
 from thrustmargin.models.effects import CATALOGUE
-from thrustmargin.models.identification.season.season_sums import LOSS
+from thrustmargin.models.identification.season.flight_sums import LOSS
 from thrustmargin.models.model.rotor_faults import RotorFault
 
 ROOT = Path(__file__).parents[3]

@@ -18,7 +18,7 @@ from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, Rotor
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.fault_test import RotorFault
-from thrustmargin.models.model.next_fill import NextFill, unsound_fill
+from thrustmargin.models.model.fill_limits import NextFill, unsound_fill
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 from thrustmargin.models.model.thrust_use import ThrustUse
 

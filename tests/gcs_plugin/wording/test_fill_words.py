@@ -3,8 +3,7 @@
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, how_sure
-from thrustmargin.models.model.fill_limits import Reason
-from thrustmargin.models.model.next_fill import NextFill
+from thrustmargin.models.model.fill_limits import NextFill, Reason
 
 NAN = float("nan")
 

@@ -28,8 +28,8 @@ from thrustmargin.gcs_plugin.commands.season.season_flight import battery_resist
 from thrustmargin.gcs_plugin.reports.fleet.part_history import resistance
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.season.change_points import SeasonEntry
+from thrustmargin.models.identification.season.flight_sums import season_sums
 from thrustmargin.models.identification.season.season_changes import season_changes
-from thrustmargin.models.identification.season.season_sums import season_sums
 from thrustmargin.models.model.model_file import shipped_model
 
 FLIGHTS, FIRST, LEARNT = 100, 60, 30

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 
 PROGRAM = (sys.executable, "-m", "thrustmargin.gcs_plugin.cli")
 LIMIT = 900.0  # s that one command may take

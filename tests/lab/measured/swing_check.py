@@ -20,7 +20,7 @@ import numpy as np
 
 from tests.lab.measured.crazyflie import MeasuredFlight
 from tests.lab.measured.thrust_check import DIAMETER, flow
-from thrustmargin.models.effects.demand.slung_load import force_ned, swing
+from thrustmargin.models.effects.demand_effects import force_ned, swing
 from thrustmargin.models.flight import Floats, down_axis
 from thrustmargin.models.physics.atmosphere import G0
 

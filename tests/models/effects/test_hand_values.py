@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from thrustmargin.models.effects import CATALOGUE
-from thrustmargin.models.effects.demand.slung_load import force_ned
+from thrustmargin.models.effects.demand_effects import force_ned
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse

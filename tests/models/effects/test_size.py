@@ -9,7 +9,7 @@ from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.compose import rotor_speed_rpm
-from thrustmargin.models.effects.moments.flow_moment import FLOW_MOMENT
+from thrustmargin.models.effects.moment_effects import FLOW_MOMENT
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import physics_model

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tests.models.effects.test_hand_values import AIRFRAME, ROW, steady
-from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.effects.track_channels import channels_of
+from thrustmargin.models.effects.channels import Channels, channels_of
 
 
 def channels(**given) -> Channels:

@@ -7,8 +7,8 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.margin_check import margin_check
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.model_misfit import margin_check
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.model.network_points import network_points
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
+from thrustmargin.models.model.training import network_points
 from thrustmargin.models.network.network import RotorNetwork
 from thrustmargin.models.network.validity import TrainingDomain
 from thrustmargin.models.physics.airframe import load_airframe

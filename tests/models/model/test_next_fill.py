@@ -9,8 +9,12 @@ import pytest
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
-from thrustmargin.models.model.fill_limits import largest_fills
-from thrustmargin.models.model.next_fill import NextFill, before_take_off, next_fill
+from thrustmargin.models.model.fill_limits import (
+    NextFill,
+    before_take_off,
+    largest_fills,
+    next_fill,
+)
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.model.thrust_use import thrust_use
 from thrustmargin.models.physics.airframe import load_airframe

@@ -12,7 +12,7 @@ from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.prepared import prepared
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.output_onset import of_outputs, square_of_outputs
+from thrustmargin.models.model.output_faults import of_outputs, square_of_outputs
 from thrustmargin.models.model.rotor_faults import fault_episodes, fault_history
 from thrustmargin.models.physics.motor_output import curve_of, output_curve
 from thrustmargin.models.provenance import NOT_REPORTED

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.model.fault_test import RotorFault
-from thrustmargin.models.model.output_witness import (
+from thrustmargin.models.model.output_faults import (
     MisreadSpeed,
     OutputWitness,
     misread_speed,

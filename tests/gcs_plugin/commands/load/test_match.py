@@ -11,8 +11,8 @@ from thrustmargin.gcs_plugin.commands.load.match import match
 from thrustmargin.gcs_plugin.reports.model.model_figures import figure10, write_figure
 from thrustmargin.models.errors import AirframeError, DataError, ModelError
 from thrustmargin.models.model.model_file import save_model
-from thrustmargin.models.model.network_points import NetworkPoints
 from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.model.training import NetworkPoints
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
 from thrustmargin.models.physics.matching import match_airframe
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.identify.identify_result import effect_rows
-from thrustmargin.models.effects.moments.manoeuvre_moment import EFFECTS
+from thrustmargin.models.effects.moment_effects import EFFECTS
 
 
 def found(largest: float) -> Any:

@@ -15,13 +15,13 @@ from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
 )
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Effect
-from thrustmargin.models.effects.coefficient.rotor_degradation import (
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION_SINCE,
     ROTOR_DEGRADATION_UNTIL,
 )
-from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.unnamed import UNNAMED
-from thrustmargin.models.identification.answer.already_followed import FOLLOWED_WIND
+from thrustmargin.models.identification.answer.acceptance import FOLLOWED_WIND
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term

@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.wording.numbers import chance
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.unnamed import UNNAMED
-from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
+from thrustmargin.models.identification.answer.model_update import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.result import (
     Excluded,
     Found,

@@ -21,9 +21,8 @@ from thrustmargin.mission.ahead.battery import FlightBattery
 from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.mission.plan_items import PlanItem, plan_from_items
 from thrustmargin.models.effects.stored import EffectRecord, Identified
-from thrustmargin.models.model.fill_limits import largest_fills
+from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.next_fill import before_take_off
 
 MODEL = shipped_model()
 CARGO = replace(MODEL, network=None, airframe=replace(MODEL.airframe, tank_volume_l=0.0))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thrustmargin.models.identification.answer.accepted_names import shown_again, worth_a_look
+from thrustmargin.models.identification.answer.acceptance import shown_again, worth_a_look
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,11 @@ from scipy.stats import t as student
 from tests.models.identification.answer.test_model_update import found_by_hand, learnt_model
 from tests.models.made_flights import curve_model
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.coefficient.rotor_degradation import (
+from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
 )
+from thrustmargin.models.identification.answer.held_out_errors import Errors
 from thrustmargin.models.identification.answer.model_update import _background, _interval
 from thrustmargin.models.identification.answer.result import (
     Excluded,
@@ -24,7 +25,6 @@ from thrustmargin.models.identification.answer.result import (
     SetWeight,
     Unexplained,
 )
-from thrustmargin.models.identification.answer.unseen_errors import Errors
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.network.validity import calibrate, measure_coverage

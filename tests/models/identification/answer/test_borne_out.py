@@ -5,12 +5,12 @@ import pytest
 
 from tests.models.identification.answer.test_posterior import a_set, answer_of
 from tests.models.made_flights import curve_model, made_flights, table
-from thrustmargin.models.identification.answer.borne_out import (
+from thrustmargin.models.identification.answer.acceptance import (
     borne_out,
     is_worse,
     of_flights_left_out,
 )
-from thrustmargin.models.identification.answer.left_out import LeftOut
+from thrustmargin.models.identification.answer.cross_validation import LeftOut
 from thrustmargin.models.identification.answer.posterior import posterior_of
 from thrustmargin.models.identification.rows.reduced import rows_and_means
 from thrustmargin.models.identification.sets.search_space import search_space

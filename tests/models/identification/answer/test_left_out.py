@@ -7,8 +7,8 @@ import pytest
 
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.identification.answer.accepted_names import that_matter
-from thrustmargin.models.identification.answer.left_out import (
+from thrustmargin.models.identification.answer.acceptance import that_matter
+from thrustmargin.models.identification.answer.cross_validation import (
     LeftOut,
     own_values,
     residual_of_unseen,

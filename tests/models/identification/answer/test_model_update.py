@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
-from thrustmargin.models.effects.coefficient.rotor_degradation import (
+from thrustmargin.models.effects.instrument_effects import WIND
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
     ROTOR_DEGRADATION_UNTIL,
 )
-from thrustmargin.models.effects.inputs.wind import WIND
-from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.identification.answer import model_update
-from thrustmargin.models.identification.answer.margin_change import margin_changes
+from thrustmargin.models.identification.answer.held_out_errors import rotor_errors
 from thrustmargin.models.identification.answer.model_update import (
+    margin_changes,
     record_of,
     update_model,
     with_effects,
 )
 from thrustmargin.models.identification.answer.result import Found, Identification
-from thrustmargin.models.identification.answer.unseen_errors import rotor_errors
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.model.analysis import analyse

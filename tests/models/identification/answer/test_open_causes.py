@@ -11,8 +11,7 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer.margin_change import margin_changes
-from thrustmargin.models.identification.answer.model_update import with_effects
+from thrustmargin.models.identification.answer.model_update import margin_changes, with_effects
 from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.problem import assemble

@@ -11,8 +11,8 @@ from tests.models.made_flights import curve_model, made_flight, made_flights, ta
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer.held_out_errors import errors_of
 from thrustmargin.models.identification.answer.result import Found
-from thrustmargin.models.identification.answer.unseen_errors import errors_of
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import assemble

@@ -8,15 +8,15 @@ import pytest
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer.accepted_names import imitates
-from thrustmargin.models.identification.answer.posterior import Posterior, posterior_of
-from thrustmargin.models.identification.answer.result import OneOf
-from thrustmargin.models.identification.answer.unexplained import (
+from thrustmargin.models.identification.answer.acceptance import (
     _matters,
     acts_in,
     closest_to,
+    imitates,
     unexplained,
 )
+from thrustmargin.models.identification.answer.posterior import Posterior, posterior_of
+from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.loop import identify_checked
 from thrustmargin.models.identification.rows.candidates import (
     TrialEffect,

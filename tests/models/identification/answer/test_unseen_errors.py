@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thrustmargin.models.identification.answer.unseen_errors import (
+from thrustmargin.models.identification.answer.held_out_errors import (
     Unseen,
     errors_of,
     rotor_errors,

@@ -23,8 +23,8 @@ from thrustmargin.models.identification.good_flights.flight_scatter import (
     mean_and_error,
     own_estimate,
 )
+from thrustmargin.models.identification.rows.noise import plain
 from thrustmargin.models.identification.rows.problem import assemble
-from thrustmargin.models.identification.rows.whitening import plain
 
 
 def record(name: str, parameter: str, value: float, unit: str) -> EffectRecord:

@@ -8,7 +8,7 @@ import pytest
 from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import UNNAMED
-from thrustmargin.models.identification.next_flight.explanations import (
+from thrustmargin.models.identification.next_flight.next_flight import (
     Explanation,
     fitted_explanation,
     scatter,

@@ -20,7 +20,6 @@ from tests.models.identification.next_flight.test_explanations import (
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.answer.result import Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.next_flight import next_flight as module
-from thrustmargin.models.identification.next_flight.explanations import scatter
 from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     flown_track,
@@ -31,6 +30,7 @@ from thrustmargin.models.identification.next_flight.next_flight import (
     following_flight,
     next_flight,
     rows_of,
+    scatter,
 )
 from thrustmargin.models.identification.rows.candidates import Term, derivatives, predicted
 

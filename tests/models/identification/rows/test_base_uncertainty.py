@@ -9,11 +9,11 @@ from tests.models.made_flights import F16, made_flight
 from tests.models.model.test_model_by_hand import AIRFRAME, DRAG, learnt, network_rpm
 from tests.models.model.test_model_by_hand import flight as hand_flight
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.effects.demand.weight import EXTRA_MASS
+from thrustmargin.models.effects.demand_effects import EXTRA_MASS
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.good_flights.standard_effects import _half_widths
-from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.candidates import Term, candidate
+from thrustmargin.models.identification.rows.noise import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
 from thrustmargin.models.model.model_file import shipped_model

@@ -19,6 +19,7 @@ from thrustmargin.models.identification.rows.candidates import (
     predicted,
     slopes,
 )
+from thrustmargin.models.identification.rows.noise import Whitening, plain
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import (
     RowSums,
@@ -29,7 +30,6 @@ from thrustmargin.models.identification.rows.row_fit import (
     half_widths,
     inside_bounds,
 )
-from thrustmargin.models.identification.rows.whitening import Whitening, plain
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 

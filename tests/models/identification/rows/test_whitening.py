@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thrustmargin.models.identification.rows.whitening import Whitening, whitening_of
+from thrustmargin.models.identification.rows.noise import Whitening, whitening_of
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 FEWEST = 15

@@ -18,7 +18,7 @@ from thrustmargin.models.identification.season.flight_sums import (
     from_arrays,
     to_arrays,
 )
-from thrustmargin.models.identification.sets import learning
+from thrustmargin.models.identification.sets import discrepancy
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.model.model_file import shipped_model
@@ -127,7 +127,7 @@ def test_slow_noise_of_a_flight_is_learnt_as_with_all_nuisances_kept(monkeypatch
         kept.append(level)
         return sums
 
-    monkeypatch.setattr(learning, "_of_draws_alone", keep)
+    monkeypatch.setattr(discrepancy, "_of_draws_alone", keep)
     whole = flight_sums(model, track)
     assert kept
     size = np.sqrt(np.outer(np.diag(whole.gram), np.diag(whole.gram)))

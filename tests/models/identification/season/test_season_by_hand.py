@@ -13,12 +13,13 @@ from thrustmargin.models.identification.rows.candidates import TrialEffect, pred
 from thrustmargin.models.identification.season.change_points import penalty_of, spread_beyond
 from thrustmargin.models.identification.season.flight_sums import (
     FlightEvidence,
+    SeasonSums,
     flight_sums,
     from_arrays,
+    season_sums,
     to_arrays,
 )
 from thrustmargin.models.identification.season.season_changes import SeasonChanges, season_changes
-from thrustmargin.models.identification.season.season_sums import SeasonSums, season_sums
 from thrustmargin.models.identification.sets.search_space import search_space
 
 LOSS, SHARE = "rotor_degradation.loss@1", "rotor_degradation.torque_share@1"

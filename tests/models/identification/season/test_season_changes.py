@@ -16,9 +16,8 @@ from tests.models.identification.season.made_seasons import (
 )
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.identification.season.flight_sums import flight_sums
+from thrustmargin.models.identification.season.flight_sums import flight_sums, season_sums
 from thrustmargin.models.identification.season.season_changes import SeasonChanges, season_changes
-from thrustmargin.models.identification.season.season_sums import season_sums
 from thrustmargin.models.model.model_file import shipped_model
 
 

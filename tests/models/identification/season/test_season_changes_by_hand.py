@@ -18,14 +18,13 @@ from tests.models.identification.season.test_season_by_hand import (
 )
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import penalty_of
-from thrustmargin.models.identification.season.flight_sums import LIMITS
+from thrustmargin.models.identification.season.flight_sums import LIMITS, SeasonSums, season_sums
 from thrustmargin.models.identification.season.season_changes import (
     _about,
     _Found,
     _joint,
     season_changes,
 )
-from thrustmargin.models.identification.season.season_sums import SeasonSums, season_sums
 
 #: absent, lower, upper, scale, smallest, 1 of a flight's own, 1 of a shape
 PLAIN = (0.0, -100.0, 100.0, 10.0, 0.0, 0.0, 0.0)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from thrustmargin.models.identification.rows.noise import Whitening
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
-from thrustmargin.models.identification.rows.whitening import Whitening
-from thrustmargin.models.identification.sets.column_sums import Prepared
-from thrustmargin.models.identification.sets.learning import learn
+from thrustmargin.models.identification.sets.discrepancy import learn
+from thrustmargin.models.identification.sets.linear_sets import Prepared
 from thrustmargin.models.identification.sets.nuisance import Nuisance
 
 #: As the code has them, written down by hand: a change there is to be seen here.

@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flight, table
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.effects.coefficient.rotor_degradation import ONSETS
+from thrustmargin.models.effects.thrust_effects import ONSETS
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.candidates import Candidate, derivatives
 from thrustmargin.models.identification.sets import onsets

@@ -14,8 +14,12 @@ from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.identification.rows.candidates import derivatives, predicted
 from thrustmargin.models.identification.rows.modes import modes
-from thrustmargin.models.identification.sets.discrepancy import form_columns, slowly
-from thrustmargin.models.identification.sets.law_errors import _answers, what_laws_leave
+from thrustmargin.models.identification.sets.discrepancy import (
+    _answers,
+    form_columns,
+    slowly,
+    what_laws_leave,
+)
 from thrustmargin.models.identification.sets.search_space import (
     _left_noise,
     main_values,

@@ -11,8 +11,12 @@ from thrustmargin.models.identification.answer.posterior import EffectEstimate, 
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import derivatives, predicted
 from thrustmargin.models.identification.rows.reduced import reduce_flights
-from thrustmargin.models.identification.sets.discrepancy import free_columns, hats, wander_columns
-from thrustmargin.models.identification.sets.law_errors import _answers_to_load
+from thrustmargin.models.identification.sets.discrepancy import (
+    _answers_to_load,
+    free_columns,
+    hats,
+    wander_columns,
+)
 from thrustmargin.models.identification.sets.onsets import _LossSums, _steps, onset_candidates
 from thrustmargin.models.identification.sets.search_space import (
     _flight_offsets,

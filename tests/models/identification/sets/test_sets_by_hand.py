@@ -13,12 +13,13 @@ from tests.models.made_flights import curve_model
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.channels import froude_time_scale
-from thrustmargin.models.effects.coefficient.rotor_degradation import (
+from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
 )
 from thrustmargin.models.identification.rows.candidates import Term, candidate
 from thrustmargin.models.identification.sets.discrepancy import (
+    _shapes,
     form_columns,
     free_columns,
     hats,
@@ -27,7 +28,6 @@ from thrustmargin.models.identification.sets.discrepancy import (
     wander_columns,
 )
 from thrustmargin.models.identification.sets.evidence import prior_of
-from thrustmargin.models.identification.sets.law_errors import _shapes
 from thrustmargin.models.identification.sets.onsets import without_rotors
 from thrustmargin.models.identification.sets.search_space import (
     _busy,

@@ -10,7 +10,7 @@ from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.reduced import reduce_flights
-from thrustmargin.models.identification.sets.unreported_wind import unreported_wind
+from thrustmargin.models.identification.sets.search_space import unreported_wind
 from thrustmargin.models.network.validity import TrainingDomain
 
 SLOPE, STRONGEST = 1.5, 4.0

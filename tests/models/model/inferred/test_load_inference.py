@@ -10,7 +10,7 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.checks.speed_scale import check_speed_scale
+from thrustmargin.models.checks.speed_readings import check_speed_scale
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.usable_flights import too_little

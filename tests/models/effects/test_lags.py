@@ -8,8 +8,13 @@ import pytest
 from tests.models.made_flights import F16, made_flight
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Placed, look_of
-from thrustmargin.models.effects.channels import LAGS, derivative_look, lag_weights, shifts_look
-from thrustmargin.models.effects.track_channels import _shift_tables
+from thrustmargin.models.effects.channels import (
+    LAGS,
+    _shift_tables,
+    derivative_look,
+    lag_weights,
+    shifts_look,
+)
 from thrustmargin.models.model.predict import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 

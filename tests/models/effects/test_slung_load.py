@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.effects.demand.slung_load import SLUNG_LOADS, cable_pull, swing
+from thrustmargin.models.effects.demand_effects import SLUNG_LOADS, cable_pull, swing
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.candidates import (
     Term,

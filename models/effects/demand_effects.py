@@ -1,18 +1,20 @@
-"""A load on a cable: it swings, so its pull is not its share of the aircraft's own load factor.
+"""Effects on the total thrust that the rotors must make.
 
-The load hangs at distance l in direction q (a unit vector) below the hook. The hook's specific
-force f (what an accelerometer reads, turned into room axes) drives it, whatever the load's mass m:
+Extra mass, load factor, parasite drag and a slung load. A load on a cable swings, so its pull is
+not its share of the aircraft's own load factor. The load hangs at distance l in direction q (a
+unit vector) below the hook. The hook's specific force f (what an accelerometer reads, turned into
+room axes) drives it, whatever the load's mass m:
 
     l q'' = -(f - (f.q) q) - l |q'|² q - 2 zeta sqrt(g l) q'      tension = m (l |q'|² - f.q)
 
 Source: spherical pendulum on a moving hook in Newtonian mechanics (for multirotors: Sreenath, Lee
-and Kumar 2013). f is known from the log, so every cable length gives one history of the tension:
-a table of lengths, read between its columns, makes the length a parameter with a derivative.
+and Kumar 2013). The log gives f, so every cable length gives one history of the tension. A table
+of lengths, interpolated between its columns, makes the length a parameter with a derivative.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
@@ -20,10 +22,108 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from thrustmargin.models.effects.base import USUAL_ARM, Effect, Kind, Parameter, shaping
-from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.effects.channels import (
+    ALONG_SPAN,
+    LOAD_LOOK,
+    Channels,
+    derivative_look,
+    lag_weights,
+    shifts_look,
+)
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, body_axes
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
+
+EXTRA_MASS = Effect(
+    name="extra_mass",
+    kind=Kind.DEMAND,
+    parameters=(
+        # Smallest: 0.5 % of the empty aircraft, by what is taken along or left in hoses.
+        Parameter(name="mass", unit="kg", lower=-10.0, upper=20.0, scale=2.0, smallest=0.1),
+    ),
+    needs=("total_mass",),
+    source="weight: mass that the tank gauge does not see",
+    apply=lambda p, x, thrust: thrust * (1.0 + p["mass"] / x.total_mass),
+    on_airframe=lambda p, airframe, rotor: replace(
+        airframe, empty_mass=airframe.empty_mass + float(p["mass"])
+    ),
+)
+
+
+def _loaded(p, x: Channels, thrust):
+    weights = lag_weights(p["lag"] - x.delay, p["derivative_correction"])
+    kinematic = x.load_factor_shifts @ weights
+    felt = x.manoeuvre_load_shifts @ weights
+    blend = kinematic + p["imu_share"] * (felt - kinematic)
+    return thrust * (1.0 + p["gain"] * (blend - 1.0))
+
+
+LOAD_FACTOR = Effect(
+    name="load_factor",
+    kind=Kind.DEMAND,
+    parameters=(
+        Parameter(
+            name="gain",
+            unit="1",
+            start=0.5,
+            lower=-0.5,
+            upper=2.0,
+            scale=1.0,
+            smallest=0.05,  # by how well a velocity a few times a second shows an acceleration
+            accuracy=0.05,  # of the derivative of a velocity that is sampled and noisy
+        ),
+        shaping("imu_share", "1", start=0.5, lower=0.0, upper=1.0, scale=1.0),
+        shaping("derivative_correction", "1", start=0.0, lower=-0.33, upper=0.5, scale=0.2),
+        shaping("lag", "s", start=0.05, lower=0.0, upper=0.3, scale=0.2),
+    ),
+    needs=("load_factor_shifts",),
+    neutral={"load_factor_shifts": 1.0, "manoeuvre_load_shifts": 1.0},
+    of_every_aircraft=True,
+    source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts; "
+    "the derivative correction gives back what reports a few times a second smooth away, or "
+    "smooths their noise",
+    apply=_loaded,
+    change=lambda effect, has, scatter: None,  # Newton's law is the same on every day
+    looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),
+)
+
+_WEIGHT = (EXTRA_MASS, LOAD_FACTOR)
+
+
+def _dragged(p, x: Channels, thrust):
+    area = p["drag_area"]
+    pressure = 0.5 * x.density * x.airspeed**2
+    pushed = 2.0 * pressure * area * thrust / G0 * x.along_acceleration
+    square = thrust**2 + pressure**2 * area * abs(area) + pushed
+    floor = 0.25 * thrust**2
+    return np.sqrt(np.where(square > floor, square, floor))
+
+
+PARASITE_DRAG = Effect(
+    name="parasite_drag",
+    kind=Kind.DEMAND,
+    parameters=(
+        Parameter(
+            name="drag_area",
+            unit="m^2",
+            start=0.5,
+            lower=-1.0,  # no more than the model itself can have of it
+            upper=6.0,
+            scale=1.0,
+            smallest=0.05,  # hoses, wet covers, and wind that nobody reports
+        ),
+    ),
+    needs=("airspeed", "density"),
+    neutral={"airspeed": 0.0},
+    of_every_aircraft=True,
+    source="thrust carries weight, drag and acceleration: |m (a - g) - D|, D = rho CdA V^2 / 2, so "
+    "its square has D^2 and, while speeding up along the way, 2 D m a",
+    apply=_dragged,
+    looks=lambda p: (derivative_look(ALONG_SPAN), derivative_look(ALONG_SPAN)),
+)
+
+_DRAG = (PARASITE_DRAG,)
+
 
 SHORTEST = 4.0  # arms of the aircraft
 RATIO = 1.035  # of neighbouring lengths
@@ -220,4 +320,7 @@ def _bracket(number: int) -> Effect:
 
 
 SLUNG_LOADS = tuple(_bracket(k) for k in range(BRACKETS))
-EFFECTS = SLUNG_LOADS
+_SLUNG = SLUNG_LOADS
+
+
+EFFECTS = (*_WEIGHT, *_DRAG, *_SLUNG)

@@ -1,5 +1,6 @@
 """Errors on rows that an answer has not seen: held-out flights where there are some, else every
-row as it is predicted without its flight (of one flight, without its fifth)."""
+row as it is predicted without its flight (of one flight, without its fifth).
+"""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.effects.coefficient.inflow import CLIMB_INFLOW
+from thrustmargin.models.effects.thrust_effects import CLIMB_INFLOW
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.predict import model_channels
 

@@ -1,9 +1,9 @@
-"""A voltage that falls at once, of which the motors feel nothing: the reading broke, no battery.
+"""Check the voltmeter: a reading that breaks down, and one above that of a full battery.
 
-A rotor turns in proportion to output and voltage: d ln(speed / output) = d ln V. Of a fall by a
-quarter within LOOK seconds half at least must show: as more output, or as less speed. Without
-speeds the weight stands for them, which does not fall at once. Once a reading was broken for LOOK,
-motors are no longer asked; it ends when the voltage is back, on the ground too.
+A rotor turns in proportion to output and voltage: d ln(speed / output) = d ln V. A voltage that
+falls by a step that the motors do not follow is a broken reading, not the battery. A voltage above
+that of a full battery shows a voltmeter that reads too much: the ceiling of rotor speed that is
+taken from it is then too high.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_means
 
 FALL = 0.75  # share of the voltage LOOK before, below which it fell at once
@@ -60,3 +61,46 @@ def broken_voltage(
     broke = broke[len(so_far.rows) :]
     near = np.convolve(broke, EDGE)[5:-5] > 0.0 if broke.any() else broke
     return near, VoltageSoFar(kept, sound, float(since_s))
+
+
+POSSIBLE_VOLTAGE = (0.78, 1.22)  # over nominal, of a battery of the same cells in flight
+#: V that a lithium cell is called by -> V at which its charger ends.
+FULL_CELL = {3.6: 4.2, 3.7: 4.2, 3.8: 4.35, 3.85: 4.4}
+TOLERANCE = 0.01  # share, of charger and voltmeter
+HELD_ROWS = 20  # with so much or more: a spike is none
+
+
+def full_voltage(airframe: Airframe) -> float:
+    """V of the airframe's battery when full: by the kind of cell whose number comes out whole.
+
+    The voltage at which the ceiling was measured was there too.
+    """
+    nominal = airframe.nominal_voltage
+    if not np.isfinite(nominal):
+        return float("nan")
+    called = min(FULL_CELL, key=lambda volts: abs(nominal / volts - round(nominal / volts)))
+    return max(nominal / called * FULL_CELL[called], airframe.ceiling_voltage)
+
+
+def highest(voltage: Floats, airframe: Airframe) -> Floats:
+    """The HELD_ROWS highest of (T,) V that are possible, or all of them where they are fewer."""
+    possible = (voltage > 0.0) & (voltage <= POSSIBLE_VOLTAGE[1] * airframe.nominal_voltage)
+    return np.sort(voltage[possible])[-HELD_ROWS:]
+
+
+def most_voltage(voltage: Floats, airframe: Airframe) -> float:
+    """V of (T,) that a battery had for HELD_ROWS; NaN where fewer are known and possible."""
+    known = highest(voltage, airframe)
+    return float(known[0]) if known.size == HELD_ROWS else float("nan")
+
+
+def beyond_full(voltage: Floats, airframe: Airframe) -> float:
+    """Share by which voltages (T,) read more than the full battery has; 0 where they do not."""
+    share = most_voltage(voltage, airframe) / full_voltage(airframe) - 1.0
+    return share if share > TOLERANCE else 0.0
+
+
+def ceiling_too_high(voltage: Floats, airframe: Airframe) -> float:
+    """Share of thrust by which voltages (T,) that read too much make the ceiling too high."""
+    share = 1.0 + beyond_full(voltage, airframe)
+    return float(share ** (2.0 * airframe.ceiling_voltage_exponent) - 1.0)

@@ -1,1 +1,0 @@
-"""Effects on the thrust that a rotor makes at a speed."""

@@ -1,1 +1,0 @@
-"""Effects on the thrust that all rotors together must make."""

@@ -1,1 +1,0 @@
-"""Effects on what was reported: what airspeed, tank and delays really were."""

@@ -1,0 +1,359 @@
+"""Effects on the roll, pitch and yaw moments that the rotors must balance.
+
+Centre of gravity: FRD axes, relative to the airframe file.
+
+Drag: an aircraft leans into a wind until thrust and drag balance. The drag over its mass is the
+specific force in the rotors' plane, which attitude and acceleration show without an airspeed
+sensor:
+
+    f = R^T (a - g)     roll moment = -h_roll f_right/g T     pitch moment = h_pitch f_forward/g T
+
+R from body to NED, a from the velocity, T thrust. The height h at which that force would have to
+act above the centre of gravity also contains the rotors' own moment in flow (flapping blades,
+front rotors in cleaner air than rear ones), which is the larger part: an aircraft is some
+centimetres high and h is about the length of an arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from thrustmargin.models.effects.base import (
+    GUESSED_TORQUE,
+    USUAL_ARM,
+    USUAL_MASS,
+    Effect,
+    Kind,
+    Parameter,
+    Values,
+    shaping,
+)
+from thrustmargin.models.effects.channels import (
+    LAG_STEP,
+    RATE_SPAN,
+    VELOCITY_SPAN,
+    Channels,
+    derivative_look,
+    froude_time_scale,
+    lag_weights,
+    shifts_look,
+)
+from thrustmargin.models.effects.spin_up import slowed_yaw_rate, spun_up
+from thrustmargin.models.flight import FlightTrack, Floats, body_axes
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.smoothing import derivative, moving_mean
+
+
+def _fixed(p, x: Channels, thrust):
+    return -p["y"] * thrust, p["x"] * thrust, 0.0 * thrust
+
+
+def _with_tank(p, x: Channels, thrust):
+    full = x.tank_kg / x.tank_capacity_kg
+    return -p["y_full"] * full * thrust, p["x_full"] * full * thrust, 0.0 * thrust
+
+
+def _offset(name: str) -> Parameter:
+    return Parameter(
+        name=name,
+        unit="m",
+        lower=-0.5,
+        upper=0.5,
+        scale=0.05,
+        smallest=0.0025,  # by how a battery is put in
+        accuracy=0.01,  # lift of forward flight adds to each rotor's thrust, here it multiplies it
+    )
+
+
+CG_OFFSET = Effect(
+    name="cg_offset",
+    kind=Kind.MOMENTS,
+    parameters=(_offset("x"), _offset("y")),
+    of_every_aircraft=True,
+    source="balance of moments: thrust stands off the centre of gravity by (x, y)",
+    apply=_fixed,
+)
+
+CG_OFFSET_TANK = Effect(
+    name="cg_offset",
+    variant="tank",
+    kind=Kind.MOMENTS,
+    parameters=(_offset("x_full"), _offset("y_full")),
+    needs=("tank_kg",),
+    of_every_aircraft=True,
+    source="balance of moments: a tank mounted off centre shifts the balance as it fills",
+    apply=_with_tank,
+)
+
+_CG = (CG_OFFSET, CG_OFFSET_TANK)
+
+
+MEAN_SPAN = (
+    2.0  # s of an aircraft of the F16's size: the lean into wind is slow, reports of it noisy
+)
+LOOK = derivative_look(VELOCITY_SPAN) + MEAN_SPAN / 2 + LAG_STEP
+
+
+def lean(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
+    """Specific force forward and right, (T, 2) in g, by attitude and velocity.
+
+    NaN in rows where a wind is reported: the moment of flow is then known from the velocity.
+    """
+    leaning = np.full((track.time_s.size, 2), np.nan)
+    quick = froude_time_scale(airframe)
+    force = derivative(track.time_s, track.velocity_ned, VELOCITY_SPAN * quick) - [0.0, 0.0, G0]
+    forward, right, _ = body_axes(track.attitude)
+    for k, axis in enumerate((forward, right)):
+        along = np.sum(force * axis, axis=1) / G0
+        leaning[:, k] = moving_mean(track.time_s, along, MEAN_SPAN * quick)
+    leaning[np.isfinite(track.wind_ned).any(axis=1)] = np.nan
+    return leaning, start
+
+
+def _leaning(p, x: Channels, thrust):
+    forward, right = x.own["drag_moment"].T
+    return -p["roll"] * right * thrust, p["pitch"] * forward * thrust, 0.0 * thrust
+
+
+def _height(name: str) -> Parameter:
+    return Parameter(name=name, unit="m", lower=-4.0, upper=4.0, scale=0.5, smallest=0.05)
+
+
+DRAG_MOMENT = Effect(
+    name="drag_moment",
+    kind=Kind.MOMENTS,
+    parameters=(_height("roll"), _height("pitch")),
+    needs=("drag_moment",),
+    neutral={"drag_moment": 0.0},
+    of_every_aircraft=True,
+    source="balance of forces in wind: the force in the rotors' plane is drag, which acts at a "
+    "height above the centre of gravity that holds the rotors' own moment in flow",
+    # As the moment of flow: a sprayer, slow under its load, shows too little of it.
+    with_tank=False,
+    looks=lambda p: (LOOK, LOOK),
+    own_channel=lean,
+    apply=_leaning,
+)
+
+_DRAG_MOMENT = (DRAG_MOMENT,)
+
+
+def flow(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
+    """Level speed through the air forward and right, (T, 2) m/s.
+
+    NaN without a wind, still air included: `drag_moment` then has the flow by the lean.
+    """
+    north, east, _ = (track.velocity_ned - track.wind_ned).T
+    yaw = track.attitude[:, 2]
+    forward = north * np.cos(yaw) + east * np.sin(yaw)
+    return np.stack([forward, east * np.cos(yaw) - north * np.sin(yaw)], axis=1), start
+
+
+def _lifted(p, x: Channels, thrust):
+    forward, right = x.own["flow_moment"].T
+    lever = thrust * x.propeller_diameter / x.hover_induced_velocity
+    return p["roll"] * right * lever, -p["pitch"] * forward * lever, 0.0 * thrust
+
+
+def _gain(name: str) -> Parameter:
+    """Smallest: a wind of half a m/s that nobody reports."""
+    return Parameter(name=name, unit="1", lower=-1.0, upper=1.0, scale=0.1, smallest=0.01)
+
+
+FLOW_MOMENT = Effect(
+    name="flow_moment",
+    kind=Kind.MOMENTS,
+    parameters=(_gain("roll"), _gain("pitch")),
+    needs=("flow_moment", "hover_induced_velocity"),
+    neutral={"flow_moment": 0.0},
+    of_every_aircraft=True,
+    source="flapping of advancing and retreating blades, and front rotors in cleaner air than rear "
+    "ones: moment = gain x thrust x propeller diameter x speed / induced velocity of hover",
+    # Slow under its load, a sprayer shows too little of it: looked for there, it takes the place
+    # of a speed channel that is late.
+    with_tank=False,
+    own_channel=flow,
+    apply=_lifted,
+)
+
+_FLOW = (FLOW_MOMENT,)
+
+
+SAMPLED = 0.04  # what the derivative of a rate that is sampled and noisy is good for
+MOST_DAMPING = 300.0  # a rate loop answers gusts: where speeds are commands, against the rate
+AXES = ("roll", "pitch", "yaw")
+MOST = 60.0  # kg m²
+#: of MOST: the inertia about yaw of an aircraft whose whole mass sits at its rotors
+AT_THE_ROTORS = USUAL_MASS * USUAL_ARM**2 / MOST
+
+
+def _turning_moment(p, x: Channels, thrust):
+    lag, loaded = p["lag"] - x.delay, (thrust / x.empty_weight) ** p["load_exponent"]
+    weights = lag_weights(lag)
+    tilt, yaw = (lag_weights(lag, p[f"derivative_correction_{of}"]) for of in ("tilt", "yaw"))
+    axes = zip(AXES, x.rate_shifts, x.acceleration_shifts, (tilt, tilt, yaw), strict=True)
+    roll, pitch, at_once = (
+        acceleration @ (p[f"inertia_{axis}"] * sharpened) * loaded
+        + rate @ (p[f"damping_{axis}"] * weights)
+        for axis, rate, acceleration, sharpened in axes
+    )
+    about_yaw = spun_up(
+        x,
+        x.own["manoeuvre_moment"],
+        at_once,
+        inertia=p["inertia_yaw"] * loaded,
+        damping=p["damping_yaw"],
+        lag=lag,
+        constant=p["spin_up"],
+    )
+    return roll, pitch, about_yaw
+
+
+def _turning(name: str, unit: str, most: float) -> Parameter:
+    return Parameter(
+        name=name,
+        unit=unit,
+        lower=-most,
+        upper=most,
+        scale=5.0,
+        smallest=0.2,  # liquid that moves, and air that the turn stirs
+        accuracy=GUESSED_TORQUE if name.endswith("yaw") else SAMPLED,
+        of_torque=name.endswith("yaw"),
+    )
+
+
+def _changed(effect: Effect, has: Sequence[Values], scatter: Mapping[str, float]) -> Effect | None:
+    """All moments of turning by one share more or less, as mass on arms and booms makes them.
+
+    Not each axis by itself: roll and pitch of an aircraft on its route hardly show, and with values
+    of their own would take what late rotor speeds do. An inertia is not below none.
+    """
+    moments = [p.name for p in effect.parameters if not p.detail]
+    whole = {name: sum(values[name] for values in has) for name in moments}
+    # What is known of yaw stands for all: an arm turns by thrust, yaw by a few per cent of it, so
+    # that rotor speeds show yaw many times as well.
+    yaw = next(p for p in effect.parameters if p.name == "inertia_yaw")
+    if whole[yaw.name] <= 0.0:
+        return None
+    usual = yaw.smallest
+    most = AT_THE_ROTORS * yaw.upper / whole[yaw.name] - 1.0
+    share = Parameter(
+        name="share",
+        unit="1",
+        lower=-1.0,
+        upper=max(most, 1.0),
+        scale=1.0,
+        smallest=max(scatter.get(f"{effect.key}.{yaw.name}", usual), usual / 2) / whole[yaw.name],
+        accuracy=SAMPLED,
+    )
+
+    def kept(p: Values) -> Values:
+        return {**has[0], **{name: p["share"] * whole[name] for name in moments}}
+
+    return replace(
+        effect,
+        variant="changed",
+        parameters=(share,),
+        apply=lambda p, x, thrust: effect.apply(kept(p), x, thrust),
+        looks=lambda p: effect.looks(has[0]),
+        change=None,
+        kept_as=kept,
+    )
+
+
+MANOEUVRE_MOMENT = Effect(
+    name="manoeuvre_moment",
+    kind=Kind.MOMENTS,
+    parameters=(
+        *(_turning(f"inertia_{axis}", "kg m^2", MOST) for axis in AXES),
+        *(_turning(f"damping_{axis}", "N m s", MOST_DAMPING) for axis in AXES),
+        shaping("load_exponent", "1", start=0.0, lower=-2.0, upper=2.0, scale=0.5),
+        shaping(
+            "derivative_correction_tilt", "1", start=1.0 / 12.0, lower=-0.33, upper=0.5, scale=0.2
+        ),
+        shaping(
+            "derivative_correction_yaw", "1", start=1.0 / 12.0, lower=-0.33, upper=0.5, scale=0.2
+        ),
+        shaping("lag", "s", start=0.02, lower=0.0, upper=0.3, scale=0.1),
+        Parameter(name="spin_up", unit="s", lower=0.0, upper=1.0, scale=0.2, detail=True),
+    ),
+    needs=("rate_shifts",),
+    neutral={"rate_shifts": 0.0, "acceleration_shifts": 0.0, "manoeuvre_moment": 0.0},
+    own_channel=slowed_yaw_rate,
+    of_every_aircraft=True,
+    source="Euler: moment = I d(omega)/dt + damping x omega; I goes with the load, as liquid and "
+    "hidden mass change it; the derivative correction gives back what differences of a sampled "
+    "rate smooth away; about yaw the rotors' own inertia acts too, by `spin_up`",
+    apply=_turning_moment,
+    change=_changed,
+    looks=lambda p: shifts_look(p["lag"], derivative_look(RATE_SPAN)),
+)
+
+_MANOEUVRE = (MANOEUVRE_MOMENT,)
+
+
+def _tilted(p, x: Channels, thrust):
+    at_half_a_tank = x.empty_weight + G0 * x.tank_capacity_kg / 2.0
+    return 0.0 * thrust, 0.0 * thrust, p["moment"] * thrust / at_half_a_tank
+
+
+YAW_TRIM = Effect(
+    name="yaw_trim",
+    kind=Kind.MOMENTS,
+    parameters=(
+        Parameter(
+            name="moment",
+            unit="N m",
+            lower=-20.0,
+            upper=20.0,
+            scale=1.0,
+            smallest=0.1,  # one motor tilted by 0.1 degrees
+            accuracy=GUESSED_TORQUE,
+            of_torque=True,
+        ),
+    ),
+    of_every_aircraft=True,
+    source="a tilted motor turns part of its thrust into a yaw moment, in proportion to it; the "
+    "moment is that of a hover with half a tank",
+    apply=_tilted,
+)
+
+
+def _yaw_moment(p, x: Channels, thrust):
+    right = x.own["weathervane"][:, 1]
+    return 0.0 * thrust, 0.0 * thrust, -p["lever"] * right / x.hover_induced_velocity * thrust
+
+
+WEATHERVANE = Effect(
+    name="weathervane",
+    kind=Kind.MOMENTS,
+    parameters=(
+        Parameter(
+            name="lever",
+            unit="m",
+            lower=-0.2,
+            upper=0.2,
+            scale=0.02,
+            smallest=0.002,  # a wind of half a m/s that nobody reports
+            accuracy=GUESSED_TORQUE,
+            of_torque=True,
+        ),
+    ),
+    needs=("weathervane", "hover_induced_velocity"),
+    neutral={"weathervane": 0.0},
+    of_every_aircraft=True,
+    source="drag that acts ahead of the centre of gravity or behind it: moment = lever x thrust x "
+    "sideways speed / induced velocity of hover",
+    with_tank=False,  # as the moment of flow
+    own_channel=flow,
+    apply=_yaw_moment,
+)
+
+_YAW = (YAW_TRIM, WEATHERVANE)
+
+
+EFFECTS = (*_CG, *_DRAG_MOMENT, *_FLOW, *_MANOEUVRE, *_YAW)

@@ -1,1 +1,0 @@
-"""Effects on the moments by which the rotors share the thrust out."""
