@@ -141,7 +141,7 @@ def log_of_track(
 ) -> FlightLog:
     """Return the FlightLog of a track that was read as a table of `size` bytes.
 
-    `format` is the name of the table's LogFormat. A table reports no system id: `vehicles` is empty.
+    `format` is the name of its LogFormat. A table has no system id: `vehicles` is empty.
     """
     speeds, outputs = (
         [Signal(name, NOT_REPORTED, track.time_s, values) for values in getattr(track, name).T]
