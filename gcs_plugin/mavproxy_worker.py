@@ -15,8 +15,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
-from thrustmargin.gcs_plugin.wording.numbers import BEYOND_CEILING
+from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.wording.language import BEYOND_CEILING
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
@@ -144,7 +144,7 @@ class MarginWorker:
 
         from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
         from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-        from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings, in_background
+        from thrustmargin.gcs_plugin.live.watch.update import WatchSettings, in_background
         from thrustmargin.gcs_plugin.wording.live_words import not_read_again
 
         options = self.options
@@ -226,7 +226,7 @@ def reading(update: Update, stamp: float) -> NewestFigures:
     """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
     import numpy as np
 
-    from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
+    from thrustmargin.gcs_plugin.live.watch.airframe_watch import unknown_figures, unknown_lines
     from thrustmargin.gcs_plugin.wording.live_words import by_source
     from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
     from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -293,8 +293,8 @@ def own_syntax(words: str) -> str:
 
 
 def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
-    from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
-    from thrustmargin.gcs_plugin.wording.view_words import margin_ahead
+    from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, SPINS
+    from thrustmargin.gcs_plugin.wording.live_words import margin_ahead
 
     if now.problem:
         return [f"vehicle {now.vehicle}: {now.problem}"]

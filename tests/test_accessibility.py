@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.render import write_report
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
-from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
+from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model

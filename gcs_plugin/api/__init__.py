@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
     from thrustmargin.gcs_plugin.logs import read_log, read_sorties
-    from thrustmargin.mission.ahead.plan_forecast import forecast
+    from thrustmargin.mission.forecast.plan_forecast import forecast
     from thrustmargin.models.identification.loop import identify
     from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse
@@ -32,7 +32,7 @@ _HOMES = {
     "LiveMonitor": "thrustmargin.gcs_plugin.live.live_monitor",
     "advise": "thrustmargin.models.model.advice",
     "analyse": "thrustmargin.models.model.analysis",
-    "forecast": "thrustmargin.mission.ahead.plan_forecast",
+    "forecast": "thrustmargin.mission.forecast.plan_forecast",
     "identify": "thrustmargin.models.identification.loop",
     "load_model": "thrustmargin.models.model.model_file",
     "read_log": "thrustmargin.gcs_plugin.logs",

@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
 from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.splitter import FrameCounts, FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.scan import FrameCounts, FrameSplitter
 
 #: s that a thread waits for bytes before it looks whether it should stop.
 WAIT = 0.2

@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.live.live_monitor import Lateness, LiveMonitor, Mon
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording import live_words as words
-from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST
+from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult

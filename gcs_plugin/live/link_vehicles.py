@@ -8,9 +8,8 @@ from types import MappingProxyType
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_MISSION
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice
-from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.update import Later, Update, WatchSettings, when_asked
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.live.watch.watch_settings import Later, WatchSettings, when_asked
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
     GROUND_STATION,

@@ -27,11 +27,14 @@ from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
-from thrustmargin.gcs_plugin.live.recording.event_record import EventRecord
-from thrustmargin.gcs_plugin.live.recording.recorded_table import sample_batch
-from thrustmargin.gcs_plugin.live.recording.recorder import Recorder, RecorderStatus, tabulates
-from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings, in_background
+from thrustmargin.gcs_plugin.live.recording.recorder import (
+    EventRecord,
+    Recorder,
+    RecorderStatus,
+    sample_batch,
+    tabulates,
+)
+from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings, in_background
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.live_words import (
     NOT_BEHIND,

@@ -21,11 +21,16 @@ from thrustmargin.gcs_plugin.wording.plans.plan_words import (
     beside_words,
     stretch_words,
 )
-from thrustmargin.mission.ahead.plan_flight import PlanConditions
-from thrustmargin.mission.beside.blame import day_of, which_was_off
-from thrustmargin.mission.beside.plan_to_fly import PlanToFly, known_before
-from thrustmargin.mission.beside.stretches import FlownWay, shift, worst_smoothed
+from thrustmargin.mission.forecast.plan_flight import PlanConditions
 from thrustmargin.mission.plan_items import MissionPlan
+from thrustmargin.mission.plan_tracking.blame import day_of, which_was_off
+from thrustmargin.mission.plan_tracking.stretches import (
+    FlownWay,
+    PlanToFly,
+    known_before,
+    shift,
+    worst_smoothed,
+)
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.rotor_model import RotorModel

@@ -12,7 +12,7 @@ from pkgutil import walk_packages
 from typing import Any
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
-from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.whole_file import regular
 

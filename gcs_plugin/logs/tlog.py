@@ -15,13 +15,13 @@ from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, named, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
-from thrustmargin.gcs_plugin.mavlink.two_vehicles import two_of_one_id
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
     FLIGHT_DATA,
     GROUND_STATION,
     HEARTBEAT,
     copies,
     of_vehicles,
+    two_of_one_id,
 )
 from thrustmargin.gcs_plugin.telemetry.clock import Clock, unix_minus_clock, vehicle_clocks
 from thrustmargin.gcs_plugin.telemetry.recording import (
@@ -35,7 +35,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     pauses,
     serial_digits,
 )
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import sent_values
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import sent_values
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     hud_airspeed,
@@ -43,8 +43,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     pitot_present,
 )
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
-from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_events
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, parameter_events
 from thrustmargin.gcs_plugin.wording.live_words import copies_words, two_autopilots
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError

@@ -1,19 +1,37 @@
-"""Read PX4's .ulg logs, through pyulog, into a Recording and its signals."""
+"""The whole messages of a PX4 log, so that pyulog never meets a damaged one.
+
+On damage pyulog goes back by what it could not read, and near the end of a file for ever; it makes
+a list of every element that a damaged format names, and several objects of every row. Here each
+message is held against what the log itself says of it, and damage is left out up to the next place
+from which several messages in a row are whole. Time grows with the size of the file alone. Of each
+topic pyulog reads one row, by which the others are read.
+Format: PX4 guide, "ULog File Format".
+
+Read PX4's .ulg logs, through pyulog, into a Recording and its signals.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Mapping
+import re
+import struct
+from bisect import bisect_left
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.read import LogFormat
-from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
-from thrustmargin.gcs_plugin.logs.ulog_motors import ulog_motors
-from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals, with_vectors
+from thrustmargin.gcs_plugin.logs.ulog_topics import (
+    TOPICS,
+    Topic,
+    ulog_motors,
+    ulog_signals,
+    with_vectors,
+)
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
@@ -25,11 +43,257 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     stretches,
     without_leaps,
 )
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_events
 from thrustmargin.models.errors import LogError
+
+HEADER = 16  # bytes before the first message
+SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+_HEAD = struct.Struct("<HB")
+_ID = struct.Struct("<H")
+_TYPE = re.compile(rb"[ABCDFILMOPQRS]")
+_FORMAT = re.compile(rb"([\w/-]+):((?:\w+(?:\[\d{1,5}\])? [\w\[\].]+;)+)")
+_FIELD = re.compile(rb"(\w+?)(?:\[(\d+)\])? ([\w\[\].]+);")
+_KEY = re.compile(rb"(\w+)(?:\[(\d{1,5})\])? [\w\[\]. /-]+")
+_TEXT = re.compile(rb"[^\x00]*\x00*")  # colours and all
+_BYTES = {b"int8_t": 1, b"uint8_t": 1, b"int16_t": 2, b"uint16_t": 2, b"int32_t": 4, b"uint32_t": 4}
+_BYTES |= {b"int64_t": 8, b"uint64_t": 8, b"float": 4, b"double": 8, b"bool": 1, b"char": 1}
+_TIMED = (b"uint64_t", 1, b"timestamp")  # a field that every topic of use has
+_MOST = 0xFFFF  # bytes of a message
+_LONGEST_TEXT = 1024  # bytes; PX4 writes 127 at most
+_DEEPEST = 8  # types within types
+_NONE = 1, 0  # a topic of which no row will do
+_CHAIN = 4  # messages in a row that are no chance
+_LOOKS = 1 << 9, 1 << 20  # least and most bytes in which rows are looked for at once
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WholeMessages:
+    """A log without its damage and without what is not needed."""
+
+    data: bytes  # again a log, of each topic's rows with the first alone
+    rows: Mapping[int, NDArray[np.uint8]]  # (rows, bytes of one) all that a topic has, by its id
+    skipped: tuple[tuple[int, int], ...]  # (offset, length) of what is damaged
+
+
+class _Rows:
+    """The rows of a log, by what the messages before them say of their topics."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data, self.bytes = data, np.frombuffer(data, np.uint8)
+        #: (bytes - 1,) the number of two bytes from each place on
+        self.words = np.ndarray(max(len(data) - 1, 0), "<u2", data, strides=(1,))
+        #: By id of a topic the least and most bytes of a row, as of a topic that has none; whether
+        #: its rows are needed, and none was met yet.
+        self.least, self.most = np.repeat(np.array(_NONE)[:, None], 1 << 16, axis=1)
+        self.needs, self.begins = np.zeros((2, 1 << 16), np.bool_)
+        self.needed: list[NDArray[np.intp]] = []  # where their heads are
+        #: What may be rows from an offset to another: heads, ends, topics, which were passed, and
+        #: the last ones of those that follow each other.
+        self.begin = self.stop = HEADER
+        self.heads, self.ends, self.number = np.zeros((3, 0), np.intp)
+        self.passed, self.any_begins = np.zeros(0, np.bool_), False
+        self.broken: list[int] = []
+
+    def know(self, number: int, least: int, most: int, *, needed: bool) -> None:
+        """What rows of a topic are from here on."""
+        self._note_needed()
+        self.least[number], self.most[number], self.needs[number] = least, most, needed
+
+    def behind(self, at: int, kept: bytearray) -> int:
+        """The offset behind whole rows of data, by far the most; the needed ones are noted."""
+        begun = None
+        while begun != at and self.data[at + 2 : at + 3] == b"D":
+            begun = at
+            if not self.begin <= at < self.stop:
+                self._look(at)
+            first = int(self.heads.searchsorted(at))
+            while first < self.heads.size and self.heads[first] == at:
+                last = self.broken[bisect_left(self.broken, first)]
+                self.passed[first : last + 1] = True
+                new = self.begins[self.number[first : last + 1]]
+                for k in (first + new.nonzero()[0]).tolist() if self.any_begins else ():
+                    if self.begins[self.number[k]]:
+                        kept += self.data[self.heads[k] : self.ends[k]]
+                        self.begins[self.number[k]] = False
+                at = int(self.ends[last])
+                first = int(self.heads.searchsorted(at))
+        return at
+
+    def _look(self, at: int) -> None:
+        """Finds what may be rows, some of them within others, from an offset on.
+
+        Twice as far as the last look was good for: the time grows with the bytes alone.
+        """
+        self._note_needed()
+        far = min(max(2 * (at - self.begin), _LOOKS[0]), _LOOKS[1])
+        self.begin, self.stop = at, min(at + far, len(self.data) - 4)
+        heads = at + np.flatnonzero(self.bytes[at + 2 : self.stop + 2] == 68)
+        size, number = self.words[heads].astype(np.int64), self.words[heads + 3]
+        good = (self.least[number] <= size - 2) & (size - 2 <= self.most[number])
+        good &= heads + 3 + size <= len(self.data)
+        self.heads, self.number, self.ends = (x[good] for x in (heads, number, heads + 3 + size))
+        self.broken = [*np.flatnonzero(self.heads[1:] != self.ends[:-1]).tolist(), good.sum() - 1]
+        self.passed = np.zeros(self.heads.size, np.bool_)
+        self.any_begins = self.begins[self.number].any()
+
+    def _note_needed(self) -> None:
+        """Of the rows that were passed since the last look, the needed ones; it holds no longer."""
+        self.needed.append(self.heads[self.passed & self.needs[self.number]])
+        self.passed[:], self.stop = False, 0
+
+    def of(self, topics: Mapping[int, tuple[int, int]]) -> dict[int, NDArray[np.uint8]]:
+        """The rows that were noted, by topic; of each the bytes of one, and from where on."""
+        self._note_needed()
+        heads, found = np.concatenate(self.needed), {}
+        heads = heads[np.argsort(self.words[heads + 3], kind="stable")]
+        number = self.words[heads + 3]
+        for topic, (least, since) in topics.items():
+            own = heads[slice(*number.searchsorted([topic, topic + 1]))]
+            places = max(len(self.data) - least + 1, 0)
+            any_place = np.ndarray(places, f"V{least}", self.data, strides=(1,))
+            rows = any_place[own[own.searchsorted(since) :] + 5]
+            found[topic] = rows.view(np.uint8).reshape(-1, least)
+        return found
+
+
+@dataclass(slots=True)
+class _Log:
+    """What the messages so far say of those that follow."""
+
+    data: bytes
+    rows: _Rows
+    formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
+
+    def end(self, at: int) -> int:
+        """Where the message at an offset ends; 0 when there is none."""
+        data = self.data
+        if at + 3 > len(data):
+            return 0
+        size, kind = _HEAD.unpack_from(data, at)
+        start, end = at + 3, at + 3 + size
+        if end > len(data):
+            return 0
+        if kind == 68:  # D, by far the most
+            topic = _ID.unpack_from(data, start)[0] if size > 2 else 0
+            return end if self.rows.least[topic] <= size - 2 <= self.rows.most[topic] else 0
+        if kind == 65 and size > _LONGEST_TEXT:  # A: a name
+            return 0
+        body = data[start:end]
+        match chr(kind):
+            case "F":
+                good = _FORMAT.fullmatch(body) is not None
+            case "A":
+                good = size > 3 and self.size_of(body[3:]) is not None
+            case "P" | "I":
+                good = _keyed(body)
+            case "M" | "Q":
+                good = _keyed(body[1:])
+            case "L":
+                good = size >= 9 and body[0] & ~0x30 < 8 and _is_text(body[9:])
+            case "C":
+                good = size >= 11 and body[0] & ~0x30 < 8 and _is_text(body[11:])
+            case "S":
+                good = body == SYNC
+            case "O" | "R":
+                good = size == 2
+            case "B":
+                good = at == HEADER and size >= 40
+            case _:
+                good = False
+        return end if good else 0
+
+    def size_of(self, name: bytes, depth: int = 0) -> tuple[int, int] | None:
+        """Least and most bytes of a topic, padding at its end left out or not; None if unknown."""
+        total = padding = 0
+        for kind, count, field_name in self.formats.get(name, ()):
+            one = _BYTES.get(kind)
+            if one is None:
+                inner = self.size_of(kind, depth + 1) if depth < _DEEPEST else None
+                if inner is None:
+                    return None
+                one = inner[1]
+            total += one * count
+            padding = padding + one * count if field_name.startswith(b"_padding") else 0
+            if total > _MOST:
+                return None
+        return (total - padding, total) if total > padding else None
+
+
+def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
+    """The messages of a log that are whole, of data those of `topics` alone."""
+    table, kept, at = _Rows(data), bytearray(data[:HEADER]), HEADER
+    log = _Log(data, table)
+    skipped: list[tuple[int, int]] = []
+    wanted: dict[int, bytes] = {}  # topics by id
+    found: dict[int, tuple[int, int]] = {}  # bytes of a row, and from where on
+    while (at := table.behind(at, kept)) < len(data):
+        end = log.end(at)
+        if not end:
+            end = _next_whole(log, at + 1)
+            skipped.append((at, end - at))
+            at = end
+            continue
+        kind, body = data[at + 2], data[at + 3 : end]
+        keep = kind in b"PLO"
+        if kind == 70:
+            name, fields = body.split(b":", 1)
+            log.formats[name] = [(k, int(n or 1), f) for k, n, f in _FIELD.findall(fields)]
+            keep = True
+        elif kind == 65:
+            number, name = _ID.unpack_from(body, 1)[0], body[3:]
+            least, most = log.size_of(name) or _NONE[:2]
+            needed = name.decode("utf-8", "replace") in topics and _TIMED in log.formats[name]
+            # At a topic that is added again pyulog would drop what it has of it.
+            keep = needed and wanted.get(number) != name
+            wanted |= {number: name if needed else b""}
+            if keep:
+                found[number], table.begins[number] = (least, at), True
+            # What is needed and has another size now is not what pyulog takes it for.
+            same = needed and found[number][0] == least
+            table.know(number, least, most, needed=same)
+        elif kind == 66:
+            # What was written behind a crash needs no offset: whatever is damaged is left out.
+            body, keep = body[:16] + bytes(len(body) - 16), True
+        if keep:
+            kept += data[at : at + 3] + body
+        at = end
+    return WholeMessages(data=bytes(kept), rows=table.of(found), skipped=tuple(skipped))
+
+
+def _next_whole(log: _Log, at: int) -> int:
+    """The first offset from which several messages in a row, or all to the end, are whole."""
+    size = len(log.data)
+    for found in _TYPE.finditer(log.data, at + 2):
+        place = end = found.start() - 2
+        for _ in range(_CHAIN):
+            end = log.end(end)
+            if end in (0, size):
+                break
+        if end:
+            return place
+    return size
+
+
+def _keyed(body: bytes) -> bool:
+    """Whether a key stands first, and behind it a value of the size that its type says.
+
+    Any other would take thousands of bytes of what follows with it.
+    """
+    size = body[0] if body else 0
+    key = _KEY.fullmatch(body[1 : 1 + size])
+    one = None if key is None else _BYTES.get(key[1])
+    if key is None or one is None:
+        return False
+    return len(body) - 1 - size == one * int(key[2] or 1)
+
+
+def _is_text(body: bytes) -> bool:
+    """Whether bytes are a line of text, and no messages behind the head of one that is none."""
+    return len(body) <= _LONGEST_TEXT and _TEXT.fullmatch(body) is not None
+
 
 MAGIC = b"ULog\x01\x12\x35"
 

@@ -1,9 +1,16 @@
-"""Which PX4 topic gives which channel: the table, and the few that need more than scaling."""
+"""Motor outputs and ESCs of a PX4 log: which topic has them, and which number is which motor.
+
+`actuator_motors` (PX4 1.13 and later) is by motor. Before, `actuator_outputs` alone has what went
+to the ESCs, one instance for each driver and some of them without any motor: pulses, DShot's 1 to
+1999 or UAVCAN's 1 to 8191. PX4: src/lib/mixer_module, src/drivers/dshot, src/drivers/uavcan.
+
+Which PX4 topic gives which channel: the table, and the few that need more than scaling.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +19,156 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.mavlink.decode import asked_by_quaternion, attitude_from_quaternion
 from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, in_si, quantity
 from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
+    range_words,
+    ranges_of_span,
+    span_of,
+    whole_number,
+)
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
+
+#: PX4's output function of motor 1; motors 2 to 12 follow.
+MOTOR_1 = 101
+MOST_MOTORS = 12
+_MOST_OUTPUTS = 16
+_STEPS = 8  # an output with more values than these is driven: a servo is off, idle, at its ends
+_FEWEST = 3  # motors of a multirotor
+#: Motors, from 0, on outputs 1 to 4 where MOT_ORDERING is 1 (Betaflight).
+_BETAFLIGHT = (3, 0, 1, 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UlogMotors:
+    """Signals `throttle` and `esc_*` by motor from 0, and what is to be said of them."""
+
+    signals: list[Signal] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    motor_order: str = ""
+    esc_order: str = ""
+    unused: dict[str, str] = field(default_factory=dict)  # channel -> what is there, and why not
+
+
+def ulog_motors(topics: Mapping[str, list[Topic]], parameters: Mapping[str, float]) -> UlogMotors:
+    """The motors of the topics (each a list of its instances, in their order)."""
+    found = UlogMotors(motor_order="by PX4's actuator functions")
+    for topic in topics.get("actuator_motors", [])[:1]:
+        found = _throttle(topic, found)
+    if not found.signals and "actuator_outputs" in topics:
+        found = _outputs(topics["actuator_outputs"], parameters)
+    for topic in topics.get("esc_status", [])[:1]:
+        found = _with_escs(found, topic)
+    return found
+
+
+def _throttle(topic: Topic, found: UlogMotors) -> UlogMotors:
+    if "control" not in topic:
+        return found
+    asked = in_si(topic, "control", "1")
+    duty = np.clip(asked, 0.0, 1.0)
+    source = topic_source("actuator_motors", "control", meaning=Meaning.THRUST_DEMAND)
+    motors = np.flatnonzero(np.isfinite(duty).any(axis=0)).tolist()
+    signals = [topic_signal("throttle", source, topic, duty[:, k], k) for k in motors]
+    notes = [
+        f"actuator_motors asks motor {k + 1} for {low:.2f} to {high:.2f} of full output; "
+        "what is beyond 0 to 1 is taken as none or full"
+        for k in motors
+        for low, high in [(float(np.nanmin(asked[:, k])), float(np.nanmax(asked[:, k])))]
+        if low < -0.001 or high > 1.001
+    ]
+    return replace(found, signals=signals, notes=notes)
+
+
+def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> UlogMotors:
+    """Motor outputs of the instance that has most of them."""
+    best: tuple[list[Signal], str] = ([], "")
+    for number, topic in enumerate(instances):
+        made = _of_instance(topic, number, parameters)
+        best = max(best, made, key=lambda signals_and_order: len(signals_and_order[0]))
+    if len(best[0]) < _FEWEST:
+        why = "none of its instances drives motors in a known unit"
+        said = f"in the log (actuator_outputs), not used: {why}"
+        return UlogMotors(unused={"throttle": said})
+    return UlogMotors(signals=best[0], motor_order=best[1])
+
+
+def _of_instance(
+    topic: Topic, number: int, parameters: Mapping[str, float]
+) -> tuple[list[Signal], str]:
+    """Throttle by motor of one instance, and in words which output is which motor."""
+    bank = "MAIN" if number == 0 else "AUX"
+    names = [name for k in range(_MOST_OUTPUTS) if (name := f"output[{k}]") in topic]
+    values = [in_si(topic, name, "1") for name in names]
+    functions = [
+        whole_number(parameters, f"PWM_{bank}_FUNC{k + 1}") or 0 for k in range(len(values))
+    ]
+    on_output = {f - MOTOR_1: k for k, f in enumerate(functions) if 0 <= f - MOTOR_1 < MOST_MOTORS}
+    order = f"by PWM_{bank}_FUNCn"
+    if len(on_output) < _FEWEST:
+        driven = [bool(np.unique(v[v > 0]).size > _STEPS) for v in values]
+        run = [*driven, False].index(False)
+        on_output, order = {k: k for k in range(run)}, "motor n taken to be on output n"
+        if run == len(_BETAFLIGHT) and whole_number(parameters, "MOT_ORDERING") == 1:
+            on_output = {motor: k for k, motor in enumerate(_BETAFLIGHT)}
+            order = "in Betaflight's order by MOT_ORDERING"
+    outputs = list(on_output.values())
+    ranges = ranges_of_span(span_of(values[k] for k in outputs), outputs, parameters, bank=bank)
+    source = topic_source("actuator_outputs", "output", meaning=Meaning.PX4_OUTPUT)
+    source = source.of_instance(number or None).remarked(range_words(ranges))
+    made = [
+        topic_signal("throttle", source, topic, pulses.share(values[output]), motor)
+        for (motor, output), pulses in zip(on_output.items(), ranges, strict=False)
+    ]
+    return made, order
+
+
+def _with_escs(found: UlogMotors, topic: Topic) -> UlogMotors:
+    """And ESC channels by motor number from 0, whatever their place in the message."""
+    made: list[Signal] = []
+    notes: list[str] = []
+    seen: dict[int, int] = {}  # motor -> its place
+    fields = [f"esc[{place}]." for place in range(MOST_MOTORS)]
+    places = [f for f in fields if f"{f}esc_rpm" in topic]
+    functions = [topic.get(f"{f}actuator_function", np.zeros(1)) for f in places]
+    # Logs from before 2021 have no functions, or zeros: then the place is the motor.
+    named = any(np.any(function >= MOTOR_1) for function in functions)
+    online = topic.get("esc_online_flags")
+    for place, (start, function) in enumerate(zip(places, functions, strict=True)):
+        rpm = in_si(topic, f"{start}esc_rpm", "rpm")
+        turned, motor = bool(np.any(rpm != 0)), int(function[-1]) - MOTOR_1 if named else place
+        if not 0 <= motor < MOST_MOTORS or motor in seen or not (named or turned):
+            continue
+        twin = next((m for m, other in seen.items() if _same(topic, other, place)), None)
+        if twin is not None and turned:
+            notes.append(f"esc_status {place + 1} repeats motor {twin + 1} and is left out")
+            continue
+        seen[motor] = place
+        if online is not None:
+            rpm = np.where((online.astype(np.int64) >> place) & 1, rpm, np.nan)
+        source = topic_source("esc_status", "esc_rpm", "rpm")
+        made.append(topic_signal("esc_rpm", source, topic, rpm, motor))
+        for name, unit in (("esc_voltage", "V"), ("esc_current", "A")):
+            if (column := f"{start}{name}") in topic:
+                values = in_si(topic, column, unit)
+                source = topic_source("esc_status", name, unit)
+                made.append(topic_signal(name, source, topic, values, motor))
+    stated = int(topic["esc_count"].max(initial=0)) if "esc_count" in topic else 0
+    if stated and stated != len(seen):
+        notes.append(f"esc_status says {stated} ESCs; {len(seen)} of them are motors that report")
+    unused = {} if made else {"rotor_speed_rpm": "in the log (esc_status), not used: all at 0 rpm"}
+    return replace(
+        found,
+        signals=[*found.signals, *made],
+        notes=[*found.notes, *notes],
+        esc_order="by PX4's actuator functions" if named else "motor n taken to have ESC n",
+        unused=found.unused | unused,
+    )
+
+
+def _same(topic: Topic, one: int, other: int) -> bool:
+    return bool(np.array_equal(topic[f"esc[{one}].esc_rpm"], topic[f"esc[{other}].esc_rpm"]))
+
 
 #: Fields of one topic by name, (n,) or, for what the log has element by element, (n, k).
 Topic = Mapping[str, NDArray[Any]]
@@ -132,10 +286,10 @@ TOPICS = (
 def with_vectors(topic: Topic) -> Topic:
     """The topic with its vectors as columns (n, k) besides their elements."""
     vectors = {}
-    for field, width in VECTORS.items():
-        elements = [f"{field}[{i}]" for i in range(width)]
+    for vector, width in VECTORS.items():
+        elements = [f"{vector}[{i}]" for i in range(width)]
         if all(name in topic for name in elements):
-            vectors[field] = np.stack([topic[name] for name in elements], axis=-1)
+            vectors[vector] = np.stack([topic[name] for name in elements], axis=-1)
     return {**topic, **vectors}
 
 

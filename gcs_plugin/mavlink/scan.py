@@ -3,6 +3,14 @@
 A .tlog is a row of frames, each after eight bytes of big-endian Unix microseconds. Frames of known
 id and good checksum are found all at once; what lies between is then walked through for frames of
 unknown id, frames with a wrong checksum, and damage. `mavlink.frame` has the rule of both.
+
+MAVLink frames out of a stream of bytes, as they arrive; `mavlink.frame` has the rule.
+
+The stamps of a recording whose computer's clock was set meanwhile, without its leaps.
+
+A listener stamps by a clock that nobody sets; other programs write the computer's own. There a
+leap of an hour looks like an hour of silence, and one back like a recording out of order. The
+vehicle's clock says how much time really went by.
 """
 
 from __future__ import annotations
@@ -20,15 +28,18 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     V1,
     V2,
     Bytes,
+    Frame,
     FrameKind,
     Walk,
     checksum_rows,
+    examine,
+    frame_of,
     header,
+    made,
 )
 from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table, layouts, message_ids
-from thrustmargin.gcs_plugin.mavlink.stamps import steadied
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import Bools
+from thrustmargin.models.flight import Bools, Floats
 
 Index = NDArray[np.int64]
 
@@ -243,3 +254,131 @@ def _explain_gaps(
         if lost_from < high:
             skipped.append((lost_from, high - lost_from))
     return skipped, bad, unverified
+
+
+_PADDING = bytes(HEADER_PADDING)
+
+
+@dataclass(slots=True)
+class FrameCounts:
+    """What became of the bytes of one link."""
+
+    bytes: int = 0
+    frames: int = 0
+    unknown: int = 0  # among `frames`: of an id that is not known, unchecked
+    bad_checksum: int = 0  # whole frames whose checksum is wrong
+    bytes_skipped: int = 0  # bytes that belong to no frame kept
+
+
+class FrameSplitter:
+    """Cuts the bytes of one sender into frames; keeps an unfinished frame for the next call.
+
+    `feed` returns frames in order; `passed` then holds every byte that this call is done with
+    (frames and what lies between), unchanged, for passing on in whole frames. A frame of unknown
+    id in a stream is given when the header of the next one has come.
+    """
+
+    def __init__(self, link: int = 0, counts: FrameCounts | None = None) -> None:
+        self.link = link
+        self.counts = FrameCounts() if counts is None else counts
+        self.passed = b""
+        self._rest = b""
+        self._expected = 0  # where in `_rest` a frame should begin
+        self._cleared = 0  # before which place in `_rest` no good frame begins
+
+    @property
+    def waiting(self) -> int:
+        """Bytes kept of a frame that is not whole yet."""
+        return len(self._rest)
+
+    def feed_datagram(self, data: bytes, stamp_us: int) -> list[Frame]:
+        """The same for one datagram, which starts a new frame unless it can only be a sequel.
+
+        A frame cut short in the datagram before must not hold back a good one in this.
+        """
+        if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
+            # As almost every datagram: nothing to search, and nothing left over.
+            counts = self.counts
+            counts.bytes += len(data)
+            counts.frames += 1
+            counts.unknown += not frame.verified
+            self.passed, self._expected, self._cleared = data, 0, 0
+            return [frame]
+        if self._rest and data and data[0] in (V1, V2):
+            verdict, _ = examine(data + _PADDING, 0, len(data), closed=True)
+            if verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
+                self.counts.bytes_skipped += len(self._rest)
+                self._rest, self._expected, self._cleared = b"", 0, 0
+        return self.feed(data, stamp_us, closed=True)
+
+    def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
+        """Frames that are whole with these bytes of a stream (TCP, serial).
+
+        `closed`: the next bytes begin a new frame.
+        """
+        counts, link = self.counts, self.link
+        counts.bytes += len(data)
+        buffer = self._rest + data
+        size = len(buffer)
+        frames: list[Frame] = []
+        kept = 0
+        walk = Walk(0, self._expected, self._cleared)
+        padded = buffer + _PADDING
+        for verdict, at, head in walk.over(padded, size, size, closed=closed, wait=True):
+            if verdict is FrameKind.BAD_CHECKSUM:
+                counts.bad_checksum += 1
+                continue
+            end = at + head.length
+            frames.append(made(buffer[at:end], verdict, head, stamp_us, link))
+            kept += head.length
+            counts.unknown += verdict is FrameKind.UNVERIFIED
+        counts.frames += len(frames)
+        counts.bytes_skipped += walk.at - kept
+        self.passed, self._rest = buffer[: walk.at], buffer[walk.at :]
+        self._expected = walk.expected - walk.at
+        # Where the bytes were closed, frames that were cut short are not looked for behind them.
+        self._cleared = 0 if closed else max(walk.cleared.to - walk.at, 0)
+        return frames
+
+
+LEAP_US = 2_000_000  # by which stamps may part from the vehicle's clock: a slow link, two links
+
+
+def steadied(
+    stamps_us: NDArray[np.int64], boot_ms: Floats, system: NDArray[np.uint8]
+) -> NDArray[np.int64]:
+    """(n,) stamps, µs, that go on where a clock was set; the same ones where none was.
+
+    `boot_ms` (n,) is the clock since boot that a message of `system` (n,) carries, NaN where none.
+    Without it only a step back is known for one, and takes no time.
+    """
+    steps = np.diff(stamps_us)
+    clocked = np.flatnonzero(np.isfinite(boot_ms))
+    for row in np.flatnonzero((steps < -LEAP_US) | (steps > LEAP_US)).tolist():
+        went = _went_by(stamps_us, boot_ms, system, clocked, row)
+        if went is None or went < 0:  # not known, or the vehicle was started again
+            steps[row] = max(int(steps[row]), 0)
+        elif abs(int(steps[row]) - went) > LEAP_US:
+            steps[row] = went
+    return stamps_us[:1] + np.concatenate([[0], np.cumsum(steps)])[: stamps_us.size]
+
+
+def _went_by(
+    stamps_us: NDArray[np.int64],
+    boot_ms: Floats,
+    system: NDArray[np.uint8],
+    clocked: NDArray[np.intp],
+    row: int,
+) -> int | None:
+    """µs from a row to the next by the clock of a vehicle that is heard before and after."""
+    place = int(np.searchsorted(clocked, row, side="right"))
+    if place == 0:
+        return None
+    before = int(clocked[place - 1])
+    later = clocked[place:]
+    again = later[system[later] == system[before]]
+    if not again.size:
+        return None
+    after = int(again[0])
+    around = (stamps_us[row] - stamps_us[before]) + (stamps_us[after] - stamps_us[row + 1])
+    return round(1000.0 * (boot_ms[after] - boot_ms[before])) - int(around)

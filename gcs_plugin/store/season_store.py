@@ -1,4 +1,11 @@
-"""The data set of a season in a folder or bucket: whole objects in, tables out.
+"""Which aircraft flew, by what the log says: serial number, board number, system id.
+
+SQL on a store through duckdb: it reads the store's tables and nothing else, and writes nothing.
+
+The tables are handed over by pyarrow, so duckdb itself needs no file: reading and writing files,
+attaching databases, loading extensions and changing any of that are switched off and locked.
+
+The data set of a season in a folder or bucket: whole objects in, tables out.
 
     flights/aircraft=A/month=2026-05/flights.parquet   one row a flight
     sums/aircraft=A/month=2026-05/sums.parquet         one row a flight: what identification needs
@@ -16,8 +23,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import json
+import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -25,13 +34,136 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from thrustmargin.gcs_plugin.store.schema import table_schema
-from thrustmargin.models.errors import DataError, require
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
+from thrustmargin.models.errors import AirframeError, DataError, require
 from thrustmargin.models.whole_file import regular, whole_file
 
 if TYPE_CHECKING:
+    import duckdb
     import pyarrow as pa
     import pyarrow.dataset as pa_dataset
     from fsspec import AbstractFileSystem
+
+
+#: What ArduPilot says when it starts: its board, and its serial number in three words.
+_BOARD = re.compile(r"^\S.* ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})$")
+#: What it says of its program, as "ArduCopter V4.5.7 (2a3dc4b7)".
+_PROGRAM = re.compile(r"^((?:Ardu|APM:)\w+ V\S+(?: \([0-9a-f]+\))?)")
+_NAME = re.compile(r"[\w.-]{1,80}")
+
+
+@dataclass(frozen=True, slots=True)
+class AircraftIdentity:
+    """The name of an aircraft in the store, and what it rests on."""
+
+    name: str
+    by: str  # "given", "serial", "board number", "system id", "not known"
+
+
+def checked_aircraft(name: str) -> str:
+    """The name as given. Raises DataError where it cannot be that of a folder everywhere."""
+    if not _NAME.fullmatch(name) or not name.strip("."):
+        raise DataError(f"--aircraft {name!r}: give letters, digits and . _ - such as sprayer-7")
+    return name
+
+
+def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdentity:
+    """Who flew. The system id alone is that of many aircraft: 1 unless somebody set another."""
+    if given is not None:
+        return AircraftIdentity(given, "given")
+    serial = log.hardware_id or _serial_of_texts(log)
+    if serial:
+        return AircraftIdentity(f"serial-{serial}", "serial")
+    if board := whole_number(log.parameters, "BRD_SERIAL_NUM"):
+        return AircraftIdentity(f"board-{board}", "board number")
+    if not log.vehicles:
+        return AircraftIdentity("unknown", "not known")
+    return AircraftIdentity(f"sysid-{log.vehicle}", "system id")
+
+
+def board(log: FlightLog) -> str | None:
+    """The autopilot that flew, by its serial number or its board number."""
+    number = whole_number(log.parameters, "BRD_SERIAL_NUM")
+    return log.hardware_id or _serial_of_texts(log) or (str(number) if number else None)
+
+
+def layout(log: FlightLog) -> str | None:
+    """The motor layout that the autopilot reports; None where it does not, or it is not known."""
+    texts = [text for _, text in log.messages]
+    try:
+        return reported_airframe(log.parameters, facts=log.facts, texts=texts).layout
+    except AirframeError:
+        return None
+
+
+def _serial_of_texts(log: FlightLog) -> str:
+    for _, text in log.messages:
+        if found := _BOARD.match(text.strip()):
+            # Each word is printed from its last byte to its first.
+            return "".join(bytes.fromhex(word)[::-1].hex() for word in found.groups())
+    return ""
+
+
+def firmware(log: FlightLog) -> str | None:
+    """The autopilot's program as it says; None where it does not."""
+    programs = (found[1] for _, text in log.messages if (found := _PROGRAM.match(text.strip())))
+    return log.firmware or next(programs, None)
+
+
+TABLES = ("flights", "rows", "sums", "rejected")
+HEARD_S = 0.1  # within which Ctrl-C is heard
+#: Rows of an answer at most: more is a table to copy, and memory that nobody has.
+MOST_ROWS = 1_000_000
+CLOSED = {
+    "memory_limit": "'2GB'",
+    "autoinstall_known_extensions": "false",
+    "autoload_known_extensions": "false",
+    "python_enable_replacements": "false",
+    "enable_external_access": "false",
+    "lock_configuration": "true",
+}
+
+
+def query(store: SeasonStore, sql: str) -> pa.Table:
+    """The answer of one SELECT over `flights`, `rows`, `sums` and `rejected`.
+
+    Raises DataError with duckdb's reason where it is none, or where it has more than MOST_ROWS.
+    Ctrl-C ends a query that does not.
+    """
+    require("--sql", "duckdb")
+    import duckdb
+
+    with duckdb.connect() as connection:
+        for table in TABLES:
+            connection.register(table, store.dataset(table))
+        for name, value in CLOSED.items():
+            connection.execute(f"SET {name} = {value}")
+        try:
+            statements = connection.extract_statements(sql)
+            if len(statements) != 1 or statements[0].type != duckdb.StatementType.SELECT:
+                raise DataError("--sql takes one SELECT statement, and nothing that writes")
+            answer = _interruptible(connection, sql)
+        except duckdb.Error as error:
+            raise DataError(f"--sql: {str(error).splitlines()[0]}") from error
+    if answer.num_rows > MOST_ROWS:
+        raise DataError(f"--sql: the answer has more than {MOST_ROWS} rows; add a LIMIT or a WHERE")
+    return answer
+
+
+def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
+    """The answer, computed in a thread: duckdb holds the one that would hear of Ctrl-C."""
+    with ThreadPoolExecutor(max_workers=1) as worker:
+        answer = worker.submit(lambda: connection.sql(sql).limit(MOST_ROWS + 1).to_arrow_table())
+        try:
+            while not answer.done():
+                wait((answer,), timeout=HEARD_S)
+        except KeyboardInterrupt:
+            connection.interrupt()
+            raise
+    return answer.result()
+
 
 STAGED = "_staged"
 #: Files that are being written to a disk; what a killed writer leaves there means nothing.

@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.store.row_table import Columns
-from thrustmargin.gcs_plugin.store.schema import table_schema
+from thrustmargin.gcs_plugin.store.schema import Columns, table_schema
 from thrustmargin.gcs_plugin.store.season_store import (
     NO_MONTH,
     STAGED,

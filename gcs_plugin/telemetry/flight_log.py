@@ -29,8 +29,12 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
-from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, arming_events, text_events
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
+    EventKind,
+    Options,
+    arming_events,
+    text_events,
+)
 from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack

@@ -15,19 +15,17 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import last_before
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import (
-    motor_outputs,
-    moved_motors,
-    px4_motor_outputs,
-    whole_number,
-)
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
     NOTHING_SENT,
     PulseRange,
     Span,
+    motor_outputs,
+    moved_motors,
+    px4_motor_outputs,
     range_words,
     ranges_of_span,
     span_of,
+    whole_number,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import (
     OUTPUTS_OF_PORT,

@@ -43,7 +43,6 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     best,
     turned_down,
 )
-from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_channels
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     PumpedSoFar,
     TankContext,
@@ -52,6 +51,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     pumped,
     tank_levels,
 )
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_channels
 from thrustmargin.models.checks.held import HeldSoFar
 from thrustmargin.models.flight import (
     TRACK_CHANNELS,

@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     known_rows,
     last_before,
 )
-from thrustmargin.mission.parameter_names import parameter
+from thrustmargin.mission.plan_check import parameter
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
 

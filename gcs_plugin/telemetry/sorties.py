@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_rows, 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, Recording
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import IDLE
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
-from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.flight_words import restart_words, unflown_words
 from thrustmargin.models.checks.loss_of_control import loss_of_control
 from thrustmargin.models.errors import LogError

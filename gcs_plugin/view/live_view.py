@@ -17,17 +17,15 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.view.figures.before_take_off import FillAdvice
 from thrustmargin.gcs_plugin.view.figures.charts import LIVE_WINDOW_S, chart_images
-from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state
+from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice, PageState, field_state
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
-from thrustmargin.gcs_plugin.view.live.live_heard import Heard
+from thrustmargin.gcs_plugin.view.live_heard import Heard
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
-from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu, ground_height, plan_enu
-from thrustmargin.gcs_plugin.view.scene.surroundings import SprayedGround
+from thrustmargin.gcs_plugin.view.scene.surroundings import Camera, SprayedGround
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.flight import Floats, Origin
 from thrustmargin.models.physics.airframe import Airframe

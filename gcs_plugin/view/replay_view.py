@@ -16,12 +16,11 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, Alarm
 from thrustmargin.gcs_plugin.live.watch.outlook import recorded_seconds_to_empty
 from thrustmargin.gcs_plugin.view.figures import charts
-from thrustmargin.gcs_plugin.view.figures.replay_clock import SPEEDS, ReplayClock
+from thrustmargin.gcs_plugin.view.figures.charts import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
-from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import (
     Overlay,
     overlays_of,
@@ -36,13 +35,14 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
     plan_enu,
     row_at,
 )
-from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
+from thrustmargin.gcs_plugin.wording import live_words as words
+from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
-from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.plans.forecast_words import fill_words, verdict
-from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 from thrustmargin.mission.field import sprayed_field
+from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.advice import stands, stopped_episodes

@@ -7,10 +7,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.wording import actions, fault_words
+from thrustmargin.gcs_plugin.wording import actions, alarm_words
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
-from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent, percent_within
+from thrustmargin.gcs_plugin.wording.language import (
+    clock,
+    duration,
+    number,
+    percent,
+    percent_within,
+    say,
+)
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.fault_test import MOST, RotorFault
@@ -148,9 +154,9 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
             return f"{say(f'A {part}')}: {say(does)}"
         return f"{part} {which}: {say(does)}"
     place = (
-        f", {fault_words.place_words(advice.places[fault.rotor]).upper()}" if advice.places else ""
+        f", {alarm_words.place_words(advice.places[fault.rotor]).upper()}" if advice.places else ""
     )
-    amount = "" if fault.kind == "stopped" else f"{fault_words.fault_amount(fault).upper()} "
+    amount = "" if fault.kind == "stopped" else f"{alarm_words.fault_amount(fault).upper()} "
     words = f"{part} {fault.rotor + 1}{place}: {amount}{say(does)}"
     if fault.witnessed or fault.upper >= MOST:
         return words
@@ -295,7 +301,7 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
         if FlightLevel.BATTERY in advice.levels:
             words = "{volts} a cell at {clock}"
             found.append(("battery", say(words, volts=least, clock=clock(advice.battery.at_s))))
-    found.append((fault_words.ONE_LOST, one_rotor_out(advice)))
+    found.append((alarm_words.ONE_LOST, one_rotor_out(advice)))
     if sure := how_sure(advice.fill):
         found.append(("fill, how sure", sure))
     return tuple(found)
@@ -349,7 +355,7 @@ def one_rotor_out(advice: Advice) -> str:
     """What the loss of a rotor would have meant."""
     lost = advice.lost
     if not math.isfinite(lost.least) and advice.faults:
-        return say(fault_words.ONE_MORE_LOST)
+        return say(alarm_words.ONE_MORE_LOST)
     if not math.isfinite(lost.least):
         return say("not known, because the tank level is unknown")
     held = number(lost.least, "×", 2)
@@ -371,7 +377,7 @@ def one_rotor_out(advice: Advice) -> str:
         words = "the weight can be held for {long}, {spins} ({held} or more)"
     elif not advice.seen_whole:
         words = "the weight can be held for as long as the log goes, {spins} ({held} or more)"
-    return say(words, long=duration(lost.known_s), spins=say(fault_words.SPINS), held=held) + known
+    return say(words, long=duration(lost.known_s), spins=say(alarm_words.SPINS), held=held) + known
 
 
 def _spent_alone(advice: Advice) -> int:
@@ -392,11 +398,11 @@ def sound_again(fault: RotorFault) -> str:
         "rotor {rotor} is sound again, and the model still holds its loss of {amount}: use the "
         "model from before it, or train anew",
         rotor=fault.rotor + 1,
-        amount=fault_words.fault_amount(fault),
+        amount=alarm_words.fault_amount(fault),
     )
 
 
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
     """The fault in the words of its alarm, and when; not of which rotor where that is not known."""
-    unsure = "" if advice.rotor_names else f": {say(fault_words.WHICH_ROTOR)}"
-    return f"{fault_words.episode_words(episode, advice.places)}{unsure}"
+    unsure = "" if advice.rotor_names else f": {say(alarm_words.WHICH_ROTOR)}"
+    return f"{alarm_words.episode_words(episode, advice.places)}{unsure}"

@@ -8,10 +8,9 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.wording import actions, report_words
 from thrustmargin.gcs_plugin.wording.advice_words import action, no_ground, suspects
-from thrustmargin.gcs_plugin.wording.fault_words import place_words
+from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
-from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import clock, number
+from thrustmargin.gcs_plugin.wording.language import clock, number, say
 from thrustmargin.models.model.advice import Advice, FlightLevel
 
 

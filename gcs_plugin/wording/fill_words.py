@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from thrustmargin.gcs_plugin.wording.fault_words import TOO_HEAVY
-from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import number, percent
+from thrustmargin.gcs_plugin.wording.alarm_words import TOO_HEAVY
+from thrustmargin.gcs_plugin.wording.language import number, percent, say
 from thrustmargin.models.model.fill_limits import NextFill, Reason
 
 #: reason -> why not more, and why not even empty

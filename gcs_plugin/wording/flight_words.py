@@ -7,8 +7,7 @@ from datetime import UTC, datetime
 from math import degrees
 
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent
+from thrustmargin.gcs_plugin.wording.language import clock, duration, number, percent, say
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack, FlyingBy
 from thrustmargin.models.provenance import Reason

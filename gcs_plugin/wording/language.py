@@ -3,15 +3,20 @@
 `sentences_de.toml` beside this file holds the German of each, by its English with the same
 {placeholders}; what is not in it stays English. Chosen by `--language de` with any command, or by
 the variable THRUSTMARGIN_LANGUAGE, as for MAVProxy and services.
+
+Numbers and channels as a pilot reads them: rounded, with their unit, "unknown" for none.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
+from typing import TypeGuard
 
 from thrustmargin.models.errors import DataError
 
@@ -73,3 +78,218 @@ def _comma(value: object) -> object:
         return value
     text = re.sub(r"(?<=\d)\.(?=\d)", ",", value)
     return re.sub(r"(?<=\d) to (?=\d)", f" {say('to')} ", text)
+
+
+UNKNOWN = "unknown"
+BEYOND_CEILING = "beyond the ceiling"  # of a margin below 0, which has no degrees
+#: Below so much of a unit, numbers are shown in a smaller one: how many make one, and its name.
+SMALL = 0.05
+SMALLER: Mapping[str, tuple[float, str]] = {
+    "kg": (1e3, "g"),
+    "N m": (1e3, "mN m"),
+    "N m s": (1e3, "mN m s"),
+    "kg m²": (1e7, "g cm²"),
+    "m²": (1e4, "cm²"),
+}
+
+
+def known(value: float | None) -> TypeGuard[float]:
+    """True for a finite number."""
+    return value is not None and math.isfinite(value)
+
+
+def number(value: float | None, unit: str = "", decimals: int = 1) -> str:
+    """`12.3 kg`; "unknown" for NaN and None. No number is shown as minus zero."""
+    if not known(value):
+        return say(UNKNOWN)
+    text = f"{value:,.{decimals}f}".replace(",", " ")
+    if float(text.replace(" ", "")) == 0.0:
+        text = text.lstrip("-")
+    text = decimal(text.replace("-", "\N{MINUS SIGN}"))
+    return f"{text} {unit}".rstrip()
+
+
+def unbroken(text: str) -> str:
+    """The text with spaces between numbers and what follows them that no line breaks at."""
+    return re.sub(r"(?<=[0-9]) (?=[^ ]{1,3}(?:\b|$|[ ,;.)]))", "\N{NO-BREAK SPACE}", text)
+
+
+def significant(value: float | None, digits: int = 4) -> str:
+    """A number of unknown size with so many digits that count, and no exponent up to a billion."""
+    if not known(value):
+        return say(UNKNOWN)
+    if value and not 1e-4 <= abs(value) < 1e9:
+        return f"{value:.{digits - 1}e}"
+    size = len(str(int(abs(value)))) if abs(value) >= 1.0 else 0
+    return number(value, "", max(0, digits - size))
+
+
+def percent(share: float | None, decimals: int = 0) -> str:
+    """`64 %` of 0.64."""
+    return number(None if share is None else share * 100.0, "%", decimals)
+
+
+def margin_or_beyond(share: float) -> str:
+    """`margin 64 %`; a rotor that would need more than its largest thrust has none."""
+    return BEYOND_CEILING if share < 0.0 else f"margin {percent(share)}"
+
+
+def percent_within(share: float, low: float, high: float) -> str:
+    """`52 % (47 to 57)`; `52 %` alone where both ends are the same, or unknown."""
+    if not (known(low) and known(high)) or high - low < 1e-9:
+        return percent(share)
+    ends = f"({number(low * 100.0, '', 0)} {say('to')} {number(high * 100.0, '', 0)})"
+    return f"{percent(share)} {ends}"
+
+
+def within(
+    value: float,
+    low: float,
+    high: float,
+    unit: str = "",
+    *,
+    factor: float = 1.0,
+    most: int = 2,
+    beside: float = 0.0,
+) -> tuple[str, str]:
+    """`8 %` and `(7.8 to 8.2)`: an amount and its interval, no digit more than that allows.
+
+    The last digit shown is the first of the half width, at most `most` decimals, or one more where
+    the ends would look alike or one of them would look like 0. Amounts of a small aircraft are in a
+    smaller unit: `2.7 g` of 0.0027 kg, unless the largest amount `beside` it in a table, in `unit`,
+    is not. Without an interval the second text is empty.
+    """
+    largest = max(abs(value), abs(low), abs(high)) * abs(factor)
+    if unit in SMALLER and largest < SMALL:
+        if beside < SMALL:
+            finer, unit = SMALLER[unit]
+            factor, largest = factor * finer, largest * finer
+        if 0.0 < largest < 1.0:
+            most = max(most, 1 - math.floor(math.log10(largest)))
+    value, ends = value * factor, sorted((low * factor, high * factor))
+    half = (ends[1] - ends[0]) / 2
+    if not math.isfinite(half) or half <= 0.0:
+        return number(value, unit, most), ""
+    decimals = min(most, -math.floor(math.log10(half) + 1e-6))
+    texts = [_rounded(v, decimals) for v in (value, *ends)]
+    if texts[1] == texts[2] or any(
+        not round(end, decimals) and abs(end) > 0.01 * half for end in ends
+    ):
+        texts = [_rounded(v, decimals + 1) for v in (value, *ends)]
+    amount = re.sub(r"[.,]0+$|([.,]\d*?)0+$", r"\1", texts[0])
+    return f"{amount} {unit}".rstrip(), f"({texts[1]} {say('to')} {texts[2]})"
+
+
+def shown_unit(unit: str, name: str = "") -> tuple[float, str]:
+    """What a number in a file's `unit` is multiplied by for people, and their unit.
+
+    Shares are per cent, but for a parameter whose `name` says that it is an exponent.
+    """
+    if unit == "1" and "exponent" in name:
+        return 1.0, ""
+    people = {"1": (100.0, "%"), "m": (1000.0, "mm"), "1/s": (6000.0, "% a minute")}
+    return people.get(unit, (1.0, unit.replace("^2", "²")))
+
+
+def joined(parts: tuple[str, str]) -> str:
+    """Amount and interval in one."""
+    return " ".join(parts).rstrip()
+
+
+def _rounded(value: float, decimals: int) -> str:
+    return number(round(value, decimals), "", max(0, decimals))
+
+
+def more(share: float, decimals: int = 2) -> str:
+    """`+75.83 %` of 0.7583."""
+    text = percent(share, decimals)
+    return f"+{text}" if share > 0.0 else text
+
+
+def clock(seconds: float | None) -> str:
+    """`3:07` or `1:02:45` of seconds, cut to the whole second; "unknown" for NaN."""
+    if not known(seconds):
+        return say(UNKNOWN)
+    whole = int(abs(seconds))
+    hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    text = f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+    return f"-{text}" if seconds < 0 and whole else text
+
+
+def duration(seconds: float | None) -> str:
+    """`3 min 28 s`, `12 s`, `0.4 s`."""
+    if not known(seconds):
+        return say(UNKNOWN)
+    if seconds < 10.0:
+        return number(seconds, "s", 1)
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min {rest} s" if rest else f"{minutes} min"
+
+
+def area(square_metres: float | None) -> str:
+    """`0.84 ha`, or square metres below a tenth of a hectare."""
+    if not known(square_metres):
+        return say(UNKNOWN)
+    if square_metres < 1000.0:
+        return number(square_metres, "m²", 0)
+    return number(square_metres / 1e4, "ha", 2)
+
+
+def place(north: float, east: float) -> str:
+    """`12 m north, 40 m west of the start`; empty when the position is unknown."""
+    if not (known(north) and known(east)):
+        return ""
+    along = f"{abs(north):.0f} m {say('north' if north >= 0 else 'south')}"
+    across = f"{abs(east):.0f} m {say('east' if east >= 0 else 'west')}"
+    return say("{along}, {across} of the start", along=along, across=across)
+
+
+def from_direction(degrees: float) -> str:
+    """`from SE (142°)`; "unknown" for NaN."""
+    if not known(degrees):
+        return say(UNKNOWN)
+    names = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+    where = f"{say(names[round(degrees / 45.0) % 8])} ({degrees % 360:.0f}°)"
+    return say("from {where}", where=where)
+
+
+DEGREES = 180.0 / math.pi
+#: Channel -> name, unit, and what its numbers are multiplied by for that unit.
+CHANNEL_WORDS: Mapping[str, tuple[str, str, float]] = {
+    "airspeed": ("airspeed", "m/s", 1.0),
+    "tank_kg": ("tank level", "kg", 1.0),
+    "time_s": ("time in the log", "s", 1.0),
+    "advance_ratio": ("climb (axial advance ratio)", "", 1.0),
+    "radius_over_height": ("rotor radius over height", "", 1.0),
+    "voltage": ("battery voltage", "V", 1.0),
+    "density": ("air density", "kg/m³", 1.0),
+    "heading": ("heading", "°", DEGREES),
+    "spraying": ("spraying", "", 1.0),
+    "yaw_rate": ("yaw rate", "°/s", DEGREES),
+    "yaw_acceleration": ("yaw acceleration", "°/s²", DEGREES),
+    "load_factor": ("load factor", "", 1.0),
+}
+
+
+def channel_name(channel: str) -> str:
+    """As people call it; the name itself where there is no other."""
+    return CHANNEL_WORDS[channel][0] if channel in CHANNEL_WORDS else channel.replace("_", " ")
+
+
+def channel_title(channel: str) -> str:
+    """The channel with its unit, for an axis."""
+    unit = CHANNEL_WORDS[channel][1] if channel in CHANNEL_WORDS else ""
+    return f"{channel_name(channel)}{f', {unit}' if unit else ''}"
+
+
+def chance(probability: float, flights: int = 0) -> str:
+    """`60 %` of 0.6; never 0 or 100 %. With the number of flights that say so, where given."""
+    by = f" by {flights} flight{'s' if flights > 1 else ''}" if flights else ""
+    if 0.01 <= probability <= 0.99:
+        return percent(probability) + by
+    return ("over 99 %" if probability > 0.5 else "under 1 %") + by

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.wording import numbers
+from thrustmargin.gcs_plugin.wording import language
 from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_found, no_ground
-from thrustmargin.gcs_plugin.wording.fault_words import place_words
+from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
@@ -142,7 +142,7 @@ def _beyond(worst: Moment) -> tuple[Fact, ...]:
     """
     if not worst.capacity_use_low > 1.0:  # one reading of sensors that scatter shows nothing
         return ()
-    more = numbers.percent(worst.capacity_use)
+    more = language.percent(worst.capacity_use)
     words = (
         "rotor {rotor} shows {more} of what the airframe says it can make: check the "
         "battery voltage, max_rotor_speed_rpm and motor_poles (eRPM)"
@@ -162,7 +162,7 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
     if not known.size or reported:
         return ()
-    start, end = numbers.number(float(known[0]), "", 1), numbers.number(float(known[-1]), "kg", 1)
+    start, end = language.number(float(known[0]), "", 1), language.number(float(known[-1]), "kg", 1)
     falls = not end.startswith(f"{start} ")
     load = f"{start} {say('to')} {end}" if falls else end
     return (Fact("load", f"{load}, {source.words}"),)
@@ -175,8 +175,8 @@ def voltage_facts(analysis: FlightAnalysis) -> tuple[Fact, ...]:
     if analysis.withheld or unknown_s <= 0.05 * track.flying_s:
         return ()
     words = "not known for {long} of {all}: the most thrust is taken at {volts}"
-    long, whole = numbers.duration(unknown_s), numbers.duration(track.flying_s)
-    volts = numbers.number(craft.nominal_voltage, "V")
+    long, whole = language.duration(unknown_s), language.duration(track.flying_s)
+    volts = language.number(craft.nominal_voltage, "V")
     return (Fact("battery voltage", say(words, long=long, all=whole, volts=volts)),)
 
 
@@ -184,36 +184,38 @@ def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
     """Which parts of the flight are unseen: before the log, in its pauses, after it."""
     words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []
     for begin_s, long_s in zip(*pauses_in_flight(track), strict=True):
-        pause = {"long": numbers.duration(float(long_s)), "clock": numbers.clock(float(begin_s))}
+        pause = {"long": language.duration(float(long_s)), "clock": language.clock(float(begin_s))}
         words.append(say("has nothing of {long} of the flight from {clock} on", **pause))
     if track.flying[-1:].any():
-        last = numbers.clock(float(track.time_s[-1]))
+        last = language.clock(float(track.time_s[-1]))
         words.append(say("ends in flight, at {clock}: the rest is unseen", clock=last))
     return (Fact("log", "; ".join(words)),) if words else ()
 
 
 def moment_words(moment: Moment) -> str:
     """Which, when and in what movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
-    known = {"rotor": moment.rotor, "clock": numbers.clock(moment.time_s)}
+    known = {"rotor": moment.rotor, "clock": language.clock(moment.time_s)}
     words, place = "rotor {rotor}, {place}, at {clock}", place_words(moment.rotor_name)
     parts = [say(words if place else "rotor {rotor}, at {clock}", place=place, **known)]
     if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
         use = moment.capacity_use, moment.capacity_use_low, moment.capacity_use_high
-        parts.append(say("{use} in use", use=numbers.percent_within(*use)))
+        parts.append(say("{use} in use", use=language.percent_within(*use)))
         parts.append(say(moment.basis))
     parts += [", ".join(moment.doing)] if moment.doing else []
     if math.isfinite(moment.tank_kg):
-        parts.append(say("{kg} on board", kg=numbers.number(moment.tank_kg, "kg")))
-    where = numbers.place(moment.north, moment.east)
+        parts.append(say("{kg} on board", kg=language.number(moment.tank_kg, "kg")))
+    where = language.place(moment.north, moment.east)
     return ", ".join([*parts, where] if where else parts)
 
 
 def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float = 1.0) -> str:
     """`41 (38 to 45) rpm`, with the digits that the interval allows; without one no bracket."""
     ends = figure.value, figure.low, figure.high
-    if not numbers.known(figure.value):
-        return numbers.UNKNOWN
-    return f"{numbers.joined(numbers.within(*ends, factor=factor, most=decimals))} {unit}".rstrip()
+    if not language.known(figure.value):
+        return language.UNKNOWN
+    return (
+        f"{language.joined(language.within(*ends, factor=factor, most=decimals))} {unit}".rstrip()
+    )
 
 
 def _outputs_go_on(analysis: FlightAnalysis) -> str:
@@ -239,7 +241,7 @@ def basis_words(
     missing = airborne_s - known_s
     tail = ""
     if missing >= 0.05 * airborne_s:
-        tail = say("; unknown for {long}", long=numbers.duration(missing))
+        tail = say("; unknown for {long}", long=language.duration(missing))
     if measured_s == 0.0:
         on_the_ground = analysis.track.reports("rotor_speed_rpm")
         where = "in the air in this log" if on_the_ground else "in this log"
@@ -248,7 +250,7 @@ def basis_words(
         words = say(
             "rotor speeds {basis} for {part} of the flight, predicted for the rest",
             basis=say(analysis.speed_basis),
-            part=numbers.percent(measured_s / known_s),
+            part=language.percent(measured_s / known_s),
         )
         silent = _outputs_go_on(analysis) if measured_s < 0.95 * known_s else ""
         return f"{words}{silent}{tail}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from thrustmargin.gcs_plugin.wording.numbers import number
+from thrustmargin.gcs_plugin.wording.language import number
 
 #: Field of the record -> its title, which is the question on a terminal too.
 TITLES: Mapping[str, str] = {

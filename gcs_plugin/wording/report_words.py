@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from thrustmargin.gcs_plugin.wording.advice_words import headline
-from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, SPINS
+from thrustmargin.gcs_plugin.wording.language import clock, known, number, percent, say
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
-from thrustmargin.gcs_plugin.wording.numbers import clock, known, number, percent
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.model_misfit import MarginCheck
 

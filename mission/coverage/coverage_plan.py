@@ -12,9 +12,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import shapely
 
-from thrustmargin.mission.coverage.detour import Detours
 from thrustmargin.mission.coverage.outline import FieldOutline
-from thrustmargin.mission.coverage.spray_lines import SHORTEST, LinesInOrder, lines_in_order
+from thrustmargin.mission.coverage.spray_lines import (
+    SHORTEST,
+    Detours,
+    LinesInOrder,
+    lines_in_order,
+)
 from thrustmargin.mission.plan_items import (
     CHANGE_SPEED,
     FIRMWARE_ARDUPILOT,

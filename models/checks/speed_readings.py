@@ -24,7 +24,8 @@ Do rotor speeds and acceleration have the same clock?
 What the rotors do more, the body feels at once: their squared speeds together rise and fall with
 the upward specific force. A table put together from two logs, or telemetry that queues, has one of
 the two seconds later, and manoeuvres would be explained by inertias that nothing has. Delays up to
-`USUAL` are a matter of the fit (effect `sensor_lag` of the rotor speeds); beyond is another clock.
+`LARGEST_DELAY` are a matter of the fit (effect `sensor_lag` of the rotor speeds). Beyond it the
+speeds have another clock.
 """
 
 from __future__ import annotations

@@ -21,8 +21,7 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.metrics.collector import MonitorCollector
 from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
-from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
 from thrustmargin.gcs_plugin.view.live_view import LiveView
 from thrustmargin.models.model.advice import FlightLevel

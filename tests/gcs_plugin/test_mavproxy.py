@@ -23,8 +23,8 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
 from tests.gcs_plugin.peers.ports import free_udp_port
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.mavproxy_worker import (

@@ -14,8 +14,8 @@ from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings
 from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
 from thrustmargin.gcs_plugin.live.metrics.collector import _of_vehicle
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
 from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary

@@ -22,8 +22,8 @@ import numpy as np
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
-from thrustmargin.mission.ahead.plan_forecast import PlanForecast, TakeOff, forecast
+from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
+from thrustmargin.mission.forecast.plan_forecast import PlanForecast, TakeOff, forecast
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
-from thrustmargin.mission.parameter_names import OTHER_NAMES, parameter
+from thrustmargin.mission.plan_check import OTHER_NAMES, parameter
 
 
 def test_a_speed_is_in_metres_a_second_under_either_name():

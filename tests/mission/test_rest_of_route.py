@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.mission.plan import MissionPlan, PlanItem
-from thrustmargin.mission.rest_of_route import (
+from thrustmargin.mission.route import (
     Conditions,
     Forecast,
     forecast,

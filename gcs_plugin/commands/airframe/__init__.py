@@ -6,8 +6,11 @@ from typing import Annotated
 
 import tyro
 
-from thrustmargin.gcs_plugin.commands.airframe.check import AirframeCheck
-from thrustmargin.gcs_plugin.commands.airframe.list_show import AirframeList, AirframeShow
+from thrustmargin.gcs_plugin.commands.airframe.check import (
+    AirframeCheck,
+    AirframeList,
+    AirframeShow,
+)
 from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
 
 

@@ -1,4 +1,7 @@
-"""`thrustmargin airframe check`: what an airframe file claims, held against flights."""
+"""`thrustmargin airframe list` and `show`: the airframes that ship, and every value of one.
+
+`thrustmargin airframe check`: what an airframe file claims, held against flights.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +12,90 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.options import require_logs
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.models.physics.airframe import Airframe
+
+
+@dataclass(frozen=True, slots=True)
+class AirframeList:
+    """Show the airframes and the power sets that ship with thrustmargin.
+
+    Example: thrustmargin airframe list
+    """
+
+    def run(self) -> int:
+        from thrustmargin.models.physics.airframe import airframe_names, load_airframe
+        from thrustmargin.models.physics.airframe_draft import power_sets
+
+        console, rows = Terminal(), []
+        for name in airframe_names():
+            craft = load_airframe(name)
+            masses = (f"{craft.empty_mass:g}", f"{craft.tank_capacity_kg:g}")
+            rows.append((name, craft.layout, str(craft.rotor_count), *masses, craft.title))
+        heads = ("name", "layout", "rotors", "empty kg", "tank kg", "aircraft")
+        console.print(grid(heads, rows, left=(0, 1, 5)))
+        console.print("power sets, for: thrustmargin airframe new --power-set NAME")
+        sets = []
+        for one in power_sets().values():
+            top = one.quantities["nameplate_max_thrust"]
+            words = f"{top.value / 9.80665:.3g}" + (" guessed" if top.guessed else "")
+            sets.append((one.name, one.title, words))
+        console.print(grid(("name", "motor and propeller", "kgf a rotor"), sets, left=(0, 1)))
+        return 0
+
+
+@dataclass(frozen=True, slots=True)
+class AirframeShow:
+    """Show every value of an airframe with its unit and source, and which are guesses.
+
+    Example: thrustmargin airframe show topxgun-f16
+    """
+
+    name: Annotated[Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
+    """Name of a shipped airframe, or an airframe file (.toml)."""
+
+    def run(self) -> int:
+        from thrustmargin.models.physics.airframe import load_airframe
+
+        print_airframe(Terminal(), load_airframe(self.name))
+        return 0
+
+
+def print_airframe(console: Console, craft: Airframe) -> None:
+    """The aircraft in a sentence, its quantities and its rotors as tables."""
+    console.print(repr(craft), soft_wrap=True)
+    table = grid(("quantity", "value", "unit", "known", "from"), left=(0, 2, 3, 4))
+    for name, q in craft.quantities.items():
+        known, style = ("guessed", "yellow") if q.guessed else ("", "")
+        unit = "" if q.unit == "1" else q.unit
+        table.add_row(name, f"{q.value:.5g}", unit, known, q.source, style=style)
+    console.print(table)
+    rotors = []
+    for n, name in enumerate(craft.rotor_names):
+        cells = [f"{p:.3f}" for p in craft.rotor_position_frd[n]]
+        turns = "ccw" if craft.rotor_spin[n] > 0 else "cw"
+        rotors.append((str(n + 1), *cells, f"{craft.rotor_effectiveness[n]:g}", turns, name))
+    heads = ("motor", "forward m", "right m", "down m", "effectiveness", "turns", "place")
+    console.print(grid(heads, rotors, left=(5, 6)))
+    if craft.guessed:
+        console.print(
+            f"guessed, not measured and not printed by a maker: {', '.join(craft.guessed)}",
+            soft_wrap=True,
+        )
+
 
 #: The checks of `inspect` that are about the airframe, in the order of the answer.
 _OF_INSPECT = ("vehicle", "motors", "frame", "motor order", "voltage", "tank", "rotor speed")
@@ -93,7 +167,7 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     """The thrust coefficient against the weight in hover, and the trim of the rotors."""
     from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
     from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
-    from thrustmargin.gcs_plugin.wording.numbers import percent
+    from thrustmargin.gcs_plugin.wording.language import percent
     from thrustmargin.models.physics.thrust_fits import fit_hover
 
     check = "thrust coefficient"
@@ -135,7 +209,7 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
 
     from thrustmargin.gcs_plugin.commands.airframe.fitted import figure, interval
     from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
-    from thrustmargin.gcs_plugin.wording.numbers import number
+    from thrustmargin.gcs_plugin.wording.language import number
     from thrustmargin.models.model.inferred.output_speed import full_output_speed
     from thrustmargin.models.physics.margin import ceiling
 

@@ -15,22 +15,24 @@ from rich.console import Console
 
 from thrustmargin.gcs_plugin.commands.airframe.questions import (
     Answers,
+    OwnerStatement,
     asked,
+    check_numbers,
     logs_here,
     require_all,
+    stated,
 )
-from thrustmargin.gcs_plugin.commands.airframe.stated import OwnerStatement, check_numbers, stated
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    Reading,
+    ReadingOptions,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     LONGEST_S,
     Output,
     check_outputs,
     check_range,
-)
-from thrustmargin.gcs_plugin.commands.shared.reading import (
-    AS_HEARD,
-    Reading,
-    ReadingOptions,
-    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError, ThrustMarginError
@@ -38,7 +40,7 @@ from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted
-    from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters
+    from thrustmargin.gcs_plugin.commands.airframe.questions import VehicleParameters
     from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import ReportedAirframe
     from thrustmargin.models.physics.airframe import Airframe, Quantity
 
@@ -76,9 +78,12 @@ class AirframeNew:
     """Replace the file if it is there."""
 
     def run(self) -> int:
+        from thrustmargin.gcs_plugin.commands.airframe.check import print_airframe
         from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted, bench_quantities
-        from thrustmargin.gcs_plugin.commands.airframe.list_show import print_airframe
-        from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters, read_source
+        from thrustmargin.gcs_plugin.commands.airframe.questions import (
+            VehicleParameters,
+            read_source,
+        )
         from thrustmargin.models.physics.airframe_draft import airframe_toml
 
         reading_keywords(self.reading)

@@ -1,23 +1,222 @@
-"""What only the owner of an aircraft knows: which of it is missing, and the questions for it.
+"""Where `airframe new` reads what a vehicle says of itself: a log, a parameter file or a link.
+
+What the owner of an aircraft states on the command line, and its quantities.
+
+What only the owner of an aircraft knows: which of it is missing, and the questions for it.
 
 What the vehicle or its log has answered is not asked for, and nothing is offered as an answer.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.commands.airframe.stated import OTHER, OwnerStatement, stated
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError
-from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, transfer_bar
 from thrustmargin.gcs_plugin.wording.report_words import QUESTIONS, option_words
-from thrustmargin.models.errors import DataError
+from thrustmargin.models.errors import DataError, LogError
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import ReportedAirframe
+    from thrustmargin.models.physics.airframe import Quantity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleParameters:
+    """Parameters by name, what else a log says of the same, and their origin in words."""
+
+    parameters: Mapping[str, float]
+    facts: VehicleFacts | None = None
+    texts: tuple[str, ...] = ()
+    highest_voltage: float = float("nan")  # V of the battery
+    gauge: bool = False  # a log says what is in the tank
+    words: str = ""  # where they are from; empty: from nowhere
+    log: Path | None = None
+    autopilot: str = ""
+    not_named: tuple[str, ...] = ()  # logs of the folder, none of which was named
+
+    @property
+    def leaves_open(self) -> str:
+        """How to begin a list of what is not in it."""
+        if not self.words and self.not_named:
+            first, count = self.not_named[0], len(self.not_named)
+            return f"{count} logs in this folder, none named (--from {first} says much of this)"
+        if not self.words:
+            return "no log named by --from or --hover, and not one alone in this folder"
+        return f"{self.words} does not say everything"
+
+    def found_words(self, reported: ReportedAirframe) -> str:
+        """What was found of the aircraft, for people."""
+        cells, program = reported.quantities.get("nominal_voltage"), self.words or "nothing"
+        return "; ".join(
+            (
+                f"{program}, autopilot {self.autopilot}" if self.autopilot else program,
+                f"layout {reported.layout or 'not known'}",
+                f"battery {cells.source}{', guessed' if cells.guessed else ''}"
+                if cells
+                else "battery cells not known",
+                "a tank gauge" if self.gauge else "no tank gauge",
+            )
+        )
+
+
+def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleParameters:
+    """The parameters in a log or parameter file, or of the vehicle on a link.
+
+    Raises LogError or LinkError when there are none.
+    """
+    path = Path(source)
+    if not path.exists() and (":" in source or source.startswith("/dev/")):
+        return _fetched(source, vehicle, timeout)
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.logs.parameter_file import SUFFIXES, read_parameters
+    from thrustmargin.gcs_plugin.telemetry.first_contact import highest_voltage
+
+    if path.suffix.lower() in SUFFIXES:
+        return VehicleParameters(parameters=read_parameters(path), words=path.name)
+    try:
+        log = read_log(path, vehicle=vehicle)
+    except LogError:
+        if path.suffix.lower() != ".txt":
+            raise
+        return VehicleParameters(parameters=read_parameters(path), words=path.name)
+    return VehicleParameters(
+        parameters=log.parameters,
+        facts=log.facts,
+        texts=(*log.earlier_texts, *(text for _, text in log.messages)),
+        highest_voltage=highest_voltage(log.track),
+        gauge=log.track.reports("tank_kg"),
+        words=path.name,
+        log=path,
+        autopilot=log.autopilot,
+    )
+
+
+def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters:
+    from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
+    from thrustmargin.gcs_plugin.vehicle.downloads import download_parameters
+
+    with VehicleLink.open(url) as link, transfer_bar() as (announce, progress):
+        announce(f"waiting for a heartbeat at {url}")
+        system = link.vehicle(vehicle, timeout=timeout)
+        number = system.get_system_id()
+        announce(f"parameters of vehicle {number}")
+        found = download_parameters(link, system, progress)
+    return VehicleParameters(parameters=found, words=f"vehicle {number} at {url}")
+
+
+#: A power set that does not ship: its propeller and thrust are stated.
+OTHER = "other"
+#: option -> quantity, unit of the file, and what the stated number is multiplied by.
+_NUMBERS = {
+    "mass": ("empty_mass", "kg", 1.0),
+    "max_takeoff_kg": ("max_takeoff_mass", "kg", 1.0),
+    "arm": ("arm", "m", 1.0),
+    "wheelbase": ("arm", "m", 0.5),
+    "max_thrust_kgf": ("nameplate_max_thrust", "N", 9.80665),
+    "max_speed_rpm": ("max_rotor_speed_rpm", "rpm", 1.0),
+    "tank_litres": ("tank_volume_l", "L", 1.0),
+    "liquid_density": ("liquid_density", "kg/L", 1.0),
+    "pump_litres_min": ("pump_max_flow_l_min", "L/min", 1.0),
+    "cells": ("nominal_voltage", "V", 3.7),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnerStatement:
+    """What the owner of an aircraft says of it; None is left open."""
+
+    name: str | None = None
+    """Short name of the aircraft; without it the name of the file."""
+    title: str | None = None
+    """What the aircraft is, in a line."""
+    mass: float | None = None
+    """kg, ready to fly with its battery and without liquid."""
+    max_takeoff_kg: float | None = None
+    """kg, the maker's largest mass in flight, liquid included; no fill is recommended beyond it."""
+    arm: float | None = None
+    """m from the centre to a motor."""
+    wheelbase: float | None = None
+    """m from motor to motor across the centre, instead of --arm."""
+    power_set: str | None = None
+    """Motor and propeller by a name of `thrustmargin airframe list`, or other."""
+    propeller: str | None = None
+    """Propeller diameter x pitch in inches, such as 24x8."""
+    max_thrust_kgf: float | None = None
+    """kgf of one rotor at full throttle, by the maker's data sheet."""
+    max_speed_rpm: float | None = None
+    """rpm of the rotor at that thrust, by the maker's data sheet."""
+    tank_litres: float | None = None
+    """L of the full tank; 0 when it carries no liquid."""
+    liquid_density: float | None = None
+    """kg/L; without it water."""
+    pump_litres_min: float | None = None
+    """L/min, largest flow of the pump."""
+    cells: int | None = None
+    """Battery cells in series, when the vehicle does not say."""
+    layout: str | None = None
+    """Layout of the motors, such as hexa-x, when the vehicle does not say or says it wrongly."""
+
+
+def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quantity]:
+    """Quantities of the power set, over them the vehicle's, over them what the owner states.
+
+    Raises UsageError for a number or propeller that cannot be one, or a power set not known.
+    """
+    from thrustmargin.models.physics.airframe import Quantity
+    from thrustmargin.models.physics.airframe_draft import INCH, power_sets
+
+    quantities: dict[str, Quantity] = {}
+    if owner.power_set not in (None, OTHER):
+        if owner.power_set not in power_sets():
+            raise UsageError(
+                f"no power set {owner.power_set!r}; known are {', '.join(power_sets())}; for "
+                "another give --propeller and --max-thrust-kgf"
+            )
+        chosen = power_sets()[owner.power_set]
+        quantities |= {
+            name: replace(q, source=f"{chosen.name}: {q.source}")
+            for name, q in chosen.quantities.items()
+        }
+    if owner.propeller is not None:
+        sizes = re.fullmatch(r"\s*([\d.]+)\s*[xX*]\s*([\d.]+)\s*", owner.propeller)
+        if sizes is None:
+            raise UsageError(f"--propeller {owner.propeller!r}; write it in inches, as in 24x8")
+        quantities.pop("thrust_coefficient", None)  # it is that of the set's own propeller
+        source = f"stated: propeller {owner.propeller} in"
+        for name, size in (("propeller_diameter", sizes[1]), ("propeller_pitch", sizes[2])):
+            quantities[name] = Quantity(round(float(size) * INCH, 5), "m", source)
+    if owner.propeller is not None or owner.max_thrust_kgf is not None:
+        quantities.pop("max_rotor_speed_rpm", None)  # another thrust is reached at another speed
+    quantities |= reported.quantities
+    check_numbers(owner)  # those that were asked for
+    for option, (name, unit, factor) in _NUMBERS.items():
+        value = getattr(owner, option)
+        if value is not None:
+            words = f"stated: {_flag(option)} {value:g}"
+            quantities[name] = Quantity(round(value * factor, 5), unit, words)
+    return quantities
+
+
+def check_numbers(owner: OwnerStatement) -> None:
+    """Raise UsageError for a number that no aircraft has."""
+    for option in _NUMBERS:
+        value = getattr(owner, option)
+        if value is None:
+            continue
+        if not isfinite(value) or value < 0 or (value == 0 and option != "tank_litres"):
+            raise UsageError(f"{_flag(option)} {value:g} is not a number above 0")
+
+
+def _flag(option: str) -> str:
+    return "--" + option.replace("_", "-")
+
 
 #: Ending of the tables that reports write beside logs.
 TABLE = ".csv"

@@ -9,15 +9,14 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import analysed_flights
+from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, analysed_flights
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     Output,
     UsageError,
     check_outputs,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, Share
-from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 
 
@@ -53,8 +52,7 @@ def export(
             50%, or what a recording was made with.
     """
     from thrustmargin.gcs_plugin.reports.margin import report_flight
-    from thrustmargin.gcs_plugin.reports.streams.foxglove_layout import layout_text
-    from thrustmargin.gcs_plugin.reports.streams.mcap_file import write_mcap
+    from thrustmargin.gcs_plugin.reports.streams.mcap_file import layout_text, write_mcap
     from thrustmargin.models.whole_file import whole_file
 
     if mcap is None and layout is None and grafana is None:

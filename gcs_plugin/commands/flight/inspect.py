@@ -14,6 +14,8 @@ from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -21,12 +23,10 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
-from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.reports.shared.written import grid
+from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording.flight_words import several_words, sortie_words
-from thrustmargin.gcs_plugin.wording.numbers import known
+from thrustmargin.gcs_plugin.wording.language import known
 from thrustmargin.models.errors import LogError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 

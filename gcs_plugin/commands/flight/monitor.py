@@ -13,6 +13,13 @@ import tyro
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
+from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS, Chosen
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    Reading,
+    Share,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     LONGEST_S,
     UsageError,
@@ -20,13 +27,6 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_range,
     check_utilisation,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import (
-    AS_HEARD,
-    Reading,
-    Share,
-    reading_keywords,
-)
-from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, require
 
@@ -132,9 +132,9 @@ def monitor(
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.recording.recorder import tabulates
-    from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+    from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
-    from thrustmargin.gcs_plugin.view.page.token_door import page_token
+    from thrustmargin.gcs_plugin.view.page.guard import page_token
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES
 
     began = time.monotonic()

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import analysed_flights
+from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, analysed_flights
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
-from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.reports.shared.written import utc_text
+from thrustmargin.gcs_plugin.reports.shared.page_shell import utc_text
 from thrustmargin.models.errors import DataError, LogError
 
 if TYPE_CHECKING:
@@ -230,7 +229,7 @@ def counted_once(
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
     """The flights, each by one log, and what is left out: other logs of it, other vehicles, and
     stretches without a flight or that cannot be read."""
-    from thrustmargin.gcs_plugin.reports.record.same_flight import each_once
+    from thrustmargin.gcs_plugin.reports.record.applied import each_once
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.record_words import other_vehicles, same_flight
 

@@ -8,6 +8,13 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.analysed import LIMIT, Chosen, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    Reading,
+    ReadingOptions,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     UsageError,
     check_port,
@@ -15,13 +22,6 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_speed,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import (
-    AS_HEARD,
-    Reading,
-    ReadingOptions,
-    reading_keywords,
-)
-from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
 from thrustmargin.models.errors import DataError
@@ -75,7 +75,7 @@ def replay(
         start_paused: Wait at the start of the flight.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
-    from thrustmargin.gcs_plugin.view.page.token_door import page_token
+    from thrustmargin.gcs_plugin.view.page.guard import page_token
     from thrustmargin.gcs_plugin.view.replay_view import run_replay
 
     check_port(port)

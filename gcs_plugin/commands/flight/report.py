@@ -10,7 +10,8 @@ import tyro
 from rich.console import Console
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import flights_of
+from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, flights_of, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -18,8 +19,6 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, Share
-from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError

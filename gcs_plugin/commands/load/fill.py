@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from thrustmargin.gcs_plugin.commands.shared.inputs import Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -17,11 +18,9 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     check_voltage,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.reports.shared.written import grid
-from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import number
+from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
+from thrustmargin.gcs_plugin.wording.language import number, say
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.load.cover import pump_of
+from thrustmargin.gcs_plugin.commands.shared.inputs import Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -25,15 +26,14 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     check_voltage,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from thrustmargin.mission.ahead.battery import FlightBattery
-    from thrustmargin.mission.ahead.plan_forecast import PlanForecast
+    from thrustmargin.mission.forecast.battery import FlightBattery
+    from thrustmargin.mission.forecast.plan_forecast import PlanForecast
     from thrustmargin.models.model.caveats import Caveat
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
@@ -148,7 +148,7 @@ def forecast(
         raise DataError(f"no folder {sorties}; make it, or give another --sorties")
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
-    from thrustmargin.mission.ahead import plan_forecast
+    from thrustmargin.mission.forecast import plan_forecast
 
     rotor_model = chosen_model(model, airframe)
     craft = rotor_model.airframe
@@ -204,18 +204,18 @@ def forecast(
         pages = ((path, pdf_bytes if path.suffix.lower() == ".pdf" else html_text) for path in out)
         files += [(path, partial(page, made, plan.name)) for path, page in pages]
     if json is not None:
-        from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import json_text
+        from thrustmargin.gcs_plugin.reports.forecast.forecast_page import json_text
 
         if json == STDOUT:
             sys.stdout.write(json_text(made))
         else:
             files.append((json, lambda: json_text(made)))
     if csv is not None:
-        from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import csv_text
+        from thrustmargin.gcs_plugin.reports.forecast.forecast_page import csv_text
 
         files.append((csv, lambda: csv_text(made)))
     if lua is not None:
-        from thrustmargin.gcs_plugin.reports.forecast.fill_card import fill_card, gate_text
+        from thrustmargin.gcs_plugin.reports.forecast.forecast_page import fill_card, gate_text
 
         card = fill_card(made, battery)
         air = _or_nan(air_temperature) + ZERO_CELSIUS
@@ -236,7 +236,7 @@ def forecast(
 
 def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:
     """One .plan a sortie, none of which replaces the plan that was read."""
-    from thrustmargin.mission.ahead.plan_forecast import sortie_plans
+    from thrustmargin.mission.forecast.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
     made_plans = sortie_plans(made, pump=None if pump is None else pump_of(pump))
@@ -327,7 +327,7 @@ def _battery(
     craft: Airframe,
 ) -> FlightBattery:
     """By the options, else by the parameters; refuses a voltage that such a battery never has."""
-    from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
+    from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
 
     if voltage is not None:
         check_voltage(voltage, craft)

@@ -10,10 +10,10 @@ from rich.table import Table
 from rich.text import Text
 
 from thrustmargin.gcs_plugin.commands.load.fill import USUAL_ALTITUDE, USUAL_C, USUAL_SPEED
+from thrustmargin.gcs_plugin.commands.shared.analysed import LIMIT
 from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
-from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.wording.fault_words import HELD, ONE_LOST, SPINS
+from thrustmargin.gcs_plugin.wording.alarm_words import HELD, ONE_LOST, SPINS
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.atmosphere import G0
 

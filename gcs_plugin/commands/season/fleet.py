@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.reports.shared.written import csv_text, grid
+from thrustmargin.gcs_plugin.reports.shared.page_shell import csv_text, grid
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.whole_file import regular, whole_file
@@ -81,7 +81,7 @@ def fleet(
     if not opened.keys("flights"):
         raise DataError(f"no flights in {store}; take logs in with: thrustmargin ingest")
     if sql is not None:
-        from thrustmargin.gcs_plugin.store.store_sql import query
+        from thrustmargin.gcs_plugin.store.season_store import query
 
         answer = query(opened, sql)
         _print_rows(answer.column_names, [list(r.values()) for r in answer.to_pylist()], csv)

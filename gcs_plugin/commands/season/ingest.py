@@ -19,6 +19,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    Reading,
+    Share,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -26,12 +32,6 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     check_range,
     check_utilisation,
-)
-from thrustmargin.gcs_plugin.commands.shared.reading import (
-    AS_HEARD,
-    Reading,
-    Share,
-    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, transfer_bar
 from thrustmargin.models.errors import DataError, require
@@ -97,9 +97,8 @@ def ingest(
         season_model,
         stage_log,
     )
-    from thrustmargin.gcs_plugin.store.aircraft_identity import checked_aircraft
     from thrustmargin.gcs_plugin.store.ingest_run import address, ingest_logs
-    from thrustmargin.gcs_plugin.store.season_store import SeasonStore
+    from thrustmargin.gcs_plugin.store.season_store import SeasonStore, checked_aircraft
     from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 
     if not logs:

@@ -10,23 +10,28 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.commands.season.anonymous import anonymous, pseudonym, without_name
-from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights, unnamed
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    ReadingOptions,
+    chosen_model,
+    read_flights,
+    unnamed,
+)
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import repeated
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.store.aircraft_identity import (
+from thrustmargin.gcs_plugin.store.ingest_run import LogSource, local_file
+from thrustmargin.gcs_plugin.store.schema import ROTORS, analysis_columns
+from thrustmargin.gcs_plugin.store.season_store import (
+    SeasonStore,
     aircraft_identity,
+    array_cells,
     board,
     firmware,
     layout,
 )
-from thrustmargin.gcs_plugin.store.ingest_run import LogSource, local_file
-from thrustmargin.gcs_plugin.store.row_table import analysis_columns
-from thrustmargin.gcs_plugin.store.schema import ROTORS
-from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
 from thrustmargin.gcs_plugin.wording.advice_words import PREDICTED_ALONE
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown

@@ -23,7 +23,7 @@ from thrustmargin.models.errors import LogError, PlanError
 from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
-    from thrustmargin.mission.ahead.plan_flight import PlanConditions
+    from thrustmargin.mission.forecast.plan_flight import PlanConditions
 
 _ENDINGS = (".plan", ".mission", ".waypoints")
 #: What `cover` reads.
@@ -41,8 +41,8 @@ def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
     """
     if beside is None:
         raise PlanError(f"{path.name} is what a plan was forecast with; give the plan with --plan")
-    from thrustmargin.mission.ahead.battery import FlightBattery
-    from thrustmargin.mission.ahead.plan_flight import PlanConditions
+    from thrustmargin.mission.forecast.battery import FlightBattery
+    from thrustmargin.mission.forecast.plan_flight import PlanConditions
 
     try:
         content = json.loads(regular(path).read_text("utf-8"))

@@ -14,17 +14,15 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.alarms.alarm import (
     OF_PARTS,
     Alarm,
+    AlarmChecks,
     AlarmEvent,
+    AlarmRule,
     AlarmSettings,
     AlarmState,
     Debounce,
     Key,
-    Missing,
-)
-from thrustmargin.gcs_plugin.live.alarms.alarm_checks import (
-    AlarmChecks,
-    AlarmRule,
     LinkNow,
+    Missing,
     RowsNow,
 )
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
@@ -35,7 +33,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
     PARTS,
 )
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
-from thrustmargin.gcs_plugin.wording.fault_words import fault_words
+from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.stopped_rotor import StoppedWatch
 from thrustmargin.models.flight import Bools, Floats

@@ -1,4 +1,17 @@
-"""Recording while listening: all frames (.tlog), samples (Parquet) and events (JSON lines).
+"""What happens to the vehicles of a link, recorded with the time at which it did.
+
+Each line of `events.jsonl` has `unix_s`, the ground's clock: of an alarm when the report came that
+raised or cleared it, of a lost link when the silence became too long, of a vehicle when it was
+first heard. However late it was found out, and however many messages were analysed in one go.
+The lines are in the order of these times: an event waits until nothing earlier can be found.
+
+The recorded table of samples: one row a moment and vehicle, every column one number, SI units.
+
+Columns: `vehicle`, `boot` (restarts heard), `unix_s` (ground's clock), `clock_s` (vehicle's, since
+boot), `time_s` (since the first row of this boot), those of `store/row_table`, then what only a
+listener knows.
+
+Recording while listening: all frames (.tlog), samples (Parquet) and events (JSON lines).
 
 One folder a session:
     telemetry.tlog      each frame as it came after eight bytes of Unix µs; ground stations read it
@@ -17,11 +30,13 @@ When the disk is full the recorder says so, drops what does not fit, counts it a
 from __future__ import annotations
 
 import contextlib
+import heapq
 import json
+import math
 import os
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -29,13 +44,134 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
+from thrustmargin.gcs_plugin.live.watch.update import GONE, Update
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.store.schema import analysis_columns
+from thrustmargin.gcs_plugin.wording.live_words import heard_words, silent_words
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+    from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
+    from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+
+
+class EventRecord:
+    """Hands events to `recorder`, which may be None, and notes on vehicles to `subscribers` too.
+
+    Times are the ground's clock, µs.
+    """
+
+    def __init__(self, recorder: Recorder | None, subscribers: Sequence[Subscriber] = ()) -> None:
+        self._recorder = recorder
+        self._subscribers = subscribers
+        self._lock = threading.Lock()
+        #: Events that are not written yet: their time, how many came before, and what is written.
+        self._waiting: list[tuple[int, int, dict[str, object]]] = []
+        self._count = 0
+        self._known: set[int] = set()
+        self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
+
+    def note(self, at_us: int, vehicle: int | None, kind: str, text: str, **more: object) -> None:
+        """Record one event of a vehicle, or (None) of the whole link."""
+        if self._recorder is not None:
+            event = {"unix_s": at_us * 1e-6, "vehicle": vehicle, "event": kind, "text": text}
+            with self._lock:
+                self._count += 1
+                heapq.heappush(self._waiting, (at_us, self._count, event | more))
+
+    def write(self, until_us: float = math.inf) -> None:
+        """Write the events up to a time before which nothing more can be found; all without one."""
+        if self._recorder is None:
+            return
+        with self._lock:
+            while self._waiting and self._waiting[0][0] <= until_us:
+                self._recorder.event(heapq.heappop(self._waiting)[2])
+
+    def alarm(self, at_us: int, vehicle: int, event: AlarmEvent) -> None:
+        """Record an alarm that was raised, cleared, or can (not) be confirmed."""
+        self.note(
+            at_us,
+            vehicle,
+            event.kind,
+            event.alarm.text,
+            alarm=event.alarm.name,
+            rotor=event.alarm.rotor,
+            rotors=event.alarm.rotors,
+            severity=event.alarm.severity,
+            state=event.alarm.state,
+            missing=event.alarm.missing,
+            times=event.alarm.times,
+            since_s=event.alarm.since_s,
+            time_s=event.time_s,
+        )
+
+    def come_and_go(self, fleet: Fleet, now_us: int) -> None:
+        """Record which vehicles appeared, left and returned, and what was noted of them."""
+        for number, watch in fleet.vehicles.items():
+            if number not in self._known:
+                self._known.add(number)
+                self.note(watch.first_us, number, "appeared", heard_words(number))
+            for at_us, text in watch.notes:
+                self.note(at_us, number, "note", text)
+                for subscriber in self._subscribers:
+                    subscriber.on_note(number, text, at_us * 1e-6)
+            watch.notes.clear()
+            if number not in self._gone and watch.silent(now_us) > GONE:
+                self._gone[number] = watch.last_us
+                left_us = watch.last_us + round(GONE * 1e6)
+                self.note(left_us, number, "left", silent_words(number, GONE))
+            elif watch.back_us > self._gone.get(number, watch.back_us):
+                del self._gone[number]
+                self.note(watch.back_us, number, "returned", heard_words(number, again=True))
+
+
+def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
+    """The rows `new` of an update as a record batch; one schema for one number of rotors."""
+    import pyarrow as pa
+
+    analysis, track = update.analysis, update.analysis.track
+    rows = track.time_s[new].size
+    table: dict[str, Any] = {
+        "vehicle": np.full(rows, update.vehicle, dtype=np.int16),
+        "boot": np.full(rows, update.boot, dtype=np.int16),
+        "unix_s": update.stamp_us[new] * 1e-6,
+        "clock_s": update.clock_s[new],
+        "time_s": track.time_s[new],
+    }
+    table |= analysis_columns(analysis, new)
+    table |= {
+        "tank_by_thrust_kg": update.virtual_kg[new],
+        "pumped_kg": update.pumped_kg[new],
+        "margin_ahead": np.full(rows, update.outlook.margin_ahead),
+        "seconds_to_empty": np.full(rows, update.outlook.seconds_to_empty),
+    }
+    # pyarrow's own way of an array first imports pandas, if it can. Doubles, which most columns
+    # are, lie in one buffer: each array of its own would take as long as all of them.
+    doubles = [values for values in table.values() if values.dtype == np.float64]
+    joined = pa.py_buffer(np.array(doubles))
+    whole = pa.Array.from_buffers(pa.float64(), rows * len(doubles), [None, joined])
+    kinds = {"i2": pa.int16(), "i1": pa.int8(), "b1": pa.bool_()}
+    columns, place = [], 0
+    for values in table.values():
+        if values.dtype == np.float64:
+            columns.append(whole.slice(place, rows))
+            place += rows
+        else:
+            buffers = [None, pa.py_buffer(_packed(values))]
+            columns.append(pa.Array.from_buffers(kinds[values.dtype.str[1:]], rows, buffers))
+    return pa.RecordBatch.from_arrays(columns, names=list(table))
+
+
+def _packed(values: np.ndarray) -> bytes:
+    """A column's bytes as Arrow has them."""
+    return (np.packbits(values, bitorder="little") if values.dtype == bool else values).tobytes()
+
 
 SYNC = 0.5  # s between fsyncs of the .tlog and the events
 GATHER = 0.05  # s in which frames gather: a write for each datagram would cost more than its bytes

@@ -2,24 +2,30 @@
 
 `fold(state, frame)` returns the next state; a state never changes. What it measures is in
 `live.vehicle_telemetry`.
+
+Fields of the frames that rows need, message by message, and the clocks that they carry.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import of_vehicles
+from thrustmargin.gcs_plugin.telemetry.clock import REFERENCES, gps_times, own_clock
 from thrustmargin.gcs_plugin.telemetry.recording import mission_item
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import sent_values
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import sent_values
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, parameter_change
 from thrustmargin.mission.plan_items import PlanItem
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 ARDUPILOT = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -175,3 +181,78 @@ def _replaced(state: VehicleState, at_us: int) -> VehicleState:
     """The state once its mission is another: unknown, unless it was heard just now."""
     kept = state.mission if at_us - state.mission_came_us < JUST_NOW * 1e6 else {}
     return replace(state, mission=kept, mission_changes=state.mission_changes + 1)
+
+
+_NEEDED = frozenset((*(rule.message for rule in MAVLINK_RULES), *REFERENCES, "SYSTEM_TIME"))
+
+
+def _fields(frames: Sequence[Frame], places: Sequence[int]) -> NDArray[np.void]:
+    """Fields of the frames at `places`, which are of one message."""
+    layout = layouts()[frames[places[0]].id].dtype
+    payloads = [frames[place].payload.ljust(layout.itemsize, b"\0") for place in places]
+    return np.frombuffer(b"".join(payloads), dtype=layout)
+
+
+def places_of(frames: Sequence[Frame]) -> dict[str, list[int]]:
+    """Message -> places of its frames, of messages that rows need."""
+    places: dict[str, list[int]] = {}
+    for place, frame in enumerate(frames):
+        if frame.verified and (name := layouts()[frame.id].name) in _NEEDED:
+            places.setdefault(name, []).append(place)
+    return places
+
+
+def clocks_of(
+    places: Mapping[str, list[int]], frames: Sequence[Frame], pilots: Sequence[int | None]
+) -> Floats:
+    """(n,) s since boot by frames of the autopilot, component `pilots` (n,); NaN where none."""
+    own = np.full(len(frames), np.nan)
+    for name in REFERENCES:
+        main = [p for p in places.get(name, ()) if pilots[p] in (None, frames[p].component)]
+        if main and (clock := own_clock(_fields(frames, main))) is not None:
+            own[main] = clock
+    return own
+
+
+def grouped(
+    places: Mapping[str, list[int]],
+    frames: Sequence[Frame],
+    pilots: Sequence[int | None],
+    by_pilot: set[str],
+) -> dict[str, tuple[NDArray[np.intp], NDArray[np.void]]]:
+    """Message -> (places of its frames, their fields), of messages that rows need.
+
+    Once the autopilot, component `pilots` (n,), has sent a message, which `by_pilot` remembers,
+    what its companions say is left out.
+    """
+    groups = {}
+    for name, found in places.items():
+        chosen = []
+        for place in found:
+            if pilots[place] == frames[place].component:
+                by_pilot.add(name)
+            elif name in by_pilot:
+                continue
+            chosen.append(place)
+        if chosen:
+            groups[name] = (np.array(chosen), _fields(frames, chosen))
+    return groups
+
+
+def dated_by_gps(
+    boots: NDArray[np.int64],
+    groups: Mapping[str, tuple[NDArray[np.intp], NDArray[np.void]]],
+    already: int | None,
+) -> Bools:
+    """(n,) whether a GPS time was heard in the start `boots` (n,) of a frame, in it or before.
+
+    `already` is the start in which it was known before them, where no further one is looked for.
+    """
+    dated = np.zeros(boots.size, dtype=np.bool_)
+    if "SYSTEM_TIME" in groups:
+        at, columns = groups["SYSTEM_TIME"]
+        at = at[gps_times(columns)]
+        for boot in np.unique(boots[at]).tolist():
+            if boot != already:
+                dated |= (boots == boot) & (np.arange(boots.size) >= at[boots[at] == boot][0])
+    return dated

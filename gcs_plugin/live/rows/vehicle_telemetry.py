@@ -23,13 +23,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.live.rows.frame_columns import (
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import (
+    OF_ITSELF,
+    SAYS,
+    VehicleState,
     clocks_of,
     dated_by_gps,
+    fold,
     grouped,
     places_of,
 )
-from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, SAYS, VehicleState, fold
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
@@ -51,8 +54,8 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     hud_airspeed,
     pitot_present,
 )
-from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.live_words import (
     FIELD_WORDS,
     NEXT_SORTIE,

@@ -13,10 +13,10 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.rows.tank_balance import DeliveryMeter
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT, VehicleState
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
-from thrustmargin.mission.parameter_names import parameter
 from thrustmargin.mission.plan import MissionPlan, plan_from_items
+from thrustmargin.mission.plan_check import parameter
 from thrustmargin.mission.plan_items import PlanItem
-from thrustmargin.mission.rest_of_route import (
+from thrustmargin.mission.route import (
     Conditions,
     Forecast,
     forecast,

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
-from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.alarms.alarm_checks import LinkNow
+from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, LinkNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import OF_SETTLED_ROWS, OF_SOUGHT_ROWS
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
@@ -27,15 +26,18 @@ from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, Sorti
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.landed_flight import LandedFlights
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
-from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, of_bad_part, with_rows
-from thrustmargin.gcs_plugin.live.watch.watch_settings import (
+from thrustmargin.gcs_plugin.live.watch.update import (
     GONE,
     LASTING,
     ROWLESS,
     SHARED_HOLD,
     Later,
+    Update,
     WatchSettings,
+    goes_on,
+    of_bad_part,
     when_asked,
+    with_rows,
 )
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import BOOT_CLOCKS

@@ -34,13 +34,13 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 )
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
-from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
+    Options,
     VehicleEvent,
     error_events,
     parameter_events,
 )
-from thrustmargin.mission.parameter_names import parameter
+from thrustmargin.mission.plan_check import parameter
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.shared import written
+from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, how_sure
-from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import number
+from thrustmargin.gcs_plugin.wording.language import number, say
 from thrustmargin.models.model.fill_limits import Fills, NextFill, before_take_off, largest_fills
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
@@ -182,7 +181,7 @@ def json_text(table: FillTable) -> str:
         "conditions": conditions(table),
         "software": software_version(),
     }
-    return written.json_text(made, digits=6)
+    return page_shell.json_text(made, digits=6)
 
 
 def html_text(table: FillTable) -> str:

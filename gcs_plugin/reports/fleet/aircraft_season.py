@@ -10,9 +10,9 @@ from typing import Any
 from thrustmargin.gcs_plugin.reports.fleet.parts import Part, PartHistory
 from thrustmargin.gcs_plugin.reports.fleet.same_aircraft import at_once, boards_in_turns, each_once
 from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.language import known as finite
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
-from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.flight_sums import (

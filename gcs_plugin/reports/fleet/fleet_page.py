@@ -12,12 +12,15 @@ import numpy as np
 from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.reports.fleet import aircraft_season as seasons
-from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
-from thrustmargin.gcs_plugin.reports.shared.written import csv_text, json_text
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.reports.shared.page_shell import (
+    csv_text,
+    json_text,
+    page_text,
+    software_version,
+)
+from thrustmargin.gcs_plugin.wording.language import known as finite
+from thrustmargin.gcs_plugin.wording.language import number, percent, say
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
-from thrustmargin.gcs_plugin.wording.numbers import known as finite
-from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.season_changes import Trend
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby, pairwise
 from typing import Any
 
+from thrustmargin.gcs_plugin.wording.language import known as finite
 from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
-from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.models.model.advice import FlightLevel
 
 CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ

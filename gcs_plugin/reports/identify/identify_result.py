@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.shared import UnusedLog, written
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog, page_shell
+from thrustmargin.gcs_plugin.wording.language import chance, number, shown_unit, within
 from thrustmargin.gcs_plugin.wording.loop import identify_answer as answers
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import asked_of, effect_thing
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import answer
-from thrustmargin.gcs_plugin.wording.numbers import chance, number, shown_unit, within
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer import held_out_errors
 from thrustmargin.models.identification.answer.model_update import (
@@ -100,7 +100,7 @@ def json_text(result: Result) -> str:
     whole["notes"] = list(result.update.notes)
     whole["not_used"] = [{"log": n.name, "reason": n.reason} for n in result.not_used]
     whole["date"] = result.date
-    return written.json_text(whole)
+    return page_shell.json_text(whole)
 
 
 def _next_flight(result: Result) -> dict[str, Any]:
@@ -202,13 +202,13 @@ def printed_tables(result: Result) -> list[Table]:
     made = []
     if found.found:
         rows = [("  " * (not sure) + name, *row, sure) for name, *row, sure in effect_rows(found)]
-        made.append(written.grid(("found", "value", "95 %", f"sure {by}"), rows))
+        made.append(page_shell.grid(("found", "value", "95 %", f"sure {by}"), rows))
     if len(found.alternatives) > 1:
         sets = [(words, chance(p)) for words, p in set_rows(found)]
-        made.append(written.grid(("explanations", f"probability {by}"), sets))
+        made.append(page_shell.grid(("explanations", f"probability {by}"), sets))
     if found.excluded:
-        made.append(written.grid(("not seen", "excluded at 95 %"), answers.excluded_rows(found)))
+        made.append(page_shell.grid(("not seen", "excluded at 95 %"), answers.excluded_rows(found)))
     title = f"Measured minus predicted rotor speed, rpm, on {answers.where_from(found)}"
     heads = ("rotor", "RMSE before", "RMSE after", "mean after")
-    made.append(written.grid(heads, error_rows(result), title=title))
+    made.append(page_shell.grid(heads, error_rows(result), title=title))
     return made

@@ -19,9 +19,9 @@ from thrustmargin.gcs_plugin.reports.identify import identify_result as results
 from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
+from thrustmargin.gcs_plugin.wording.language import CHANNEL_WORDS, channel_title
 from thrustmargin.gcs_plugin.wording.loop import identify_answer as answers
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
-from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, channel_title
 from thrustmargin.gcs_plugin.wording.palette import residual_scale
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.answer.held_out_errors import Unseen

@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, route_map
 from thrustmargin.gcs_plugin.wording import palette
 from thrustmargin.gcs_plugin.wording import report_words as words
-from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, SPINS
+from thrustmargin.gcs_plugin.wording.alarm_words import HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Floats

@@ -13,10 +13,10 @@ from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
-from thrustmargin.gcs_plugin.reports.shared import written
+from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure
-from thrustmargin.gcs_plugin.wording import fault_words as faults
+from thrustmargin.gcs_plugin.wording import alarm_words as faults
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
@@ -69,7 +69,7 @@ def json_text(report: Report, csv_name: str) -> str:
         ],
         "unread": report.unread,
     }
-    return written.json_text(whole)
+    return page_shell.json_text(whole)
 
 
 def csv_bytes(report: Report) -> bytes:

@@ -20,8 +20,7 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
     worst_moments,
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.reports.shared.written import unix_text, utc_text
+from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, unix_text, utc_text
 from thrustmargin.gcs_plugin.wording import margin_verdict
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
 from thrustmargin.gcs_plugin.wording.flight_words import loss_words, not_flown, too_short
@@ -42,7 +41,7 @@ from thrustmargin.models.physics.margin import ceiling
 from thrustmargin.models.physics.smoothing import known_least, known_median, known_most
 
 if TYPE_CHECKING:
-    from thrustmargin.mission.ahead.plan_flight import PlanConditions
+    from thrustmargin.mission.forecast.plan_flight import PlanConditions
     from thrustmargin.mission.plan_items import MissionPlan
 
 
@@ -79,7 +78,7 @@ def report_flight(
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
     against = None
     if plan and not analysis.withheld:
-        from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
+        from thrustmargin.gcs_plugin.reports.margin.moments import plan_beside
 
         against = plan_beside(analysis, log, plan, assumed)
     lines = (

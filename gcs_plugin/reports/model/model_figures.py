@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.reports.shared.page_shell import csv_text
 from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure, Trace, scatter, titled
-from thrustmargin.gcs_plugin.reports.shared.written import csv_text
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.training import LossCurve
 from thrustmargin.models.physics.atmosphere import G0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import stdtrit
 
-from thrustmargin.gcs_plugin.reports.shared.written import grid
+from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.model.rotor_model import RotorModel

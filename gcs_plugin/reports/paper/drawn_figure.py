@@ -16,15 +16,16 @@ from typing import Any
 import numpy as np
 from fpdf import FPDF
 
-from thrustmargin.gcs_plugin.reports.paper.axis import Axis, axis_over
 from thrustmargin.gcs_plugin.reports.paper.canvas import (
     PIXEL,
+    Axis,
     Box,
     Canvas,
     Colour,
     Lettering,
     PdfCanvas,
     SvgCanvas,
+    axis_over,
     with_fonts,
 )
 from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure, Trace

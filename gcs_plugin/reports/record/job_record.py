@@ -16,8 +16,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.record.applied import Applied, Liquid, differences
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.reports.shared.written import utc_text
+from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, utc_text
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.mission.coverage.outline import FieldOutline
 from thrustmargin.models.errors import DataError

@@ -15,7 +15,7 @@ from markupsafe import escape
 from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
 from thrustmargin.gcs_plugin.reports.record.applied import Applied, Pass, cut_at_date_line
 from thrustmargin.gcs_plugin.reports.record.job_record import JobRecord
-from thrustmargin.gcs_plugin.reports.shared import written
+from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.wording.record_words import (
     LEFT_OUT,
     TITLES,
@@ -45,12 +45,12 @@ def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[
     They replace those of an earlier record when all are written, and not before. Raises OSError.
     """
     contents = {
-        "record.json": written.json_text(record.as_json()).encode("utf-8", "replace"),
+        "record.json": page_shell.json_text(record.as_json()).encode("utf-8", "replace"),
         "record.csv": csv_text(record).encode("utf-8", "replace"),
         "record.pdf": pdf_bytes(html_text(record), {}),
     }
     if done is not None and done.ground is not None:
-        contents["applied.geojson"] = written.json_text(geojson(done)).encode()
+        contents["applied.geojson"] = page_shell.json_text(geojson(done)).encode()
         contents |= shapefile(done) if makes_shapefiles() else {}
     with ExitStack() as files:
         for name, data in contents.items():
@@ -77,7 +77,9 @@ def csv_text(record: JobRecord) -> str:
         for name in item["fields"]
     ]
     left = [("log", one.name, "", "left out", one.reason) for one in record.left_out]
-    return written.csv_text(("field", "value", "unit", "source", "detail"), known + left + missing)
+    return page_shell.csv_text(
+        ("field", "value", "unit", "source", "detail"), known + left + missing
+    )
 
 
 def html_text(record: JobRecord) -> str:
@@ -110,8 +112,8 @@ def _of_pass(number: int, one: Pass) -> dict[str, Any]:
     return {
         "pass": number,
         "flight": one.flight,
-        "start_utc": written.unix_text(one.start_unix_s),
-        "end_utc": written.unix_text(one.end_unix_s),
+        "start_utc": page_shell.unix_text(one.start_unix_s),
+        "end_utc": page_shell.unix_text(one.end_unix_s),
         "length_m": round(one.length, 2),
         "speed_m_s": round(one.speed, 2) if one.speed == one.speed else None,
     }

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.wording.fault_words import place_words
+from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.report_words import TANK_SPRAYING
 from thrustmargin.models.flight import Floats

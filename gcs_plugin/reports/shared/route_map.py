@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from thrustmargin.gcs_plugin.reports.shared import plot_style as style
-from thrustmargin.gcs_plugin.wording.numbers import from_direction
+from thrustmargin.gcs_plugin.wording.language import from_direction
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, css
 from thrustmargin.mission.field import Field
 from thrustmargin.models.flight import Floats

@@ -1,17 +1,366 @@
-"""Reported flights of one log to an MCAP file, with the schema of every message in it."""
+"""The topics of a flight's MCAP file: name, JSON schema, and the messages of a reported flight.
+
+Unknown numbers are null, as in the report's JSON. `time_s` counts from the sortie's first row.
+Times of messages are Unix time, in ns; where the log knows none, the vehicle's clock since boot.
+
+A layout of Foxglove that shows the topics of a flight's MCAP file.
+
+Reported flights of one log to an MCAP file, with the schema of every message in it.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from thrustmargin.gcs_plugin.logs.findings import Severity
+from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, FlightReport
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.reports.streams.topics import TOPICS, messages_of, sortie_clock
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.errors import DataError, require
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.json_values import to_json_values
+from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
 from thrustmargin.models.whole_file import whole_file
+
+#: Columns of the report's rows that are one number a moment, with their units.
+PLAIN = {name: unit for name, unit, _ in COLUMNS if not name.endswith("_{}")}
+#: Key of a rotor in a message -> column of the report's rows, unit.
+OF_ROTOR = {name.removesuffix("_{}"): unit for name, unit, _ in COLUMNS if name.endswith("_{}")}
+#: Foxglove's levels of a log line.
+_LOG_LEVEL = {Severity.GRAVE: 5, Severity.WARNING: 3, Severity.UNKNOWN: 2, Severity.OK: 2}
+
+
+def _of(kind: str | list[str], words: str) -> dict[str, Any]:
+    return {"type": kind, "description": words}
+
+
+_number, _text = partial(_of, ["number", "null"]), partial(_of, "string")
+
+
+def _object(title: str, **properties: Any) -> dict[str, Any]:
+    return {"title": title, "type": "object", "properties": properties}
+
+
+_COUNT = {"type": "integer"}
+_TIME = {"time_s": _number("s from the sortie's first row"), "sortie": _COUNT}
+_STAMP = {"timestamp": _object("time", sec=_COUNT, nsec=_COUNT)}
+_ROTOR = _object(
+    "rotor",
+    rotor=_of("integer", "from 1, in the autopilot's motor order"),
+    name=_text("where it is, seen from above"),
+    **{key: _number(unit) for key, unit in OF_ROTOR.items()},
+    margin=_number("share of its maximum thrust that is left; null on the ground"),
+    margin_low=_number("low end of the 90 % interval"),
+    margin_high=_number("high end of the 90 % interval"),
+)
+#: Topic -> its schema's name, and the JSON schema of its messages.
+TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
+    "/report": (
+        "thrustmargin.FlightReport",
+        _object(
+            "a flight of the report's JSON, once at its start",
+            **{field.name: {} for field in fields(FlightReport) if field.name != "rows"},
+        ),
+    ),
+    "/margin": (
+        "thrustmargin.Margin",
+        _object(
+            "margin of the worst rotor that is known",
+            **_TIME,
+            rotor=_of(["integer", "null"], "from 1"),
+            margin=_number("1; share of its maximum thrust that is left"),
+            low=_number("1; low end of the 90 % interval"),
+            high=_number("1; high end of the 90 % interval"),
+            least=_number("1; least margin of the limit that the report is made with"),
+            basis=_text("its speed is measured, from motor outputs, predicted or unknown"),
+        ),
+    ),
+    "/rotors": (
+        "thrustmargin.Rotors",
+        _object("every rotor", **_TIME, rotors={"type": "array", "items": _ROTOR}),
+    ),
+    "/flight": (
+        "thrustmargin.Flight",
+        _object(
+            "channels of the flight",
+            sortie=_COUNT,
+            **{name: _number(unit) for name, unit in PLAIN.items()},
+        ),
+    ),
+    "/position": (
+        "foxglove.LocationFix",
+        _object(
+            "where it is, WGS 84",
+            **_STAMP,
+            frame_id=_text("the vehicle"),
+            latitude=_number("°"),
+            longitude=_number("°"),
+            altitude=_number("m above the sea"),
+            position_covariance_type=_of("integer", "0: not known"),
+            position_covariance={"type": "array", "items": {"type": "number"}},
+        ),
+    ),
+    "/findings": (
+        "thrustmargin.Finding",
+        _object(
+            "a finding of `inspect`; one without a time is of the whole sortie, at its start",
+            **_TIME,
+            check=_text("what was checked"),
+            level=_text("grave, warning, unknown or ok"),
+            words=_text("what was found"),
+            values=_of("object", "its numbers by name"),
+            spoils=_text("what it makes wrong in the answers"),
+        ),
+    ),
+    "/log": (
+        "foxglove.Log",
+        _object(
+            "texts of the vehicle, and the findings",
+            **_STAMP,
+            level=_of("integer", "2 info, 3 warning, 5 fatal"),
+            message=_text("as it was sent, or the finding in words"),
+            name=_text("vehicle or the finding's check"),
+            file=_text("of the log"),
+            line=_COUNT,
+        ),
+    ),
+}
+
+
+class StreamMessage(NamedTuple):
+    """One message: its topic, s from the sortie's first row, and its content."""
+
+    topic: str
+    time_s: float
+    content: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SortieClock:
+    """How times of one sortie become the file's."""
+
+    start_s: float
+    unix: bool
+
+    def stamp_ns(self, time_s: float) -> int:
+        """ns of a time in s from the sortie's first row; what is before 0 is at 0, and what is
+        beyond the 64 bits of the format at their end."""
+        return min(max(round((self.start_s + time_s) * 1e9), 0), 2**64 - 1)
+
+
+def sortie_clock(log: FlightLog) -> SortieClock:
+    """Unix time where the log knows it, else the vehicle's clock since boot."""
+    unix = log.track.start_unix_s
+    return SortieClock(start_s=log.clock_start_s if unix is None else unix, unix=unix is not None)
+
+
+def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]:
+    """All messages of a sortie, topic by topic."""
+    sortie, clock, rows = log.sortie, sortie_clock(log), report.rows
+    first = float(rows["time_s"][0])
+    whole = {
+        f.name: to_json_values(getattr(report, f.name)) for f in fields(report) if f.name != "rows"
+    }
+    yield StreamMessage("/report", first, whole)
+    yield from _margins(report, sortie)
+    yield from _rotors(report, sortie)
+    plain = {name: _nulls(rows[name]) for name in PLAIN}
+    for k, time_s in enumerate(rows["time_s"].tolist()):
+        of_row = {name: values[k] for name, values in plain.items()}
+        yield StreamMessage("/flight", time_s, {**of_row, "sortie": sortie})
+    yield from _positions(log, clock)
+    for finding in report.findings:
+        time_s = first if finding.time_s is None else finding.time_s
+        content = {**to_json_values(finding), "sortie": sortie}
+        yield StreamMessage("/findings", time_s, content)
+        level = _LOG_LEVEL[finding.level]
+        yield _line(log, clock, time_s, level, finding.check, finding.words)
+    for time_s, words in log.messages:
+        yield _line(log, clock, time_s, _LOG_LEVEL[Severity.OK], "vehicle", words)
+
+
+def _nulls(values: Floats) -> list[Any]:
+    """Numbers as lists, None for NaN and beyond."""
+    nulls = values.astype(object)
+    nulls[~np.isfinite(values)] = None
+    return nulls.tolist()
+
+
+def _margin_band(report: FlightReport) -> tuple[Floats, Floats, Floats]:
+    """(T, R) margin by the known utilisation, off the ground, and its 90 % interval."""
+    rows = report.rows
+    flying = rows["flying"][:, None] > 0.0
+    names = ("known_utilisation", "utilisation_high", "utilisation_low")
+    use, high, low = (np.where(flying, rows[name], np.nan) for name in names)
+    return 1.0 - use, 1.0 - high, 1.0 - low
+
+
+def _margins(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
+    rows = report.rows
+    margin, low, high = _margin_band(report)
+    _, worst = worst_rotor(1.0 - margin)
+    measured, outputs = (
+        np.isfinite(rows[name]) for name in ("utilisation", "utilisation_from_outputs")
+    )
+    for k, time_s in enumerate(rows["time_s"].tolist()):
+        content: dict[str, Any] = dict.fromkeys(("rotor", "margin", "low", "high"))
+        basis = SpeedBasis.UNKNOWN
+        if np.isfinite(worst[k]):
+            rotor = int(worst[k])
+            figures = {"margin": margin, "low": low, "high": high}
+            content = {key: _nulls(f[k : k + 1, rotor])[0] for key, f in figures.items()}
+            content["rotor"] = rotor + 1
+            basis = SpeedBasis.PREDICTED
+            if measured[k, rotor]:
+                basis = SpeedBasis.MEASURED
+            elif outputs[k, rotor]:
+                basis = SpeedBasis.MOTOR_OUTPUTS
+        least = 1.0 - report.verdict.limit
+        content |= {"least": least, "basis": str(basis) or "unknown"}
+        yield StreamMessage("/margin", time_s, {"time_s": time_s, "sortie": sortie, **content})
+
+
+def _rotors(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
+    rows, names = report.rows, report.model["rotor_names"]
+    columns = {key: _nulls(rows[key]) for key in OF_ROTOR}
+    bands = zip(("margin", "margin_low", "margin_high"), _margin_band(report), strict=True)
+    columns |= {key: _nulls(values) for key, values in bands}
+    count = rows["known_utilisation"].shape[1]
+    heads = [{"rotor": r + 1, "name": names[r] if r < len(names) else ""} for r in range(count)]
+    for k, time_s in enumerate(rows["time_s"].tolist()):
+        rotors = [
+            {**head, **{key: values[k][r] for key, values in columns.items()}}
+            for r, head in enumerate(heads)
+        ]
+        yield StreamMessage(
+            "/rotors", time_s, {"time_s": time_s, "sortie": sortie, "rotors": rotors}
+        )
+
+
+def _positions(log: FlightLog, clock: SortieClock) -> Iterator[StreamMessage]:
+    """Rows whose place on the globe is known; there are none without an origin."""
+    track = log.track
+    if track.origin is None:
+        return
+    known = np.all(np.isfinite(track.position_ned), axis=1)
+    places = track.origin.geodetic(track.position_ned[known])
+    for time_s, place in zip(track.time_s[known].tolist(), places.tolist(), strict=True):
+        content = {
+            "timestamp": _timestamp(clock.stamp_ns(time_s)),
+            "frame_id": f"vehicle {log.vehicle}",
+            **dict(zip(("latitude", "longitude", "altitude"), place, strict=True)),
+            "position_covariance_type": 0,
+            "position_covariance": [0.0] * 9,
+        }
+        yield StreamMessage("/position", time_s, content)
+
+
+def _line(
+    log: FlightLog, clock: SortieClock, time_s: float, level: int, name: str, words: str
+) -> StreamMessage:
+    content = {
+        "timestamp": _timestamp(clock.stamp_ns(time_s)),
+        "level": level,
+        "message": words,
+        "name": name,
+        "file": log.path.name,
+        "line": 0,
+    }
+    return StreamMessage("/log", time_s, content)
+
+
+def _timestamp(stamp_ns: int) -> dict[str, int]:
+    return {"sec": stamp_ns // 1_000_000_000, "nsec": stamp_ns % 1_000_000_000}
+
+
+def layout_text(rotor_names: Sequence[str]) -> str:
+    """The layout as JSON, with a line a rotor; Foxglove takes it by "Import from file"."""
+    rotors = range(len(rotor_names))
+    rotor_names = [name or f"rotor {r + 1}" for r, name in enumerate(rotor_names)]
+    panels: dict[str, dict[str, Any]] = {
+        "Plot!margin": _plot(
+            "Thrust margin of the worst rotor, 90 % interval",
+            [
+                ("/margin.margin", "margin"),
+                ("/margin.low", "low"),
+                ("/margin.high", "high"),
+                ("/margin.least", "least"),
+            ],
+        ),
+        "Plot!use": _plot(
+            "Thrust in use", [(f"/rotors.rotors[{r}].utilisation", rotor_names[r]) for r in rotors]
+        ),
+        "Plot!speeds": _plot(
+            "Rotor speed, measured and predicted",
+            [
+                (f"/rotors.rotors[{r}].{key}", f"{rotor_names[r]} {caption}")
+                for r in rotors
+                for key, caption in (
+                    ("rotor_speed_rpm", "measured"),
+                    ("rotor_speed_predicted_rpm", "predicted"),
+                )
+            ],
+        ),
+        "Plot!load": _plot(
+            "Liquid and battery", [("/flight.tank_kg", "tank, kg"), ("/flight.voltage", "V")]
+        ),
+        "map!position": {"enabledTopics": {"/position": True}, "topicColors": {}},
+        "Log!log": {"topicToRender": "/log", "minLogLevel": 1, "searchTerms": []},
+        "RawMessages!findings": {"topicPath": "/findings", "diffEnabled": False},
+        "RawMessages!report": {"topicPath": "/report.verdict", "diffEnabled": False},
+    }
+    whole = {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": _split(
+            "row",
+            _split("column", "Plot!margin", _split("column", "Plot!use", "Plot!speeds")),
+            _split(
+                "column",
+                _split("row", "map!position", "Plot!load"),
+                _split(
+                    "row", "Log!log", _split("column", "RawMessages!report", "RawMessages!findings")
+                ),
+            ),
+        ),
+    }
+    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+
+
+def _plot(title: str, paths: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    return {
+        "title": title,
+        "paths": [
+            {
+                "value": path,
+                "label": label,
+                "enabled": True,
+                "timestampMethod": "receiveTime",
+                "showLine": True,
+            }
+            for path, label in paths
+        ],
+        "xAxisVal": "timestamp",
+        "showLegend": True,
+        "legendDisplay": "floating",
+        "isSynced": True,
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+    }
+
+
+def _split(direction: str, first: Any, second: Any) -> dict[str, Any]:
+    return {"direction": direction, "first": first, "second": second, "splitPercentage": 50}
 
 
 def write_mcap(flights: Sequence[tuple[FlightReport, FlightLog]], path: Path) -> int:

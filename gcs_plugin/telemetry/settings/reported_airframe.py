@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import motor_outputs, whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import motor_outputs, whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import Quantity

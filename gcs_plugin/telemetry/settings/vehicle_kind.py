@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import motor_outputs, whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import motor_outputs, whole_number
 from thrustmargin.models.physics.motor_layouts import FRAME_CLASSES, class_rotors
 from thrustmargin.models.vehicle_facts import VehicleFacts, VehicleKind
 

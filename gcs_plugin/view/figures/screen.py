@@ -1,4 +1,6 @@
-"""The page's own part, around viser's scene: what to do, the aircraft from above, alarms, charts.
+"""What to fill, on the page while the aircraft stands: the numbers of `thrustmargin fill`.
+
+The page's own part, around viser's scene: what to do, the aircraft from above, alarms, charts.
 
 It is the same for a flight that is recorded and for aircraft that fly now, from a phone to a wide
 screen. Its script asks this server for its state a few times a second, by JSON: numbers, codes and
@@ -22,13 +24,54 @@ from urllib.parse import parse_qs, urlsplit
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures, known
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import LEVELS, VehicleSummary, level_of
-from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
-from thrustmargin.gcs_plugin.wording import view_words as words
-from thrustmargin.gcs_plugin.wording.language import LANGUAGES, spoken
+from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
+from thrustmargin.gcs_plugin.wording import live_words as words
+from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, fill_advice
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES, say, spoken
 from thrustmargin.gcs_plugin.wording.palette import legend
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
+
+AIRSPEED = 5.0  # m/s, what `thrustmargin fill` takes unless it is asked for another
+CHANGE = 0.003  # of air density, from which it is worked out anew
+
+
+class FillAdvice:
+    """The advice for one aircraft on the ground; it is worked out again when the air changes.
+
+    The battery counts at its nominal voltage: at rest its voltage is not that under load.
+    """
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit  # share of a rotor's maximum thrust that may be in use
+        self._known: tuple[object, float] | None = None
+        self._text = ""
+
+    def text(self, analysis: FlightAnalysis) -> str:
+        """In words; empty in flight, and where no airframe is claimed or no air is known."""
+        model, density = analysis.model, float(analysis.density[-1])
+        if analysis.track.flying[-1] or analysis.withheld or not math.isfinite(density):
+            return ""
+        if analysis.bad_part:
+            return f"{say(UNSOUND)}."
+        known = self._known
+        if known is None or known[0] is not model or abs(density / known[1] - 1.0) > CHANGE:
+            self._known = (model, density)
+            self._text = self._made(analysis, density)
+        return self._text
+
+    def _made(self, analysis: FlightAnalysis, density: float) -> str:
+        model = analysis.model
+        volts = model.airframe.nominal_voltage
+        fills = largest_fills(model, density, volts, airspeed=AIRSPEED, max_utilisation=self._limit)
+        fill = before_take_off(fills, model)
+        advice = fill_advice(fill, self._limit)
+        rests = words.fill_rests_on(density, analysis.density_basis, volts, AIRSPEED)
+        return f"{advice}. {rests}"
+
 
 STATE, CHARTS, ACT = "/screen.json", "/screen/charts.json", "/screen/act"
 KEPT = 200  # lines of the history

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 from thrustmargin.gcs_plugin.view.page.guard import (
     PageAddition,
     address_of,
+    asked_for,
     guarded_server,
     is_loopback,
     stop_server,
 )
-from thrustmargin.gcs_plugin.view.page.token_door import asked_for
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:

@@ -16,17 +16,17 @@ import shapely
 from viser.transforms import SO3
 
 from thrustmargin.gcs_plugin.view.scene.aircraft import VehicleNode
-from thrustmargin.gcs_plugin.view.scene.camera import (
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, distinct_legs, enu
+from thrustmargin.gcs_plugin.view.scene.surroundings import (
     FIRST_ASPECT,
     NO_TURN,
     Camera,
+    Surroundings,
     behind,
     nose_north,
     overview,
 )
-from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, distinct_legs, enu
-from thrustmargin.gcs_plugin.view.scene.surroundings import Surroundings
-from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, sent_for
 from thrustmargin.mission.field import Field
 from thrustmargin.models.flight import Bools, Floats

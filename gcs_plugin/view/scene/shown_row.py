@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from viser.transforms import SO3
 
-from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.palette import ENOUGH
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor

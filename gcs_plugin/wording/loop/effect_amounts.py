@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.wording.numbers import clock, joined, number, within
+from thrustmargin.gcs_plugin.wording.language import clock, joined, number, within
 
 if TYPE_CHECKING:
     from thrustmargin.models.identification.answer.result import Found, Identification

@@ -9,12 +9,11 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.language import known, number, say, within
 from thrustmargin.gcs_plugin.wording.loop.effect_sentences import WORDS
-from thrustmargin.gcs_plugin.wording.numbers import known, number, within
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.season.change_points import SeasonEntry
-from thrustmargin.models.identification.season.flight_sums import LOSS
+from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +58,7 @@ OTHER_AIRFRAME = (
 
 def rotor_of(name: str) -> int | None:
     """The rotor, from 1, of the name of a rotor's loss."""
-    return int(name.removeprefix(LOSS)) if name.startswith(LOSS) else None
+    return int(name.removeprefix(LOSS_NAME)) if name.startswith(LOSS_NAME) else None
 
 
 def value_words(name: str) -> ValueWords:

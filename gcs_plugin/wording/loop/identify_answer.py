@@ -11,14 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.fault_words import fault_amount
-from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
-    effect_sentence,
-    effect_thing,
-)
-from thrustmargin.gcs_plugin.wording.loop.unexplained_words import unexplained, unnamed_causes
-from thrustmargin.gcs_plugin.wording.numbers import (
+from thrustmargin.gcs_plugin.wording.alarm_words import fault_amount
+from thrustmargin.gcs_plugin.wording.language import (
     chance,
     duration,
     joined,
@@ -27,6 +21,13 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     percent_within,
     shown_unit,
     within,
+)
+from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
+    effect_sentence,
+    effect_thing,
+    unexplained,
+    unnamed_causes,
 )
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.identification.answer.model_update import WORST_SHARE, MarginChange

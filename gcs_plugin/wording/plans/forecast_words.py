@@ -8,12 +8,18 @@ from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.advice_words import damage_words
 from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, amount
-from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import area, duration, number, percent, percent_within
+from thrustmargin.gcs_plugin.wording.language import (
+    area,
+    duration,
+    number,
+    percent,
+    percent_within,
+    say,
+)
 from thrustmargin.gcs_plugin.wording.plans.plan_words import fault_words, not_understood_words
-from thrustmargin.mission.ahead.plan_forecast import PlanForecast
-from thrustmargin.mission.ahead.sortie_needs import Sortie
-from thrustmargin.mission.ahead.utilisation_along import Weakest
+from thrustmargin.mission.forecast.fill_along import Weakest
+from thrustmargin.mission.forecast.legs import Sortie
+from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.caveats import Caveat
 

@@ -9,11 +9,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.numbers import number, percent
-from thrustmargin.mission.beside.blame import Off
-from thrustmargin.mission.beside.stretches import StretchBeside
+from thrustmargin.gcs_plugin.wording.language import number, percent, say
 from thrustmargin.mission.plan_items import NotUnderstood
+from thrustmargin.mission.plan_tracking.blame import Off
+from thrustmargin.mission.plan_tracking.stretches import StretchBeside
 
 if TYPE_CHECKING:  # what loads scipy, which only `cover` has
     from thrustmargin.mission.coverage.coverage_plan import Coverage

@@ -188,7 +188,7 @@ def from_arrays(arrays: Mapping[str, Floats]) -> FlightEvidence:
     )
 
 
-LOSS_OF, SHARE_OF = "rotor_degradation.loss@", "rotor_degradation.torque_share@"
+LOSS_NAME, SHARE_NAME = "rotor_degradation.loss@", "rotor_degradation.torque_share@"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -225,8 +225,10 @@ class SeasonSums:
     def share_of(self, place: int) -> int | None:
         """The place of the torque share that goes with a rotor's loss."""
         name = self.names[place]
-        other = SHARE_OF + name.removeprefix(LOSS_OF)
-        return self.names.index(other) if name.startswith(LOSS_OF) and other in self.names else None
+        other = SHARE_NAME + name.removeprefix(LOSS_NAME)
+        return (
+            self.names.index(other) if name.startswith(LOSS_NAME) and other in self.names else None
+        )
 
     def estimates(self, place: int, curves: Floats) -> tuple[Floats, Floats]:
         """(F,) what each flight says of one value and its standard error, NaN and infinite where it

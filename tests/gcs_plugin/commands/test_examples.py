@@ -7,8 +7,11 @@ from collections.abc import Iterator
 import pytest
 
 from thrustmargin.gcs_plugin.cli import COMMANDS, USAGE, command_function, run
-from thrustmargin.gcs_plugin.commands.airframe.check import AirframeCheck
-from thrustmargin.gcs_plugin.commands.airframe.list_show import AirframeList, AirframeShow
+from thrustmargin.gcs_plugin.commands.airframe.check import (
+    AirframeCheck,
+    AirframeList,
+    AirframeShow,
+)
 from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
 from thrustmargin.gcs_plugin.commands.flight.fetch import FetchLog, FetchMission
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.model.rotor_model import RotorModel
 

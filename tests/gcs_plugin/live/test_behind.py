@@ -26,10 +26,9 @@ from thrustmargin.gcs_plugin.live.live_monitor import (
     MonitorSettings,
     spacing,
 )
-from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
-from thrustmargin.gcs_plugin.view.live.live_heard import Heard
+from thrustmargin.gcs_plugin.view.live_heard import Heard
 
 #: s here, to be quick; rotor speeds are missed a second earlier. A busy machine may keep a sender
 #: from sending for most of a second.

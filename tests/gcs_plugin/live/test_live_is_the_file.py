@@ -28,8 +28,8 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import MISSION_MESSAGES, VehicleState, fold
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
@@ -39,7 +39,7 @@ from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, mavlink_signals
-from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack

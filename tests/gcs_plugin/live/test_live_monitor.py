@@ -29,8 +29,7 @@ from tests.gcs_plugin.peers.ports import free_udp_port
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
-from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, as_frame
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe

@@ -13,7 +13,7 @@ from pyulog import ULog
 
 from tests.gcs_plugin.logs.test_ulog import px4_log
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.ulog_messages import WholeMessages, whole_messages
+from thrustmargin.gcs_plugin.logs.ulog import WholeMessages, whole_messages
 from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS
 
 HEADER = 16  # bytes before the first message of a .ulg

@@ -13,8 +13,7 @@ from pymavlink.generator import mavparse
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.scan import scan
-from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter, scan
 
 PADDING = 512  # bytes behind the data that a scan may look at
 

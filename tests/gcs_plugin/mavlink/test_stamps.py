@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
-from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
-from thrustmargin.gcs_plugin.mavlink.stamps import steadied
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames, steadied
 
 S = 1_000_000
 NAN = float("nan")

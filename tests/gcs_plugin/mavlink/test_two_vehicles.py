@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.logs.tlog_files import link, stamped
 from thrustmargin.gcs_plugin.mavlink.scan import scan
-from thrustmargin.gcs_plugin.mavlink.two_vehicles import two_of_one_id
+from thrustmargin.gcs_plugin.mavlink.who_sends import two_of_one_id
 
 PADDING = 512  # bytes behind the data that a scan may look at
 NOISE = np.random.default_rng(5)

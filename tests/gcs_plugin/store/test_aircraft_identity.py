@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.mavlink.frame import checksum_rows
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.store.aircraft_identity import aircraft_identity, firmware
+from thrustmargin.gcs_plugin.store.season_store import aircraft_identity, firmware
 
 TLOG = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
 SERIAL = bytes.fromhex("3b0032001451383438323735")

@@ -11,8 +11,15 @@ import pytest
 from tests.gcs_plugin.store.season import small_flight
 from tests.import_graph import ROOT
 from tests.models.made_flights import curve_model, level_flight
-from thrustmargin.gcs_plugin.store.row_table import analysis_columns, column_units
-from thrustmargin.gcs_plugin.store.schema import FLIGHTS, REJECTED, ROW_HEAD, SUMS, table_schema
+from thrustmargin.gcs_plugin.store.schema import (
+    FLIGHTS,
+    REJECTED,
+    ROW_HEAD,
+    SUMS,
+    analysis_columns,
+    column_units,
+    table_schema,
+)
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 from thrustmargin.gcs_plugin.store.staging import merge, stage, staged_partitions
 from thrustmargin.models.model.analysis import analyse

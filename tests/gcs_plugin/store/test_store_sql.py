@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.gcs_plugin.reports.fleet.made_store import empty_store
-from thrustmargin.gcs_plugin.store.store_sql import query
+from thrustmargin.gcs_plugin.store.season_store import query
 from thrustmargin.models.errors import DataError
 
 
@@ -55,7 +55,7 @@ def test_ctrl_c_ends_a_query_that_does_not(tmp_path: Path):
     empty_store(tmp_path / "season")
     code = (
         "import sys; from thrustmargin.gcs_plugin.store.season_store import SeasonStore; "
-        "from thrustmargin.gcs_plugin.store.store_sql import query; print('begun', flush=True); "
+        "from thrustmargin.gcs_plugin.store.season_store import query; print('begun', flush=True); "
         "query(SeasonStore.open(sys.argv[1]), 'with recursive t(n) as (select 1 union all select "
         "n + 1 from t) select count(*) from t')"
     )

@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.rows import Carried, FlightRows, flight_rows, row_times
 from thrustmargin.gcs_plugin.telemetry.signals import collected
-from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_channels, stated_track
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_channels, stated_track
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
 

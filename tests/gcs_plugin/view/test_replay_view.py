@@ -25,10 +25,10 @@ from thrustmargin.gcs_plugin.view.page import view_page
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView, run_replay
 from thrustmargin.gcs_plugin.view.scene.aircraft import spin_segments
-from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import grid_cell
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu
+from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from thrustmargin.gcs_plugin.wording import actions, fault_words
+from thrustmargin.gcs_plugin.wording import actions, alarm_words
 from thrustmargin.gcs_plugin.wording.actions import Action, When
 from thrustmargin.gcs_plugin.wording.loop import effect_sentences, fleet_words
 from thrustmargin.models.effects import CATALOGUE
-from thrustmargin.models.identification.season.flight_sums import LOSS
+from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
 from thrustmargin.models.model.rotor_faults import RotorFault
 
 ROOT = Path(__file__).parents[3]
@@ -87,14 +87,14 @@ def test_every_effect_and_every_value_of_a_season_takes_its_action_from_the_tabl
     for effect in CATALOGUE:
         words = effect_sentences.WORDS.get(effect.key) or effect_sentences.WORDS[effect.name]
         assert words.action in known
-    for name in (*fleet_words.VALUES, *fleet_words.TRENDS, f"{LOSS}3", "parasite_drag.area"):
+    for name in (*fleet_words.VALUES, *fleet_words.TRENDS, f"{LOSS_NAME}3", "parasite_drag.area"):
         assert fleet_words.value_words(name).action in known
 
 
 @pytest.mark.parametrize("kind", ["propeller", "motor"])
 def test_a_rotor_alarm_asks_to_land_and_fits_a_statustext(kind):
     fault = RotorFault(kind=kind, rotor=11, size=0.12, lower=0.1, upper=0.15)
-    said = fault_words.fault_words(fault)
+    said = alarm_words.fault_words(fault)
     assert said.endswith(actions.LAND.text)
     assert len(said) <= 50
 

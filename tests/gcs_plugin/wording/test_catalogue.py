@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from thrustmargin.gcs_plugin.wording.view_words import catalogue
+from thrustmargin.gcs_plugin.wording.live_words import catalogue
 
 LANGUAGES = ("en", "de")
 ROOT = Path(__file__).parents[3] / "gcs_plugin"

@@ -10,10 +10,10 @@ from tests.gcs_plugin.live.live_vehicle import first_part, log_frames
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
-from thrustmargin.gcs_plugin.wording.fault_words import episode_words, fault_words
+from thrustmargin.gcs_plugin.wording.alarm_words import episode_words, fault_words
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model

@@ -16,14 +16,20 @@ from thrustmargin.gcs_plugin.wording import (
     actions,
     advice_words,
     alarm_words,
-    fault_words,
     fill_words,
     live_words,
-    numbers,
 )
+from thrustmargin.gcs_plugin.wording.alarm_words import fault_words as of_fault
 from thrustmargin.gcs_plugin.wording.answer import answer_of
-from thrustmargin.gcs_plugin.wording.fault_words import fault_words as of_fault
-from thrustmargin.gcs_plugin.wording.language import LANGUAGES, VARIABLE, say, translations
+from thrustmargin.gcs_plugin.wording.language import (
+    LANGUAGES,
+    VARIABLE,
+    number,
+    place,
+    say,
+    translations,
+    within,
+)
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.advice import Battery, FlightLevel
@@ -32,7 +38,7 @@ from thrustmargin.models.model.fault_test import RotorFault
 WORDING = Path(alarm_words.__file__).parent
 #: Modules all of whose sentences a pilot can meet: alarms, answer, fill, report, plan, season.
 MODULES = (
-    *("alarm_words", "fault_words", "advice_words", "answer", "fill_words"),
+    *("alarm_words", "advice_words", "answer", "fill_words"),
     *("report_words", "margin_verdict", "flight_words", "loop/fleet_words"),
     *("plans/forecast_words", "plans/plan_words"),
 )
@@ -203,15 +209,15 @@ def test_the_answer_is_spoken_with_the_numbers_of_the_language():
     )
     assert "the " not in " ".join(text for _, text in advice_words.facts(ADVICE))
     assert fill_words.fill_advice(replace(FILL, kg=np.nan, reason=None), 0.5).startswith("Keine")
-    assert fault_words.place_words("front left upper") == "vorn links oben"
+    assert alarm_words.place_words("front left upper") == "vorn links oben"
 
 
 @pytest.mark.usefixtures("language")
 def test_numbers_have_the_decimal_sign_of_the_language():
-    assert numbers.number(-1234.56, "kg", 2) == "\N{MINUS SIGN}1 234,56 kg"
-    assert numbers.within(8.0, 7.8, 8.2, "%") == ("8 %", "(7,8 bis 8,2)")
-    assert numbers.within(0.5, 0.42, 0.58, "kg") == ("0,5 kg", "(0,42 bis 0,58)")
-    assert numbers.place(12.0, -40.0) == "12 m nördlich, 40 m westlich vom Start"
+    assert number(-1234.56, "kg", 2) == "\N{MINUS SIGN}1 234,56 kg"
+    assert within(8.0, 7.8, 8.2, "%") == ("8 %", "(7,8 bis 8,2)")
+    assert within(0.5, 0.42, 0.58, "kg") == ("0,5 kg", "(0,42 bis 0,58)")
+    assert place(12.0, -40.0) == "12 m nördlich, 40 m westlich vom Start"
 
 
 def test_a_language_that_there_is_not_is_refused(monkeypatch):

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from thrustmargin.gcs_plugin.wording.numbers import (
+from thrustmargin.gcs_plugin.wording.language import (
     area,
     clock,
     duration,

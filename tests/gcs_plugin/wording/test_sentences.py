@@ -25,8 +25,7 @@ ALLOWED = {
     "gcs_plugin/live/metrics/collector.py": "what each metric is, which is the format's",
     "gcs_plugin/live/small_server.py": "refusals of strangers and of a port",
     "gcs_plugin/view/page/view_page.py": "where the page is, for who started it",
-    "gcs_plugin/view/page/guard.py": "refusals of strangers and of a port",
-    "gcs_plugin/view/page/token_door.py": "the door before the page",
+    "gcs_plugin/view/page/guard.py": "the door before the page, and refusals",
 }
 
 #: The terminal's style; the text of an object, for programmers.

@@ -13,10 +13,10 @@ from thrustmargin.gcs_plugin.live.announce import Announcer
 from thrustmargin.gcs_plugin.live.console import answer_lines, vehicle_cells
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, checksum, frame_of
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.view.live.live_heard import Heard
+from thrustmargin.gcs_plugin.view.live_heard import Heard
 from thrustmargin.models.model.rotor_model import RotorModel
 
 HEAD, SUM = 10, 2  # bytes of MAVLink 2 before and after the payload

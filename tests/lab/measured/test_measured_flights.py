@@ -12,7 +12,7 @@ from tests.lab.measured.speed_regression import regression_rmse_rpm
 from tests.lab.measured.swing_check import check_swing
 from tests.lab.measured.test_measured_commands import run
 from tests.lab.measured.thrust_check import command_check, plain_check
-from tests.models.effects.demand.test_slung_load import flown_with_load
+from tests.models.effects.test_slung_load import flown_with_load
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects.demand_effects import swing
 from thrustmargin.models.errors import DataError

@@ -13,8 +13,8 @@ from tests.lab.bench.bench_view import DRAWN, FRAMES
 from tests.mission.plans_made import plan_of, spot
 from thrustmargin.gcs_plugin.view.replay_view import planned_view
 from thrustmargin.gcs_plugin.view.scene.shown_row import row_at
-from thrustmargin.mission.ahead.battery import FlightBattery
-from thrustmargin.mission.ahead.plan_forecast import PlanForecast, TakeOff, forecast
+from thrustmargin.mission.forecast.battery import FlightBattery
+from thrustmargin.mission.forecast.plan_forecast import PlanForecast, TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 
 LINES, LONG, APART = 5000, 500.0, 2.0  # lines, m: 500 ha

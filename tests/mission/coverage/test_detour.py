@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from tests.mission.coverage.fields_made import comb, rectangle
-from thrustmargin.mission.coverage.detour import Detours
+from thrustmargin.mission.coverage.spray_lines import Detours
 
 
 def length(*points):

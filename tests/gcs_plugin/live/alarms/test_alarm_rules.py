@@ -8,10 +8,15 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.alarms.test_alarms import MODEL, balance, hover
+from thrustmargin.gcs_plugin.live.alarms import alarm_rules
 from thrustmargin.gcs_plugin.live.alarms import alarm_rules as rules
-from thrustmargin.gcs_plugin.live.alarms import tank_rules
-from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmSettings, Debounce
-from thrustmargin.gcs_plugin.live.alarms.alarm_checks import LinkNow, RowsNow
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    Alarm,
+    AlarmSettings,
+    Debounce,
+    LinkNow,
+    RowsNow,
+)
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import RULES
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, DeliveryMeter
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
@@ -168,7 +173,7 @@ def test_a_rotor_is_at_its_end_by_its_output_or_by_its_speed(share, on, off):
 def test_when_two_estimates_of_the_tank_part(given, parts):
     found = balance(**given)
     assert (
-        bool(tank_rules.pump_verdict(found, USUAL) or tank_rules.mass_verdict(found, USUAL))
+        bool(alarm_rules.pump_verdict(found, USUAL) or alarm_rules.mass_verdict(found, USUAL))
         == parts
     )
 
@@ -176,13 +181,13 @@ def test_when_two_estimates_of_the_tank_part(given, parts):
 def test_a_tank_is_empty_below_three_hundred_grams():
     for level, words in ((0.29, rules.words.TANK_EMPTY), (0.31, rules.words.TANK_CLOGGED)):
         given = balance(gauge=0.1, pump=1.5, thrust=0.1, level_kg=level)
-        assert tank_rules.pump_verdict(given, USUAL) == words
+        assert alarm_rules.pump_verdict(given, USUAL) == words
 
 
 def test_a_tank_that_the_rotors_still_carry_is_not_empty():
     for apart, words in ((3.1, rules.words.GAUGE_WRONG), (2.9, rules.words.TANK_EMPTY)):
         given = balance(gauge=0.0, pump=1.5, thrust=1.5, level_kg=0.0, apart_kg=apart)
-        assert tank_rules.pump_verdict(given, USUAL) == words
+        assert alarm_rules.pump_verdict(given, USUAL) == words
 
 
 def on_and_off(check: Any) -> tuple[bool, bool]:
@@ -253,7 +258,7 @@ def test_while_a_bad_rotor_stands_it_has_the_only_order(alarm, see):
     heavy = balance(gauge=1.0, pump=1.0, thrust=1.0, apart_kg=8.2)
     for known, ends, severity in ((listed, see, NOTICE), ({}, "check load", WARNING)):
         row = RowsNow(analysis=low, rows=slice(None), balances=[heavy], listed=known)
-        found = tank_rules.gauge(USUAL, row)
+        found = alarm_rules.gauge(USUAL, row)
         assert found.text(0, 0) == f"Thrust says +8.2 kg against gauge: {ends}"
         assert found.severity(0, 0) == severity
 

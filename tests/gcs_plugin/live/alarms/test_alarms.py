@@ -7,11 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmSettings, Debounce
-from thrustmargin.gcs_plugin.live.alarms.alarm_checks import LinkNow, RowsNow
-from thrustmargin.gcs_plugin.live.alarms.alarm_rules import faulty
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    Alarm,
+    AlarmSettings,
+    Debounce,
+    LinkNow,
+    RowsNow,
+)
+from thrustmargin.gcs_plugin.live.alarms.alarm_rules import faulty, mass_verdict, pump_verdict
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
-from thrustmargin.gcs_plugin.live.alarms.tank_rules import mass_verdict, pump_verdict
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance, virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack

@@ -10,7 +10,7 @@ from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, write_log
 from tests.gcs_plugin.live.monitored import MODEL, recording_in
 from thrustmargin.gcs_plugin.live.console import EventPrinter
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 
 BEGAN = 1_700_000_000  # Unix s

@@ -8,9 +8,8 @@ import numpy as np
 from tests.gcs_plugin.live.live_vehicle import ROOT, log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 
 LOG = ROOT / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"

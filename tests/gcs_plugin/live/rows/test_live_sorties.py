@@ -8,7 +8,7 @@ from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
 from tests.gcs_plugin.live.monitored import AIRFRAME
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 
 FUNCTIONS = {"SERVO1_FUNCTION": 33, "SERVO2_FUNCTION": 34, "SERVO3_FUNCTION": 35}
 FUNCTIONS |= {"SERVO4_FUNCTION": 36, "SERVO9_FUNCTION": 22}

@@ -19,7 +19,7 @@ from tests.gcs_plugin.live.monitored import AIRFRAME
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import VehicleTelemetry
-from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.models.flight import FlightTrack
 
 

@@ -8,16 +8,15 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
-from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
-from thrustmargin.gcs_plugin.live.alarms.alarm_checks import RowsNow
+from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import esc, saturation
 from thrustmargin.gcs_plugin.live.announce import figures
 from thrustmargin.gcs_plugin.live.console import numbers
 from thrustmargin.gcs_plugin.live.metrics.collector import _of_rotors
 from thrustmargin.gcs_plugin.live.watch import airframe_watch
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavproxy_worker import fields, reading, summary

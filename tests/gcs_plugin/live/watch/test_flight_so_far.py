@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import SortieRows
 from thrustmargin.gcs_plugin.live.watch.landed_flight import as_reported
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings, in_background
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings, in_background
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans
 from thrustmargin.models.flight import FlightTrack

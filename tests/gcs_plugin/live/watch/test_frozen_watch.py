@@ -10,8 +10,8 @@ from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from tests.made_sources import sent
 from tests.models.checks.test_output_evidence import SQUARE, hover
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.provenance import SourceKind
 

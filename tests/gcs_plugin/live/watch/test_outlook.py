@@ -17,8 +17,8 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.live.watch import outlook
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead, recorded_seconds_to_empty
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
 from thrustmargin.gcs_plugin.wording.alarm_words import margin_words
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Origin

@@ -10,14 +10,14 @@ from tests.gcs_plugin.live.monitored import MODEL
 from thrustmargin.gcs_plugin.live.announce import figures
 from thrustmargin.gcs_plugin.live.console import COLUMNS, vehicle_cells
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures
-from thrustmargin.gcs_plugin.live.watch.watch_settings import WatchSettings
+from thrustmargin.gcs_plugin.live.watch.airframe_watch import unknown_figures
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavproxy_worker import fields as fields_of_console
 from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
-from thrustmargin.gcs_plugin.view.figures.before_take_off import FillAdvice
+from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 
 #: Heading of the table -> the figure by its name in sentences.

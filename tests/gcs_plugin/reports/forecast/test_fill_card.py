@@ -10,9 +10,9 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import ROOT
 from tests.gcs_plugin.peers.scripted_vehicle import ScriptedVehicle
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.reports.forecast.fill_card import FillCard, fill_card, gate_text
-from thrustmargin.mission.ahead.battery import FlightBattery
-from thrustmargin.mission.ahead.plan_forecast import PlanForecast, TakeOff, forecast
+from thrustmargin.gcs_plugin.reports.forecast.forecast_page import FillCard, fill_card, gate_text
+from thrustmargin.mission.forecast.battery import FlightBattery
+from thrustmargin.mission.forecast.plan_forecast import PlanForecast, TakeOff, forecast
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.fill_limits import largest_fills
 from thrustmargin.models.model.rotor_model import physics_model

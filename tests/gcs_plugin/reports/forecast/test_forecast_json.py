@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of, spot
-from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import csv_text, json_text
-from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
+from thrustmargin.gcs_plugin.reports.forecast.forecast_page import csv_text, json_text
+from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe

@@ -8,13 +8,13 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG, flight
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
-from thrustmargin.gcs_plugin.reports.forecast.forecast_numbers import json_text
+from thrustmargin.gcs_plugin.reports.forecast.forecast_page import json_text
 from thrustmargin.gcs_plugin.reports.margin import build_report
-from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
+from thrustmargin.gcs_plugin.reports.margin.moments import plan_beside
 from thrustmargin.gcs_plugin.reports.margin.render import html_text
-from thrustmargin.mission.ahead.battery import FlightBattery, stated_capacity
-from thrustmargin.mission.ahead.plan_forecast import forecast
-from thrustmargin.mission.ahead.take_off import TakeOff
+from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
+from thrustmargin.mission.forecast.plan_flight import TakeOff
+from thrustmargin.mission.forecast.plan_forecast import forecast
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin import build_report, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import end_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import doing, worst_moments
-from thrustmargin.gcs_plugin.wording.numbers import clock
+from thrustmargin.gcs_plugin.wording.language import clock
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe

@@ -5,8 +5,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.reports.paper.axis import Axis, axis_over, clock
-from thrustmargin.gcs_plugin.reports.paper.canvas import SvgCanvas
+from thrustmargin.gcs_plugin.reports.paper.canvas import Axis, SvgCanvas, axis_over, clock
 from thrustmargin.gcs_plugin.reports.paper.drawn_figure import colour_of, draw, file_bytes, size
 from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure, Trace, scatter, titled
 

@@ -9,9 +9,8 @@ import pytest
 from tests.gcs_plugin.reports.margin.report_flight import flight, log, model
 from thrustmargin.gcs_plugin.commands.flight.record import common_density, liquids
 from thrustmargin.gcs_plugin.reports.record import applied as liquid
-from thrustmargin.gcs_plugin.reports.record.applied import applied
+from thrustmargin.gcs_plugin.reports.record.applied import applied, each_once
 from thrustmargin.gcs_plugin.reports.record.job_record import from_logs
-from thrustmargin.gcs_plugin.reports.record.same_flight import each_once
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.flight import FlightTrack, Origin
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind

@@ -18,11 +18,10 @@ from thrustmargin.gcs_plugin.commands.flight.record import counted_once
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
-from thrustmargin.gcs_plugin.reports.record.applied import applied, cut_at_date_line
+from thrustmargin.gcs_plugin.reports.record.applied import applied, cut_at_date_line, each_once
 from thrustmargin.gcs_plugin.reports.record.job_record import from_logs, of_field, of_product
 from thrustmargin.gcs_plugin.reports.record.record_files import geojson
-from thrustmargin.gcs_plugin.reports.record.same_flight import each_once
-from thrustmargin.gcs_plugin.reports.shared.written import csv_text
+from thrustmargin.gcs_plugin.reports.shared.page_shell import csv_text
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.mission.coverage.field_file import read_field
 from thrustmargin.models.errors import DataError

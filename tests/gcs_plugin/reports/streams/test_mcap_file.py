@@ -16,12 +16,12 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.findings import Severity
 from thrustmargin.gcs_plugin.reports.margin import report_flight
-from thrustmargin.gcs_plugin.reports.streams.mcap_file import write_mcap
-from thrustmargin.gcs_plugin.reports.streams.topics import (
+from thrustmargin.gcs_plugin.reports.streams.mcap_file import (
     TOPICS,
     SortieClock,
     messages_of,
     sortie_clock,
+    write_mcap,
 )
 from thrustmargin.models.errors import DataError
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import motor_outputs, whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import motor_outputs, whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 
 FOUR = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 5)}

@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, fill_table
-from thrustmargin.gcs_plugin.view.figures.before_take_off import FillAdvice
+from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
 
 AIRSPEED = 5.0  # m/s

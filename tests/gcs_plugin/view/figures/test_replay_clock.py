@@ -2,7 +2,7 @@
 
 import pytest
 
-from thrustmargin.gcs_plugin.view.figures.replay_clock import ReplayClock
+from thrustmargin.gcs_plugin.view.figures.charts import ReplayClock
 
 
 class Wall:

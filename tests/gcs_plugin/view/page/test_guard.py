@@ -14,13 +14,14 @@ from websockets.typing import Subprotocol
 
 from thrustmargin.gcs_plugin.view.page.guard import (
     address_of,
+    asked_for,
     guarded_server,
     is_loopback,
     names_this_machine,
     open_port,
+    page_token,
     stop_server,
 )
-from thrustmargin.gcs_plugin.view.page.token_door import asked_for, page_token
 from thrustmargin.models.errors import DataError, LinkError
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thrustmargin.gcs_plugin.view.scene.camera import nose_north, overview
 from thrustmargin.gcs_plugin.view.scene.shown_row import wxyz_from_attitude
+from thrustmargin.gcs_plugin.view.scene.surroundings import nose_north, overview
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 FIELD_OF_VIEW = np.radians(75.0)

@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
     row_at,
     wxyz_from_attitude,
 )
-from thrustmargin.gcs_plugin.wording.numbers import margin_or_beyond
+from thrustmargin.gcs_plugin.wording.language import margin_or_beyond
 
 
 def turned(roll, pitch, yaw, vector):

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import curve_model, made_flights, table
+from thrustmargin.gcs_plugin.wording.language import chance
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import unnamed_causes
 from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     answer,
     at_most,
@@ -20,8 +22,6 @@ from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     set_words,
     unexplained,
 )
-from thrustmargin.gcs_plugin.wording.loop.unexplained_words import unnamed_causes
-from thrustmargin.gcs_plugin.wording.numbers import chance
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.unnamed import UNNAMED

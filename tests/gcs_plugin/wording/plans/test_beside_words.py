@@ -7,8 +7,8 @@ from thrustmargin.gcs_plugin.wording.plans.plan_words import (
     off_sentence,
     stretch_words,
 )
-from thrustmargin.mission.beside.blame import Off
-from thrustmargin.mission.beside.stretches import Pair, StretchBeside
+from thrustmargin.mission.plan_tracking.blame import Off
+from thrustmargin.mission.plan_tracking.stretches import Pair, StretchBeside
 
 
 def off(what, forecast, flown, *, item, mattered):

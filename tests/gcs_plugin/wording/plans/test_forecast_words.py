@@ -17,8 +17,8 @@ from thrustmargin.gcs_plugin.wording.plans.forecast_words import (
     verdict,
     weakest_words,
 )
-from thrustmargin.mission.ahead.battery import FlightBattery
-from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
+from thrustmargin.mission.forecast.battery import FlightBattery
+from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.mission.plan_items import PlanItem, plan_from_items
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.model.fill_limits import before_take_off, largest_fills

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from tests.models.effects.demand.test_slung_load import flown_with_load
+from tests.models.effects.test_slung_load import flown_with_load
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.errors import DataError

@@ -1,1 +1,0 @@
-"""What only the view of aircraft that fly now has."""

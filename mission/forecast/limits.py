@@ -1,0 +1,141 @@
+"""How fast a vehicle flies a mission by its own parameters: speeds, accelerations, jerk, yaw.
+
+Names and defaults are those of ArduPilot's Copter 4.7 (those of before: `parameter_names`) and of
+PX4 1.16. What no parameter says has its default, and `assumed` names it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from thrustmargin.mission.plan_check import parameter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightLimits:
+    """How the vehicle flies from place to place."""
+
+    speed: float  # m/s over ground where the plan orders none
+    climb_speed: float  # m/s
+    descent_speed: float
+    acceleration: float  # m/s², horizontal
+    corner_acceleration: float  # m/s² in the middle of a corner
+    climb_acceleration: float  # m/s²
+    jerk: float  # m/s³
+    climb_jerk: float  # m/s³ of take-off
+    snap: float  # m/s⁴
+    radius: float  # m from a place within which its corner is cut
+    take_off_speed: float  # m/s
+    land_speed: float  # m/s near the ground
+    land_below: float  # m above home
+    return_height: float  # m above home
+    yaw_rate: float  # rad/s
+    yaw_acceleration: float  # rad/s²
+    yaw_time: float  # s in which a small error of heading is turned away
+    yaw_gain: float  # rad/s for a rad of error
+    nose_ahead: bool  # the nose follows the way flown
+    sprays_by_speed: bool  # the pump's flow follows the speed over ground
+    spray_speed: float = 0.0  # m/s below which the pump rests
+    assumed: tuple[str, ...] = ()  # parameters that were not known
+
+
+#: field of FlightLimits -> parameter, and its default.
+_ARDUPILOT: Mapping[str, tuple[str, float]] = {
+    "speed": ("WP_SPD", 10.0),
+    "climb_speed": ("WP_SPD_UP", 2.5),
+    "descent_speed": ("WP_SPD_DN", 1.5),
+    "acceleration": ("WP_ACC", 2.5),
+    "corner_acceleration": ("WP_ACC_CNR", 0.0),
+    "climb_acceleration": ("WP_ACC_Z", 1.0),
+    "jerk": ("WP_JERK", 1.0),
+    "climb_jerk": ("PSC_D_JERK", 5.0),
+    "radius": ("WP_RADIUS_M", 2.0),
+    "land_speed": ("LAND_SPD_MS", 0.5),
+    "land_below": ("LAND_ALT_LOW_M", 10.0),
+    "return_height": ("RTL_ALT_M", 15.0),
+    "slew_deg": ("ATC_RATE_WPY_MAX", 60.0),
+    "yaw_rate_deg": ("ATC_RATE_Y_MAX", 0.0),
+    "yaw_acceleration_deg": ("ATC_ACC_Y_MAX", 270.0),
+    "yaw_time": ("ATC_INPUT_TC", 0.15),
+    "yaw_gain": ("ATC_ANG_YAW_P", 4.5),
+    "yaw_behaviour": ("WP_YAW_BEHAVIOR", 2.0),
+    "spray_cm_s": ("SPRAY_SPEED_MIN", 100.0),
+}
+_PX4: Mapping[str, tuple[str, float]] = {
+    "speed": ("MPC_XY_CRUISE", 5.0),
+    "climb_speed": ("MPC_Z_V_AUTO_UP", 3.0),
+    "descent_speed": ("MPC_Z_V_AUTO_DN", 1.5),
+    "acceleration": ("MPC_ACC_HOR", 3.0),
+    "climb_acceleration": ("MPC_ACC_UP_MAX", 4.0),
+    "jerk": ("MPC_JERK_AUTO", 4.0),
+    "climb_jerk": ("MPC_JERK_AUTO", 4.0),
+    "radius": ("NAV_ACC_RAD", 10.0),
+    "take_off_speed": ("MPC_TKO_SPEED", 1.5),
+    "land_speed": ("MPC_LAND_SPEED", 0.7),
+    "land_below": ("MPC_LAND_ALT2", 5.0),
+    "return_height": ("RTL_RETURN_ALT", 60.0),
+    "yaw_rate_deg": ("MPC_YAWRAUTO_MAX", 60.0),
+    "yaw_acceleration_deg": ("MPC_YAWRAUTO_ACC", 20.0),
+    "yaw_gain": ("MC_YAW_P", 2.8),
+    "yaw_behaviour": ("MPC_YAW_MODE", 0.0),
+}
+PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
+
+
+def _values(
+    table: Mapping[str, tuple[str, float]], parameters: Mapping[str, float]
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Value of each field, and the parameters that were not known."""
+    said = {name: parameter(parameters, name) for name, _ in table.values()}
+    unknown = [(name, default) for name, default in table.values() if not math.isfinite(said[name])]
+    found = {key: said[n] if math.isfinite(said[n]) else d for key, (n, d) in table.items()}
+    return found, tuple(f"{name} {default:g}" for name, default in unknown)
+
+
+def flight_limits(parameters: Mapping[str, float], *, px4: bool = False) -> FlightLimits:
+    """The limits of a vehicle with these parameters, by name; none at all are all defaults."""
+    return (_px4 if px4 else _ardupilot)(parameters)
+
+
+def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
+    found, assumed = _values(_ARDUPILOT, parameters)
+    slew = math.radians(found.pop("slew_deg"))
+    rate = math.radians(found.pop("yaw_rate_deg"))
+    behaviour = found.pop("yaw_behaviour")
+    spray = 0.01 * found.pop("spray_cm_s")
+    turning = math.radians(found.pop("yaw_acceleration_deg"))
+    found["corner_acceleration"] = found["corner_acceleration"] or 2.0 * found["acceleration"]
+    return FlightLimits(
+        **found,
+        spray_speed=spray,
+        # Half of what leaning takes in the time of the attitude controller (AC_WPNav).
+        snap=found["jerk"] * math.pi / (4.0 * max(found["yaw_time"], 0.1)),
+        take_off_speed=found["climb_speed"],
+        yaw_rate=min(slew, rate) if rate > 0.0 else slew,
+        yaw_acceleration=turning,
+        nose_ahead=behaviour in (1.0, 2.0, 3.0),
+        sprays_by_speed=parameters.get("SPRAY_ENABLE", 1.0) > 0.0,
+        assumed=assumed,
+    )
+
+
+def _px4(parameters: Mapping[str, float]) -> FlightLimits:
+    found, assumed = _values(_PX4, parameters)
+    behaviour = found.pop("yaw_behaviour")
+    rate, turning = (
+        math.radians(found.pop(name)) for name in ("yaw_rate_deg", "yaw_acceleration_deg")
+    )
+    return FlightLimits(
+        **found,
+        corner_acceleration=found["acceleration"],
+        snap=found["jerk"] * math.pi / (4.0 * PX4_YAW_TIME),
+        yaw_rate=rate,
+        yaw_acceleration=turning,
+        yaw_time=PX4_YAW_TIME,
+        nose_ahead=behaviour in (0.0, 3.0),
+        sprays_by_speed=False,
+        assumed=assumed,
+    )

@@ -1,0 +1,430 @@
+"""What a plan takes off with: what is asked, the conditions of that, and what had to be assumed.
+
+A plan flown in time: the FlightTrack that the vehicle's own limits, wind and tank make of it.
+
+The way home from any moment of a plan: what it takes of the battery, and from where it is too
+much.
+
+Straight home at the speed of the return, up to its height and down there, as ArduPilot's RTL does;
+the wind is that of the plan, and the load what is in the tank. Power is that of steady flight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from thrustmargin.mission.forecast.battery import (
+    CELL,
+    FULL,
+    UNKNOWN,
+    FlightBattery,
+    discharge,
+    rotor_power,
+    since,
+)
+from thrustmargin.mission.forecast.limits import FlightLimits
+from thrustmargin.mission.forecast.way import CONE, RETURN_WAIT_S, Course
+from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_axes
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.predict import identified_airframe, predict
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import (
+    G0,
+    air_density,
+    isa_pressure,
+    isa_temperature,
+    pressure_altitude,
+)
+from thrustmargin.models.physics.forward_flight import steady_slowing
+from thrustmargin.models.physics.margin import ceiling, utilisation
+from thrustmargin.models.provenance import Provenance, SourceKind
+
+#: A plan is no flight: there is nothing in it that could speak against the airframe.
+PLANNED = AirframeClaim(words="a plan")
+
+
+Assumption = Literal[
+    "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
+    "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
+    "efficiency", "level ground", "PX4 corners", "pump by speed",
+    "no forward flight", "extrapolated", "nose gives way", "first part", "alike", "aircraft",
+    "unlike", "hidden mass",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakeOff:
+    """What a plan is asked with; None or NaN is not known, and what is taken for it is said."""
+
+    fill_kg: float
+    air_temperature: float = math.nan  # K
+    altitude: float = math.nan  # m AMSL of home
+    pressure: float = math.nan  # Pa of the air there; NaN: the standard of the altitude
+    wind: float = 0.0  # m/s
+    wind_from_deg: float = math.nan  # NaN with wind: the worst of all directions
+    flow: float = math.nan  # kg/s at the speed of the line
+    flow_per_metre: float = math.nan  # kg/m of line
+    swath: float = math.nan  # m
+    battery: FlightBattery = UNKNOWN
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownPump:
+    """What a pump gives by the sprayer's parameters and the airframe; NaN where they do not say."""
+
+    most: float  # kg/s at full output
+    per_metre: float  # kg/m of way, of ArduPilot's sprayer
+
+
+def known_pump(parameters: Mapping[str, float], airframe: Airframe) -> KnownPump:
+    """ArduPilot's sprayer drives the pump by speed: SPRAY_PUMP_RATE is its per cent at 1 m/s."""
+    most = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
+    rate = parameters.get("SPRAY_PUMP_RATE", math.nan)
+    on = parameters.get("SPRAY_ENABLE", 1.0) > 0.0 and rate > 0.0 and most > 0.0
+    return KnownPump(
+        most=most if most > 0.0 else math.nan,
+        per_metre=most * rate / 100.0 if on else math.nan,
+    )
+
+
+def conditions(
+    day: TakeOff, altitude: float, nominal: float
+) -> tuple[PlanConditions, dict[Assumption, tuple[str, ...]]]:
+    """The conditions of the day, and what was taken for what is not known."""
+    assumed: dict[Assumption, tuple[str, ...]] = {}
+    pressure = day.pressure
+    if not math.isfinite(pressure):
+        pressure = float(isa_pressure(altitude))
+        if not math.isfinite(day.altitude) and altitude == 0.0:
+            assumed["sea level"] = ()
+    warm = day.air_temperature
+    if not math.isfinite(warm):
+        warm = float(isa_temperature(pressure_altitude(pressure)))
+        assumed["standard air"] = (f"{warm - 273.15:.0f}",)
+    if day.wind <= 0.0:
+        assumed["no wind"] = ()
+    if not (day.flow > 0.0 or day.flow_per_metre > 0.0):
+        assumed["no flow"] = ()
+    battery = day.battery
+    if not battery.falls:
+        held = battery.voltage if battery.voltage > 0.0 else nominal
+        assumed["no capacity"] = (f"{held:.1f}",)
+    else:
+        if not battery.voltage > 0.0:
+            assumed["full battery"] = (f"{FULL * round(nominal / CELL):.1f}",)
+        if not battery.resistance >= 0.0:
+            assumed["resistance"] = ()
+    given = PlanConditions(
+        fill_kg=day.fill_kg,
+        density=float(air_density(pressure, warm)),
+        flow=day.flow if day.flow > 0.0 else 0.0,
+        flow_per_metre=day.flow_per_metre,
+        wind_ned=wind_ned(day.wind, day.wind_from_deg if day.wind > 0.0 else 0.0),
+        battery=battery,
+    )
+    return given, assumed
+
+
+def wind_ned(speed: float, from_deg: float) -> tuple[float, float, float]:
+    """m/s north, east and down of a wind from so many degrees; NaN as from north."""
+    way = math.radians(from_deg if math.isfinite(from_deg) else 0.0)
+    return (-speed * math.cos(way), -speed * math.sin(way), 0.0)
+
+
+def wind_from_deg(given: PlanConditions) -> float:
+    """Where the wind comes from, degrees."""
+    return math.degrees(math.atan2(-given.wind_ned[1], -given.wind_ned[0])) % 360.0
+
+
+_MADE = (
+    *("position_ned", "velocity_ned", "attitude", "angular_rate_frd", "specific_force_frd"),
+    *("airspeed", "wind_ned", "tank_kg", "voltage", "altitude", "height_agl", "spraying"),
+)
+#: Times that a nose may turn slower, and by how much.
+SLOWER, SHARE = 6, 0.7
+FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=("from the plan",))
+FILLED = replace(FORECAST, kind=SourceKind.STATED)  # the fill is stated, the flow too
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanConditions:
+    """What a plan is flown with."""
+
+    fill_kg: float
+    density: float  # kg/m³ at home
+    flow: float = 0.0  # kg/s with the pump on at the speed of the line
+    flow_per_metre: float = math.nan  # kg/m of way sprayed, instead of `flow`
+    most_flow: float = math.inf  # kg/s that the pump gives at its most
+    wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, the way the air moves
+    battery: FlightBattery = UNKNOWN
+
+
+class Used(NamedTuple):
+    """What a tank and a battery have given."""
+
+    kg: float
+    wh: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlanFlight:
+    """A planned flight of T rows."""
+
+    track: FlightTrack
+    density: Floats  # (T,) kg/m³
+    course: Course
+    rotor_speed_rpm: Floats  # (T, R) predicted
+    energy_wh: Floats  # (T,) given so far, of all batteries
+    sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
+    battery_wh: Floats  # (T,) given so far, of the present battery
+
+
+def fly_plan(
+    name: str,
+    course: Course,
+    model: RotorModel,
+    given: PlanConditions,
+    *,
+    origin: Origin | None = None,
+    anew: Mapping[int, Used] | None = None,
+) -> PlanFlight:
+    """The flight along `course`, from the ground to where its last leg ends.
+
+    From the legs with the numbers `anew`, from 0, on tank and battery have given so much: nothing
+    after a refill, the ways to and from which are left out, and something where a part is left out.
+    """
+    time_s, velocity, active = course.time_s, course.velocity_ned, course.active
+    seconds = np.diff(time_s, append=time_s[-1])
+    anew = anew or {}
+    changed = np.searchsorted(active, sorted(k for k in anew if k <= active[-1]))
+    before = np.array([anew[int(k)] for k in active[changed]]).reshape(-1, 2)
+    pump = np.array([t.leg.pump for t in course.legs], dtype=np.bool_)[active]
+    sprayed = np.append(0.0, np.cumsum(_flow(course, pump, given) * seconds))
+    tank = np.maximum(given.fill_kg - since(sprayed[:-1], changed, before[:, 0]), 0.0)
+    wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
+    through = velocity - wind
+    airspeed = np.linalg.norm(through, axis=1)
+    mass = identified_airframe(model).empty_mass + tank
+    drag = np.zeros_like(velocity)
+    if model.forward_flight is not None:
+        slowing = steady_slowing(model.forward_flight, airspeed, mass, given.density)
+        drag = -slowing[:, None] * through / np.maximum(airspeed, 1e-9)[:, None]
+    attitude = _attitude(course.gained_ned - drag, course.yaw)
+    rotors = model.airframe.rotor_count
+    track = FlightTrack.of(
+        name=name,
+        time_s=time_s,
+        rotor_count=rotors,
+        position_ned=course.place_ned,
+        velocity_ned=velocity,
+        attitude=attitude,
+        angular_rate_frd=_rates(time_s, attitude),
+        specific_force_frd=_felt(course.gained_ned, attitude),
+        airspeed=airspeed,
+        wind_ned=wind.copy(),
+        tank_kg=tank,
+        height_agl=-course.place_ned[:, 2],
+        altitude=-course.place_ned[:, 2] + (0.0 if origin is None else origin.altitude),
+        spraying=pump.astype(np.float64),
+        voltage=np.full(time_s.size, np.nan),
+        origin=origin,
+    )
+    track = replace(track, sources=dict.fromkeys(_MADE, FORECAST) | {"tank_kg": FILLED})
+    density = np.full(time_s.size, given.density)
+    prediction = predict(model, track, density)
+    speed = prediction.rotor_speed_rpm
+    power = rotor_power(identified_airframe(model), prediction.thrust, speed)
+    volts, energy = discharge(
+        given.battery, identified_airframe(model), power, seconds, changed, before[:, 1]
+    )
+    track = replace(track, voltage=volts)
+    return PlanFlight(
+        track=track,
+        density=density,
+        course=course,
+        rotor_speed_rpm=speed,
+        energy_wh=energy,
+        sprayed_kg=sprayed[:-1],
+        battery_wh=since(energy, changed, before[:, 1]),
+    )
+
+
+def giving_way(
+    once: PlanFlight,
+    model: RotorModel,
+    course_by: Callable[[FlightLimits], Course],
+    fly: Callable[[Course], PlanFlight],
+) -> PlanFlight:
+    """The flight `once`, or that with a slower nose, where the rotors have no moment for its turns:
+    an autopilot gives up yaw before roll, pitch and thrust.
+
+    `course_by` gives the same way by other limits.
+    """
+    peak = largest_use(once, model)
+    for _ in range(SLOWER):
+        if not peak > 1.0:
+            break
+        limits = once.course.limits
+        slower = replace(limits, yaw_acceleration=SHARE * limits.yaw_acceleration)
+        other = fly(course_by(slower))
+        if not (lower := largest_use(other, model)) < peak:
+            break  # not the nose takes it
+        once, peak = other, lower
+    return once
+
+
+def largest_use(flight: PlanFlight, model: RotorModel) -> float:
+    """The largest utilisation on the way; NaN where nothing is predicted."""
+    limits = ceiling(identified_airframe(model), flight.density, flight.track.voltage)
+    use = utilisation(flight.rotor_speed_rpm, limits.max_rotor_speed_rpm)
+    return float(np.nanmax(use)) if np.isfinite(use).any() else math.nan
+
+
+def _flow(course: Course, pump: Bools, given: PlanConditions) -> Floats:
+    """(T,) kg/s that the pump gives."""
+    limits, velocity = course.limits, course.velocity_ned
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    if given.flow_per_metre > 0.0:
+        flow = given.flow_per_metre * speed
+    elif limits.sprays_by_speed:
+        line_speed = np.array([t.leg.level_speed for t in course.legs])[course.active]
+        flow = given.flow * np.minimum(speed / line_speed, 1.0)
+    else:
+        flow = np.full(speed.size, given.flow)
+    return np.where(pump & (speed >= limits.spray_speed), np.minimum(flow, given.most_flow), 0.0)
+
+
+def _attitude(force: Floats, yaw: Floats) -> Floats:
+    """(T, 3) roll, pitch, yaw with which rotors give `force` over mass, weight aside (T, 3)."""
+    down = np.array([0.0, 0.0, G0]) - force
+    down /= np.linalg.norm(down, axis=1)[:, None]
+    ahead = np.cos(yaw) * down[:, 0] + np.sin(yaw) * down[:, 1]
+    right = np.cos(yaw) * down[:, 1] - np.sin(yaw) * down[:, 0]
+    roll, pitch = -np.arcsin(np.clip(right, -1.0, 1.0)), np.arctan2(ahead, down[:, 2])
+    return np.column_stack([roll, pitch, yaw])
+
+
+def _rates(time_s: Floats, attitude: Floats) -> Floats:
+    """(T, 3) rad/s about forward, right, down."""
+    roll, pitch, _ = attitude.T
+    up, over, round_ = np.gradient(attitude, time_s, axis=0).T
+    return np.column_stack(
+        [
+            up - round_ * np.sin(pitch),
+            over * np.cos(roll) + round_ * np.cos(pitch) * np.sin(roll),
+            -over * np.sin(roll) + round_ * np.cos(pitch) * np.cos(roll),
+        ]
+    )
+
+
+def _felt(gained: Floats, attitude: Floats) -> Floats:
+    """(T, 3) m/s² that the IMU feels forward, right, down."""
+    force = gained - np.array([0.0, 0.0, G0])
+    return np.column_stack([np.sum(force * axis, axis=1) for axis in body_axes(attitude)])
+
+
+ON_GROUND = 0.1  # m
+#: kg/m³, kg and m/s by which no power differs that matters
+ALIKE = np.array([0.001, 0.05, 0.05])
+EVERY_S = 2.0  # between the moments that are worked out
+APART_S = 2.0  # between rows of steady flight, more than any effect looks around itself
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WayBack:
+    """Where home gets out of reach; `time_s` NaN: it is in reach all along."""
+
+    item: int  # flown to at that moment, else at the moment with least to spare
+    time_s: float  # after take-off
+    distance: float  # m from home at that moment
+    charge_kept: float  # share of the battery that is the reserve
+    spare_wh: float  # least energy that is left at home, beyond the reserve; NaN unknown
+
+
+def energy_back(
+    flight: PlanFlight,
+    limits: FlightLimits,
+    model: RotorModel,
+    wind_ned: tuple[float, float, float],
+) -> Floats:
+    """(T,) Wh that the way home takes from each row; NaN where the model predicts nothing."""
+    track = flight.track
+    every = np.arange(0.0, track.time_s[-1] + EVERY_S, EVERY_S)
+    rows = np.unique(np.clip(np.searchsorted(track.time_s, every), 0, track.time_s.size - 1))
+    place, tank = track.position_ned[rows], track.tank_kg[rows]
+    taken = energy_home(place, tank, flight.density[rows], limits, model, wind_ned)
+    return np.interp(track.time_s, track.time_s[rows], taken)
+
+
+def energy_home(
+    place_ned: Floats,
+    tank_kg: Floats,
+    density: Floats,
+    limits: FlightLimits,
+    model: RotorModel,
+    wind_ned: tuple[float, float, float],
+) -> Floats:
+    """(N,) Wh that the way home takes from places (N, 3) m about home, with so much in the tank."""
+    away = np.hypot(place_ned[:, 0], place_ned[:, 1])
+    home = -place_ned[:, :2] / np.maximum(away, 1e-9)[:, None]
+    airspeed = np.linalg.norm(home * limits.speed - np.asarray(wind_ned)[:2], axis=1)
+    height = -place_ned[:, 2]
+    up = np.maximum(height, np.minimum(limits.return_height, CONE * away))
+    vertical = (
+        (up - height) / limits.climb_speed
+        + np.maximum(up - limits.land_below, 0.0) / limits.descent_speed
+        + np.minimum(up, limits.land_below) / limits.land_speed
+        + RETURN_WAIT_S
+    )
+    over = away / limits.speed * _power(model, density, tank_kg, airspeed)
+    hover = _power(model, density, tank_kg, np.full(away.size, math.hypot(*wind_ned[:2])))
+    return np.where(height > ON_GROUND, over + vertical * hover, 0.0) / 3600.0
+
+
+def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats) -> Floats:
+    """(N,) W in steady level flight; what is nearly alike is asked of the model once."""
+    rounded = np.round(np.column_stack([density, tank_kg, airspeed]) / ALIKE) * ALIKE
+    asked, of = np.unique(rounded, axis=0, return_inverse=True)
+    steady = FlightTrack.of(
+        name="the way home",
+        time_s=APART_S * np.arange(len(asked), dtype=np.float64),
+        rotor_count=model.airframe.rotor_count,
+        tank_kg=asked[:, 1],
+        airspeed=asked[:, 2],
+    )
+    made = predict(model, steady, asked[:, 0])
+    power = rotor_power(identified_airframe(model), made.thrust, made.rotor_speed_rpm)
+    return power[of.ravel()]
+
+
+def way_back(
+    flight: PlanFlight,
+    used_wh: Floats,
+    back_wh: Floats,
+    usable_wh: float,
+    *,
+    charge_kept: float = 0.0,
+) -> WayBack:
+    """Where home gets out of reach of a battery that gives `usable_wh`, `charge_kept` kept back.
+
+    `used_wh` (T,) Wh is what its present battery has given, `back_wh` (T,) what the way home takes.
+    """
+    spare = usable_wh - used_wh - back_wh
+    known = np.where(np.isfinite(spare), spare, np.inf)
+    out = np.flatnonzero(known < 0.0)
+    row = int(out[0]) if out.size else int(np.argmin(known))
+    track = flight.track
+    least = float(np.min(known))
+    return WayBack(
+        item=flight.course.legs[flight.course.active[row]].leg.item,
+        time_s=float(track.time_s[row]) if out.size else math.nan,
+        distance=float(np.hypot(*track.position_ned[row, :2])),
+        charge_kept=charge_kept,
+        spare_wh=least if math.isfinite(least) else math.nan,
+    )

@@ -1,0 +1,316 @@
+"""What the model says of a plan before take-off: the same analysis and answer as of a flight.
+
+Turbulence, gusts and the pilot are not in it; a thrust utilisation above 1 is asked of the rotors
+and cannot be had.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from thrustmargin.mission.forecast.battery import CELL, EFFICIENCY
+from thrustmargin.mission.forecast.fill_along import (
+    LegForecast,
+    Weakest,
+    largest_fill,
+    leg_forecast,
+    survivable_below,
+    weakest_place,
+)
+from thrustmargin.mission.forecast.legs import CHARGE_KEPT, Needs, leg_ends, needs, parts_flown
+from thrustmargin.mission.forecast.limits import FlightLimits, flight_limits
+from thrustmargin.mission.forecast.plan_flight import (
+    PLANNED,
+    Assumption,
+    PlanConditions,
+    PlanFlight,
+    TakeOff,
+    Used,
+    WayBack,
+    conditions,
+    energy_back,
+    fly_plan,
+    giving_way,
+    known_pump,
+    largest_use,
+    way_back,
+    wind_from_deg,
+    wind_ned,
+)
+from thrustmargin.mission.forecast.way import (
+    Course,
+    TimedLeg,
+    above_ground,
+    course,
+    plan_legs,
+    timed_legs,
+)
+from thrustmargin.mission.plan_check import PlanFinding, check_plan
+from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
+from thrustmargin.mission.sortie_plans import line_ends, split_plan
+from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_output
+from thrustmargin.models.errors import PlanError
+from thrustmargin.models.flight import Origin
+from thrustmargin.models.model.advice import Advised, FlightLevel, advise
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.caveats import Caveat
+from thrustmargin.models.model.predict import Basis, identified_airframe
+from thrustmargin.models.model.rotor_faults import FaultHistory
+from thrustmargin.models.model.rotor_model import RotorModel
+
+STILL = (0.0, 0.0, 0.0)
+#: Directions that a wind without one is tried from.
+DIRECTIONS = 8
+#: s of a plan that is flown whole; of a longer one so much at first, which is about a sortie, and
+#: so much at most of the rest, of what is unlike that.
+WHOLE_S, FIRST_S, UNLIKE_S = 1350.0, 300.0, 600.0
+WIND_TRIED_S = 240.0
+LONGEST_LEG_S = 7200.0  # with its wait, more than any battery of a multirotor lasts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlanForecast:
+    """A plan before take-off."""
+
+    plan: MissionPlan
+    steps: PlanSteps
+    flight: PlanFlight
+    advised: Advised
+    given: PlanConditions
+    limits: FlightLimits
+    legs: tuple[LegForecast, ...]
+    weakest: Weakest | None  # None: nothing is predicted
+    largest_fill_kg: float  # that keeps the limit all along; NaN unknown
+    survivable_below_kg: float  # in the tank, with which one lost rotor is survived all along
+    needs: Needs
+    way_back: WayBack
+    swath: float  # m; NaN unknown
+    flight_s: float  # of the whole plan, also where only the first part was flown in detail
+    findings: tuple[PlanFinding, ...]
+    not_understood: tuple[NotUnderstood, ...]
+    assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
+    caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
+
+    @property
+    def level(self) -> FlightLevel:
+        """The answer; a battery that is used up on the way is the gravest. None of an aircraft that
+        its last flight speaks against, nor a good one where that contradicts the model."""
+        if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
+            return FlightLevel.BATTERY
+        level = self.advised.advice.level
+        groundless = Caveat.MODEL in self.caveats and level is FlightLevel.UNDER
+        return FlightLevel.UNKNOWN if groundless or "unlike" in self.assumed else level
+
+    @property
+    def too_heavy(self) -> bool:
+        """Whether it is over the maker's largest take-off mass."""
+        craft = identified_airframe(self.advised.analysis.model)
+        return bool(craft.empty_mass + self.flight.track.tank_kg[0] > craft.max_takeoff_mass + 1e-6)
+
+    def __repr__(self) -> str:
+        track, use = self.flight.track, self.advised.advice.use
+        return (
+            f"PlanForecast: {self.level}, {track.duration:.0f} s, "
+            f"{len(self.legs)} stretches\n"
+            f"  utilisation {use.lasting_most:.0%} lasting, {use.peak:.0%} at most; largest fill "
+            f"{self.largest_fill_kg:.1f} kg\n  needs {len(self.needs.sorties)} sorties"
+        )
+
+
+def forecast(
+    plan: MissionPlan,
+    model: RotorModel,
+    take_off: TakeOff | float,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    pump: PumpOutput | None = None,
+    limit: float = 0.5,
+    refilled: bool = True,
+    faults: FaultHistory | None = None,
+    other_order: bool = False,
+) -> PlanForecast:
+    """What `plan` takes of an aircraft of `model`, before it is flown.
+
+    `take_off` is what it takes off with, or kg in the tank alone.
+
+    `parameters` are the autopilot's by name; their defaults are taken for those that are missing.
+    `limit` is the share of a rotor's largest thrust that may last. Not `refilled`, it is flown on
+    with an empty tank. `faults` are those of the flight in which it was flown before, and not known
+    to be repaired; None: what the model holds. `other_order`: in that flight the motors were not in
+    the order of the airframe. Raises PlanError when the plan flies nowhere.
+
+        >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
+        >>> forecast(plan, load_model(), 6.0).level.value
+        'under'
+    """
+    day = take_off if isinstance(take_off, TakeOff) else TakeOff(fill_kg=float(take_off))
+    known = {} if parameters is None else parameters
+    px4 = plan.firmware == FIRMWARE_PX4
+    limits = flight_limits(known, px4=px4)
+    steps = plan_steps(plan, pump or pump_output(known))
+    home = plan.home
+    altitude = next((h for h in (day.altitude, home[2]) if math.isfinite(h)), 0.0)
+    plan = replace(plan, home=(*home[:2], altitude))
+    legs = plan_legs(plan, steps, limits)
+    craft = identified_airframe(model)
+    given, assumed = conditions(day, altitude, craft.nominal_voltage)
+    by_rate = known_pump(known, craft)
+    if not craft.tank_volume_l:
+        given = replace(given, flow=0.0, flow_per_metre=math.nan)
+        assumed.pop("no flow", None)
+    elif "no flow" in assumed and by_rate.per_metre > 0.0:
+        given = replace(given, flow_per_metre=by_rate.per_metre, most_flow=by_rate.most)
+        del assumed["no flow"]
+        assumed["pump rate"] = (f"{craft.pump_max_flow_l_min:g}",)
+    origin = Origin(latitude_deg=home[0], longitude_deg=home[1], altitude=altitude)
+
+    timed = timed_legs(legs)
+    legs = legs[: _within(timed, FIRST_S, WHOLE_S)]
+    _refuse_endless(timed[: len(legs)])
+
+    def fly(
+        way: Course, given: PlanConditions, anew: Mapping[int, Used] | None = None
+    ) -> PlanFlight:
+        return fly_plan("the plan", way, model, given, origin=origin, anew=anew)
+
+    if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
+        first = course(legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)], limits)
+        given = _worst_wind(given, day.wind, model, lambda g: fly(first, g))
+        assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
+    once = giving_way(
+        fly(course(legs, limits), given), model, partial(course, legs), lambda way: fly(way, given)
+    )
+    if once.course.limits.yaw_acceleration < limits.yaw_acceleration:
+        limits = once.course.limits
+        assumed["nose gives way"] = (f"{math.degrees(limits.yaw_acceleration):.0f}",)
+    ends = [steps.steps[k].item for k in line_ends(plan, steps)]
+    cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
+    usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
+    taken = leg_ends(once, timed, given, limits, model)
+    needed = needs(taken, ends, fill_kg=given.fill_kg, usable_wh=usable)
+    parts = parts_flown(
+        timed,
+        len(legs),
+        taken,
+        needed.refill_after if refilled else (),
+        mass=craft.empty_mass + given.fill_kg,
+        usable_wh=usable,
+        windy=given.wind_ned != STILL,
+        longest_s=UNLIKE_S,
+    )
+    way = once.course if len(timed) == len(legs) else course(parts.legs, limits)
+    flight = fly(way, given, parts.anew) if len(timed) > len(legs) or parts.anew else once
+    back = energy_back(flight, limits, model, given.wind_ned)
+    if len(legs) < len(timed):
+        assumed["first part" if parts.unlike else "alike"] = (
+            f"{flight.track.duration / 60.0:.0f}",
+            f"{taken.time_s[-1] / 60.0:.0f}",
+        )
+    analysis = analyse(
+        flight.track, model, flight.density, claim=replace(PLANNED, other_order=other_order)
+    )
+    advised = advise(analysis, limit=limit, planned=True, history=faults)
+    if limits.assumed:
+        assumed["limits"] = limits.assumed
+    if px4:
+        assumed["PX4 corners"] = ()
+    if above_ground(steps):
+        assumed["level ground"] = ()
+    kinds = {step.kind for step in steps.steps}
+    if "spline" in kinds:
+        assumed["straight splines"] = ()
+    if "turns" in kinds:
+        assumed["circles as waits"] = ()
+    assumed["efficiency"] = (f"{100.0 * EFFICIENCY:.0f}",)
+    if limits.sprays_by_speed and given.flow > 0.0:
+        assumed["pump by speed"] = ()
+    if model.forward_flight is None:
+        assumed["no forward flight"] = ()
+    if np.any(analysis.prediction.basis == Basis.PHYSICS) and model.network is not None:
+        assumed["extrapolated"] = ()
+    sprays = any(leg.pump for leg in legs) or given.flow > 0.0 or given.flow_per_metre > 0.0
+    return PlanForecast(
+        plan=plan,
+        steps=steps,
+        flight=flight,
+        advised=advised,
+        given=given,
+        limits=limits,
+        legs=tuple(leg_forecast(span, analysis) for span in way.spans),
+        weakest=weakest_place(flight, analysis),
+        largest_fill_kg=largest_fill(
+            advised,
+            given,
+            limit,
+            lambda g: _advise(fly(way, g, parts.anew), model, limit),
+        ),
+        survivable_below_kg=survivable_below(advised.analysis),
+        needs=needed,
+        way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),
+        swath=day.swath,
+        flight_s=float(taken.time_s[-1]),
+        findings=check_plan(plan, steps, sprays=sprays),
+        not_understood=steps.not_understood,
+        assumed=assumed,
+    )
+
+
+def sortie_plans(made: PlanForecast, *, pump: PumpOutput | None = None) -> tuple[MissionPlan, ...]:
+    """One plan for each sortie that the forecast counts, refilled at home.
+
+    Raises PlanError where one line alone takes more than tank or battery gives, or where a part of
+    the plan is not understood.
+    """
+    if made.needs.short_of:
+        raise PlanError(
+            f"one line alone takes more than the {made.needs.short_of} gives; shorten the lines"
+        )
+    ends, flown = line_ends(made.plan, made.steps), made.steps.steps
+    cuts: list[int] = []
+    for sortie in made.needs.sorties[:-1]:
+        # By a jump the same item is flown to again: the next one is meant.
+        after = cuts[-1] if cuts else -1
+        cuts.append(next(k for k in ends if k > after and flown[k].item == sortie.last_item))
+    return split_plan(made.plan, made.steps, cuts, pump=pump)
+
+
+def _refuse_endless(timed: Sequence[TimedLeg]) -> None:
+    """Raise PlanError for a leg or a wait that no battery lasts."""
+    for leg in timed:
+        took = leg.end_s + leg.leg.wait_s - leg.active_s
+        if not took <= LONGEST_LEG_S:
+            raise PlanError(
+                f"the way to item {leg.leg.item} with its wait takes {took / 3600.0:.1f} h; check "
+                "its place, the speed and the wait"
+            )
+
+
+def _within(timed: Sequence[TimedLeg], seconds: float, whole_s: float) -> int:
+    """How many legs are flown until then, at least; all of a plan of `whole_s` at most."""
+    ends = [leg.end_s for leg in timed]
+    return len(timed) if ends[-1] <= whole_s else bisect.bisect(ends, seconds) + 1
+
+
+def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
+    made = analyse(flight.track, model, flight.density, claim=PLANNED)
+    return advise(made, limit=limit, planned=True)
+
+
+def _worst_wind(
+    given: PlanConditions,
+    speed: float,
+    model: RotorModel,
+    fly: Callable[[PlanConditions], PlanFlight],
+) -> PlanConditions:
+    """The conditions with the wind from where it takes most thrust."""
+    tried = [
+        replace(given, wind_ned=wind_ned(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
+    ]
+    peaks = [largest_use(fly(one), model) for one in tried]
+    return tried[int(np.argmax(peaks))]

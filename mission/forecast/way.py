@@ -1,0 +1,535 @@
+"""A plan's way in time, by the vehicle's own limits alone: no load, wind or air is in it yet.
+
+Where the nose points: it follows the way flown, as fast as the vehicle may turn.
+
+ArduPilot's rule (AC_AttitudeControl, input_shaping_angle): the wanted rate is that at which the way
+turns, and what an error of heading e asks for, min(e/t, sqrt(2 a (|e| - a t²/2))); the rate is cut
+at its limit and changes by no more than a. So a nose that is slow to turn goes on beyond.
+
+The legs that a vehicle flies for the steps of a plan, in NED about home.
+
+Where the autopilot's target is at each moment: legs one after the other, corners cut.
+
+Each leg goes from rest to rest by its profile. At a corner that is not stopped at, the next leg
+starts before the last has ended, and the two add up: as early as the middle of the corner lies
+within the radius of the place, slower than both legs, and accelerates no more than allowed there
+(ArduPilot, SCurve). PX4 cuts its corners by another rule; the same one stands in for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from itertools import accumulate, pairwise
+from typing import Literal
+
+import numpy as np
+import pymap3d
+from numpy.typing import NDArray
+
+from thrustmargin.mission.forecast.leg_profile import LegProfile, Pulse, leg_profile
+from thrustmargin.mission.forecast.limits import FlightLimits
+from thrustmargin.mission.plan_items import FRAME_ABOVE_GROUND, FRAME_AMSL, MissionPlan
+from thrustmargin.mission.steps import PlanSteps, Step
+from thrustmargin.models.errors import PlanError
+from thrustmargin.models.flight import Floats
+
+SpanKind = Literal["leg", "turn", "climb", "wait"]
+STEP = 0.1  # s between rows
+BEND = math.radians(15.0)  # by which a way bends at least in a turn
+UNEASY = math.radians(3.0)  # rad off its heading, or rad/s, with which a turn is not over
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """A stretch of the flight: rows from `first` up to `last`, which is not in it."""
+
+    item: int  # number of the mission item flown to; of a turn, that at its corner
+    kind: SpanKind
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Course:
+    """Where the aircraft is meant to be, in T rows."""
+
+    legs: tuple[TimedLeg, ...]
+    limits: FlightLimits
+    time_s: Floats  # (T,)
+    place_ned: Floats  # (T, 3) m
+    velocity_ned: Floats  # (T, 3) m/s
+    gained_ned: Floats  # (T, 3) m/s²
+    yaw: Floats  # (T,) rad
+    active: NDArray[np.intp]  # (T,) number of the leg being flown, from 0
+    spans: tuple[Span, ...]
+
+
+def course(legs: Sequence[WayLeg], limits: FlightLimits) -> Course:
+    """The way along `legs`, from the ground to where the last one ends."""
+    timed = timed_legs(legs)
+    end = timed[-1].end_s + legs[-1].wait_s
+    time_s = np.linspace(0.0, end, max(math.ceil(end / STEP), 2) + 1)
+    place, velocity, gained = target(timed, time_s)
+    active = np.searchsorted([t.active_s for t in timed], time_s, side="right") - 1
+    active = np.maximum(active, 0)
+    ordered = np.array([np.nan if t.leg.heading is None else t.leg.heading for t in timed])[active]
+    first = next((x.vector for x in legs if not x.vertical), legs[0].vector)
+    start = float(np.arctan2(first[1], first[0]))
+    target_yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
+    yaw = followed(time_s, target_yaw, limits)
+    return Course(
+        legs=timed,
+        limits=limits,
+        time_s=time_s,
+        place_ned=place,
+        velocity_ned=velocity,
+        gained_ned=gained,
+        yaw=yaw,
+        active=active,
+        spans=_spans(timed, time_s, active, off + target_yaw - yaw),
+    )
+
+
+def _spans(
+    timed: Sequence[TimedLeg], time_s: Floats, active: NDArray[np.intp], off: Floats
+) -> tuple[Span, ...]:
+    """Turns, from braking to where speed is regained and the nose is at rest; what is between them
+    is the leg, climb or wait that it is part of."""
+    uneasy = np.abs(off) > UNEASY
+    turns: list[tuple[float, float, int]] = []
+    for one, two in pairwise(timed):
+        a, b = one.leg.vector[:2], two.leg.vector[:2]
+        if one.leg.vertical or two.leg.vertical:
+            continue
+        bend = abs(math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b)))
+        if bend < BEND:
+            continue
+        begin, end = one.end_s - one.profile.pulse.seconds, two.start_s + two.profile.pulse.seconds
+        row = int(np.searchsorted(time_s, end))
+        while row < time_s.size and uneasy[row]:
+            row += 1
+        end = float(time_s[min(row, time_s.size - 1)])
+        if turns and begin < turns[-1][1]:
+            turns[-1] = (turns[-1][0], max(end, turns[-1][1]), turns[-1][2])
+        else:
+            turns.append((begin, end, one.leg.item))
+    label = np.full(time_s.size, -1)
+    for k, (begin, end, _) in enumerate(turns):
+        label[np.searchsorted(time_s, begin) : np.searchsorted(time_s, end)] = k
+    resting = time_s > np.array([t.end_s for t in timed])[active]
+    mark = np.where(label >= 0, -1 - label, 2 * active + resting)
+    cuts = np.concatenate([[0], np.flatnonzero(np.diff(mark)) + 1, [time_s.size]])
+    found = []
+    for first, last in pairwise(cuts.tolist()):
+        code = int(mark[first])
+        if code < 0:
+            found.append(Span(item=turns[-1 - code][2], kind="turn", first=first, last=last))
+            continue
+        leg = timed[code // 2].leg
+        kind: SpanKind = "wait" if code % 2 else "climb" if leg.vertical else "leg"
+        found.append(Span(item=leg.item, kind=kind, first=first, last=last))
+    return tuple(found)
+
+
+SLOW = 0.05  # of the speed limit, below which the nose stays where it is (AC_PosControl)
+PART_S = 0.02  # s of a step of the rule
+SETTLED = 1e-3  # rad and rad/s that are nothing
+
+
+def heading(
+    time_s: Floats,
+    velocity_ned: Floats,
+    gained_ned: Floats,
+    ordered: Floats,
+    limits: FlightLimits,
+    start: float,
+) -> tuple[Floats, Floats]:
+    """Yaw (T,) rad, going on beyond a full turn, and how far (T,) rad it has still to turn.
+
+    The way is that of a target with velocity m/s and acceleration m/s² (T, 3) NED. `ordered` (T,)
+    rad is what the plan orders, NaN where the nose is free.
+    """
+    wanted, turning = _wanted(velocity_ned, gained_ned, ordered, limits, start)
+    yaw = np.empty_like(time_s)
+    at, rate = start, 0.0
+    most, gain = limits.yaw_rate, limits.yaw_acceleration
+    slack = gain * limits.yaw_time**2
+    for row in range(time_s.size):
+        goal, ahead = float(wanted[row]), float(turning[row])
+        step = float(time_s[row] - time_s[row - 1]) if row else 0.0
+        parts = math.ceil(step / PART_S)
+        if abs(goal - at) < SETTLED and abs(rate) < SETTLED and ahead == 0.0:
+            at, rate, parts = goal, 0.0, 0
+        for part in range(parts):
+            length = step / parts
+            aim = goal - ahead * length * (parts - 1 - part)
+            error = aim - at
+            size = abs(error)
+            asked = size / limits.yaw_time
+            if size > slack:
+                asked = math.sqrt(2.0 * gain * (size - 0.5 * slack))
+            asked = math.copysign(min(asked, size / length), error) + ahead
+            asked = min(max(asked, -most), most)
+            rate += min(max(asked - rate, -gain * length), gain * length)
+            at += rate * length
+        yaw[row] = at
+    return yaw, wanted - yaw
+
+
+def followed(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
+    """The yaw (T,) rad of an aircraft that is asked to turn as `target` (T,) rad does, at times
+    evenly spaced: behind it by the time of the loop of angle, 1/p."""
+    steps = limits.yaw_gain * float(time_s[1] - time_s[0])
+    keep = math.exp(-steps)
+    gone = 1.0 - keep
+    # Between rows the target is a straight line, so that this is exact.
+    added = gone * target[:-1] + (1.0 - gone / steps) * np.diff(target)
+    way = accumulate(added.tolist(), lambda at, more: keep * at + more, initial=float(target[0]))
+    return np.fromiter(way, dtype=np.float64, count=target.size)
+
+
+def _wanted(
+    velocity: Floats, gained: Floats, ordered: Floats, limits: FlightLimits, start: float
+) -> tuple[Floats, Floats]:
+    """Heading wanted (T,) rad without leaps of a full turn, and its rate (T,) rad/s."""
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    way = np.arctan2(velocity[:, 1], velocity[:, 0])
+    free = np.isnan(ordered)
+    known = np.where(free, (speed > SLOW * limits.speed) & limits.nose_ahead, True)
+    goal = np.where(free, way, ordered)
+    last = np.maximum.accumulate(np.where(known, np.arange(speed.size), -1))
+    goal = np.where(last >= 0, goal[np.maximum(last, 0)], start)
+    across = velocity[:, 0] * gained[:, 1] - velocity[:, 1] * gained[:, 0]
+    turning = across / np.maximum(speed, 1e-9) ** 2
+    turning[~known | ~free | (np.abs(turning) < SETTLED)] = 0.0
+    return np.unwrap(np.append(start, goal))[1:], turning
+
+
+#: ArduPilot's cone about home, in which a return climbs no higher than so many times the distance.
+CONE = 3.0
+RETURN_WAIT_S = 5.0  # s over home before it lands (RTL_LOIT_TIME)
+FARTHEST = 100_000.0  # m from home, to which no multirotor flies
+#: Kinds of step that a leg leads on from without a stop.
+_ON = ("fly", "spline")
+
+
+@dataclass(slots=True)
+class _Way:
+    limits: FlightLimits
+    at: Floats
+    legs: list[WayLeg] = field(default_factory=list)
+
+    def to(self, step: Step, place: Floats, **options: float | bool | None) -> None:
+        heading = None if step.heading_deg is None else math.radians(step.heading_deg)
+        leg = way_leg(
+            self.limits,
+            step.item,
+            self.at,
+            place,
+            climb_speed=step.climb_speed,
+            descent_speed=step.descent_speed,
+            pump=bool(step.pump),
+            heading=heading,
+            **options,  # type: ignore[arg-type]
+        )
+        if leg is not None:
+            self.legs.append(leg)
+            self.at = place
+
+    def wait(self, seconds: float) -> None:
+        if self.legs and seconds > 0.0:
+            last = self.legs[-1]
+            self.legs[-1] = replace(last, stops=True, wait_s=last.wait_s + seconds)
+
+    def lift(self, step: Step, height: float) -> None:
+        before = len(self.legs)
+        self.to(step, np.array([*self.at[:2], -height]), stops=True)
+        if len(self.legs) > before and before == 0:
+            jerk = self.limits.climb_jerk
+            self.legs[-1] = replace(
+                self.legs[-1], jerk=jerk, snap=self.limits.snap * jerk / self.limits.jerk
+            )
+
+    def land(self, step: Step) -> None:
+        limits = self.limits
+        if -self.at[2] > limits.land_below:
+            self.to(step, np.array([*self.at[:2], -limits.land_below]), stops=True)
+        slow = replace(step, descent_speed=limits.land_speed)
+        self.to(slow, np.array([*self.at[:2], 0.0]), stops=True)
+
+
+def plan_legs(
+    plan: MissionPlan, steps: PlanSteps, limits: FlightLimits, *, start: Floats | None = None
+) -> tuple[WayLeg, ...]:
+    """The legs of `plan`, flown as `steps` from `start` (3,) m NED about home, or from home.
+
+    Heights above the ground count as above home.
+
+    Raises PlanError when the plan flies nowhere, or to where no aircraft of this kind does.
+    """
+    way = _Way(limits, np.zeros(3) if start is None else start)
+    flown = steps.steps
+    places = _places(plan, flown)
+    for (step, following), place in zip(pairwise([*flown, None]), places, strict=True):
+        assert step is not None
+        speed = step.speed
+        height = -float(place[2])
+        there = np.where(np.isfinite(place), place, way.at)
+        if step.kind == "take-off":
+            way.lift(step, height if math.isfinite(height) else limits.return_height)
+        elif step.kind == "land":
+            if np.isfinite(place[:2]).all():
+                way.to(step, np.array([*place[:2], way.at[2]]), speed=speed, stops=True)
+            way.land(step)
+        elif step.kind == "return":
+            distance = float(np.hypot(*way.at[:2]))
+            up = max(-way.at[2], min(limits.return_height, CONE * distance))
+            way.lift(step, up)
+            way.to(step, np.array([0.0, 0.0, -up]), speed=speed, stops=True)
+            way.wait(RETURN_WAIT_S)
+            way.land(step)
+        elif step.kind == "wait":
+            way.wait(step.wait_s)
+        else:
+            on = following is not None and following.kind in _ON and step.wait_s == 0.0
+            on = on and following is not None and following.frame == step.frame
+            way.to(step, there, speed=speed, stops=not (on and step.kind in _ON))
+            way.wait(step.wait_s)
+            if step.turns:
+                way.wait(step.turns * 2.0 * math.pi * step.radius / (speed or limits.speed))
+    if not way.legs:
+        unknown = next((n for n in steps.not_understood if n.why == "unknown command"), None)
+        why = "" if unknown is None else f"; item {unknown.item} is MAV_CMD {unknown.command}"
+        raise PlanError(f"the plan flies nowhere: it has no place but home{why}")
+    return tuple(way.legs)
+
+
+def _places(plan: MissionPlan, steps: Sequence[Step]) -> Floats:
+    """(S, 3) m NED about home of the steps; NaN where it is where it was."""
+    there = [step.place or (math.nan, math.nan, math.nan) for step in steps]
+    degrees = np.array(there, dtype=np.float64).reshape(-1, 3)
+    home = plan.home
+    ground = home[2] if math.isfinite(home[2]) else 0.0
+    amsl = np.array([s.frame == FRAME_AMSL for s in steps], dtype=np.bool_)
+    if np.any(amsl & np.isfinite(degrees[:, 2])) and not math.isfinite(home[2]):
+        raise PlanError(
+            "heights above the sea need that of home; give it with --altitude, or plan above home"
+        )
+    north, east, down = pymap3d.geodetic2ned(
+        degrees[:, 0], degrees[:, 1], np.zeros(len(degrees)), home[0], home[1], 0.0
+    )
+    away = np.linalg.norm([north, east, down], axis=0)
+    for step, distance in zip(steps, away.tolist(), strict=True):
+        if distance > FARTHEST:
+            raise PlanError(
+                f"item {step.item} is {distance / 1e3:.0f} km from home; check its place and home"
+            )
+    up = degrees[:, 2] - np.where(amsl, ground, 0.0)
+    return np.column_stack([north, east, -up])
+
+
+def above_ground(steps: PlanSteps) -> bool:
+    """Whether some height is above the ground, which is taken as level."""
+    return any(step.frame == FRAME_ABOVE_GROUND and step.place for step in steps.steps)
+
+
+TRIED_S = 0.02  # s between the moments at which a corner is tried
+SHORTEST = 0.05  # m of a leg
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WayLeg:
+    """One straight leg to fly; limits are those along it."""
+
+    item: int  # number of the mission item that it leads to
+    start_ned: Floats  # (3,) m
+    end_ned: Floats  # (3,) m
+    speed: float  # m/s along it
+    level_speed: float  # m/s over ground, as ordered: the pump's flow is that of it
+    acceleration: float
+    jerk: float
+    snap: float
+    corner_acceleration: float
+    climb_acceleration: float
+    radius: float
+    stops: bool  # at its end
+    wait_s: float = 0.0  # there
+    pump: bool = False
+    heading: float | None = None  # rad that the plan orders
+
+    @cached_property
+    def vector(self) -> Floats:
+        return self.end_ned - self.start_ned
+
+    @cached_property
+    def length(self) -> float:
+        return math.hypot(*self.vector.tolist())
+
+    @property
+    def vertical(self) -> bool:
+        north, east, down = self.vector.tolist()
+        return math.hypot(north, east) < abs(down)
+
+    @cached_property
+    def profile(self) -> LegProfile:
+        return leg_profile(
+            round(self.length, 2),
+            self.speed,
+            self.acceleration,
+            self.jerk,
+            self.snap,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimedLeg:
+    """A leg with its profile, and when it is flown."""
+
+    leg: WayLeg
+    profile: LegProfile
+    start_s: float  # its profile starts
+    active_s: float  # it is the leg being flown from then on
+
+    @property
+    def end_s(self) -> float:
+        return self.start_s + self.profile.seconds
+
+
+def way_leg(
+    limits: FlightLimits,
+    item: int,
+    start_ned: Floats,
+    end_ned: Floats,
+    *,
+    speed: float | None = None,
+    climb_speed: float | None = None,
+    descent_speed: float | None = None,
+    stops: bool = False,
+    wait_s: float = 0.0,
+    pump: bool = False,
+    heading: float | None = None,
+) -> WayLeg | None:
+    """A leg within the limits of the vehicle; None where it leads nowhere."""
+    north, east, down = (end_ned - start_ned).tolist()
+    length = math.hypot(north, east, down)
+    if length < SHORTEST:
+        return None
+    # In steps of half a degree: over uneven ground no two legs rise alike.
+    rise = round(-down / length, 2)
+    level = math.sqrt(1.0 - rise**2)
+    vertical = limits.climb_speed if climb_speed is None else climb_speed
+    if rise < 0.0:
+        vertical = limits.descent_speed if descent_speed is None else descent_speed
+    ordered = limits.speed if speed is None else speed
+    return WayLeg(
+        item=item,
+        start_ned=start_ned,
+        end_ned=end_ned,
+        speed=_share(ordered, vertical, level, rise),
+        level_speed=ordered,
+        acceleration=_share(limits.acceleration, limits.climb_acceleration, level, rise),
+        jerk=limits.jerk,
+        snap=limits.snap,
+        corner_acceleration=limits.corner_acceleration,
+        climb_acceleration=limits.climb_acceleration,
+        radius=limits.radius,
+        stops=stops,
+        wait_s=wait_s,
+        pump=pump,
+        heading=heading,
+    )
+
+
+def _share(level_most: float, vertical_most: float, level: float, rise: float) -> float:
+    """The most along a leg of which these shares are level and up."""
+    by_level = level_most / level if level > 1e-9 else math.inf
+    by_rise = vertical_most / abs(rise) if abs(rise) > 1e-9 else math.inf
+    return max(min(by_level, by_rise), 1e-3)
+
+
+def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, ...]:
+    """The legs in time; corners are cut where no leg stops."""
+    made: list[TimedLeg] = []
+    begun = active = start_s
+    for leg, following in pairwise([*legs, None]):
+        assert leg is not None
+        timed = TimedLeg(leg=leg, profile=leg.profile, start_s=begun, active_s=active)
+        made.append(timed)
+        overlap = 0.0
+        if following is not None and not leg.stops:
+            overlap = _overlap(leg, following, most=timed.end_s - active)
+        overlap = min(overlap, timed.end_s - active)
+        begun = timed.end_s + leg.wait_s - overlap
+        active = begun + 0.5 * overlap
+    return tuple(made)
+
+
+def _overlap(leg: WayLeg, following: WayLeg, *, most: float) -> float:
+    """s before the end of a leg at which the next starts."""
+    here, there = leg.profile.pulse, following.profile.pulse
+    longest = min(here.seconds, there.seconds, most)
+    (a, b, down_one), (c, d, down_two) = leg.vector.tolist(), following.vector.tolist()
+    bend = math.atan2(a * d - b * c, a * c + b * d)
+    # Fields have thousands of corners alike: to half a degree and a step of time.
+    return _overlap_of(
+        (round(bend, 2), round(down_one / leg.length, 2), round(down_two / following.length, 2)),
+        (here, there),
+        math.floor(longest / TRIED_S),
+        (leg.radius, min(leg.speed, following.speed)),
+        (leg.corner_acceleration, leg.climb_acceleration),
+    )
+
+
+@lru_cache(maxsize=4096)
+def _overlap_of(
+    angles: tuple[float, float, float],
+    pulses: tuple[Pulse, Pulse],
+    longest: int,
+    near: tuple[float, float],
+    gains: tuple[float, float],
+) -> float:
+    """The longest overlap, of `longest` steps at most, that keeps to m and m/s, and to m/s²."""
+    bend, down_one, down_two = angles
+    radius, top_speed = near
+    level_most, climb_most = gains
+    if not longest:
+        return 0.0
+    left: Floats = TRIED_S * np.arange(longest, 0.0, -1.0)
+    flat_one, flat_two = (math.sqrt(max(1.0 - d**2, 0.0)) for d in (down_one, down_two))
+    one = np.array([flat_one, 0.0, down_one])
+    two = np.array([flat_two * math.cos(bend), flat_two * math.sin(bend), down_two])
+    (way, speed, gained), (on, faster, gaining) = (pulse.at(0.5 * left) for pulse in pulses)
+    turn = on[:, None] * two - way[:, None] * one
+    moved = faster[:, None] * two + speed[:, None] * one
+    pushed = gaining[:, None] * two - gained[:, None] * one
+    fits = (
+        (np.linalg.norm(turn, axis=1) < radius)
+        & (np.linalg.norm(moved, axis=1) < top_speed)
+        & (np.hypot(pushed[:, 0], pushed[:, 1]) < level_most)
+        & (np.abs(pushed[:, 2]) < climb_most)
+    )
+    return float(left[np.argmax(fits)]) if fits.any() else 0.0
+
+
+def target(legs: Sequence[TimedLeg], time_s: Floats) -> tuple[Floats, Floats, Floats]:
+    """Position m, velocity m/s and acceleration m/s² of the target, (N, 3) NED, at times (N,) s
+    that increase."""
+    place, speed, gained = (np.zeros((time_s.size, 3)) for _ in range(3))
+    done = np.zeros((time_s.size + 1, 3))
+    at = legs[0].leg.start_ned
+    for timed in legs:
+        first, last = np.searchsorted(time_s, (timed.start_s, timed.end_s))
+        vector = timed.leg.vector
+        done[first] += timed.leg.start_ned - at  # of parts of a plan, flown one after the other
+        at = timed.leg.end_ned
+        along = vector / np.linalg.norm(vector)
+        done[last] += vector
+        rows = slice(first, last)
+        for made, values in zip(
+            (place, speed, gained), timed.profile.at(time_s[rows] - timed.start_s), strict=True
+        ):
+            made[rows] += values[:, None] * along
+    return legs[0].leg.start_ned + np.cumsum(done, axis=0)[:-1] + place, speed, gained

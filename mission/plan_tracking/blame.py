@@ -1,0 +1,175 @@
+"""Which assumption of a forecast was off, by flying the plan again with what was found.
+
+Each assumption alone is replaced by what the flight shows of it. The one that brings the forecast
+nearest to the flight was off, where it takes away half of what is squared between them in thrust,
+tank or voltage; then the next is looked for. What none of them takes away is the model's, or the
+aircraft's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from thrustmargin.mission.forecast.plan_flight import PlanConditions
+from thrustmargin.mission.plan_tracking.stretches import Beside, Pair, StretchBeside, mean_off
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.analysis import FlightAnalysis
+
+Assumption = Literal["wind", "fill", "density", "flow", "battery", "model"]
+#: Differences that a good forecast has too: share of thrust, share of a fill, and V.
+THRUST, FILL_SHARE, VOLTS = 0.015, 0.02, 0.5
+HALF = 0.5
+MODEL = 0.02  # of thrust, unexplained, that is nobody's rounding
+WIND = 3.0  # m/s by which a wind is another one
+LEAST_USED = 0.05  # kg below which a flow cannot be compared
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Off:
+    """One assumption that was off: in m/s, kg, kg/m³ or V; of a flow the kg used, of the model the
+    utilisation of the stretch that is furthest off, which leads to `item`."""
+
+    what: Assumption
+    amount: Pair
+    item: int = 0
+    mattered: bool = True  # the forecast is nearer to the flight with what was found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownDay:
+    """What the flight shows of the conditions; NaN where it shows nothing."""
+
+    wind_ned: tuple[float, float, float]
+    fill_kg: float
+    density: float
+
+
+def shown_day(analysis: FlightAnalysis) -> ShownDay:
+    """What a flight shows of the day that it was flown on."""
+    track, rows = analysis.track, analysis.track.flying
+    known_air = track.reports("pressure") or track.reports("altitude")
+    density = np.where(known_air, analysis.density, np.nan)
+    return day_of(track.wind_ned[rows], track.tank_kg[rows], density[rows])
+
+
+def day_of(wind_ned: Floats, tank_kg: Floats, density: Floats) -> ShownDay:
+    """The day of T rows in flight: wind (T, 3) m/s, tank (T,) kg and density (T,) kg/m³."""
+    north, east = (_known(axis) for axis in wind_ned[:, :2].T)
+    tank, air = _known(tank_kg), _known(density)
+    return ShownDay(
+        wind_ned=(
+            float(np.mean(north)) if north.size else math.nan,
+            float(np.mean(east)) if east.size else math.nan,
+            0.0,
+        ),
+        fill_kg=float(tank[0]) if tank.size else math.nan,
+        density=float(np.median(air)) if air.size else math.nan,
+    )
+
+
+def _known(values: Floats) -> Floats:
+    return values[np.isfinite(values)]
+
+
+def which_was_off(
+    fly: Callable[[PlanConditions], Beside], given: PlanConditions, found: ShownDay
+) -> tuple[Off, ...]:
+    """The assumptions in `given` that were off, the one that explains most first; () where none.
+
+    `fly` forecasts the plan under conditions and puts it beside the flight.
+    """
+    off: list[Off] = []
+    made = fly(given)
+    far = distances(made.stretches, given.fill_kg)
+    while far.max() > 1.0:
+        best: tuple[Floats, Off, PlanConditions, Beside] | None = None
+        for one, changed in _candidates(given, found, made.stretches):
+            if any(one.what == known.what for known in off):
+                continue
+            again = fly(changed)
+            left = distances(again.stretches, given.fill_kg)
+            halved = bool(np.any((far > 1.0) & (left <= HALF * far)))
+            if halved and left.sum() < (far if best is None else best[0]).sum():
+                best = left, one, changed, again
+        if best is None:
+            off += _model(made.stretches)
+            break
+        far, one, given, made = best
+        off.append(one)
+    blown = math.hypot(*np.subtract(found.wind_ned, given.wind_ned)[:2])
+    if blown > WIND:  # it may take no thrust, and still time, drift and the way back
+        speeds = Pair(math.hypot(*given.wind_ned[:2]), math.hypot(*found.wind_ned[:2]))
+        off.append(Off(what="wind", amount=speeds, mattered=False))
+    return tuple(off)
+
+
+def _model(stretches: Sequence[StretchBeside]) -> tuple[Off, ...]:
+    """What of thrust no assumption explains."""
+    known = [s for s in stretches if math.isfinite(s.utilisation_mean.off)]
+    squares = [s.utilisation_mean.off**2 for s in known]
+    if not known or float(np.mean(squares)) <= MODEL**2:
+        return ()
+    worst = known[int(np.argmax(squares))]
+    return (Off(what="model", amount=worst.utilisation_mean, item=worst.item),)
+
+
+def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
+    """(3,) mean square of the differences in thrust, tank and voltage, in units of a good
+    forecast's; 0 where nothing is known."""
+    sizes = (
+        (THRUST, [s.utilisation_mean for s in stretches]),
+        (FILL_SHARE * max(fill_kg, 1.0), [s.tank_end_kg for s in stretches]),
+        (VOLTS, [s.voltage for s in stretches]),
+    )
+    parts = [np.array([pair.off for pair in pairs]) / size for size, pairs in sizes]
+    known = [part[np.isfinite(part)] for part in parts]
+    return np.array([float(np.mean(part**2)) if part.size else 0.0 for part in known])
+
+
+def _candidates(
+    given: PlanConditions, found: ShownDay, stretches: Sequence[StretchBeside]
+) -> list[tuple[Off, PlanConditions]]:
+    """Each assumption of which the flight shows something, replaced by it."""
+    made: list[tuple[Off, PlanConditions]] = []
+    if all(map(math.isfinite, found.wind_ned[:2])):
+        speeds = Pair(math.hypot(*given.wind_ned[:2]), math.hypot(*found.wind_ned[:2]))
+        changed = replace(given, wind_ned=found.wind_ned)
+        made.append((Off(what="wind", amount=speeds), changed))
+    if math.isfinite(found.fill_kg):
+        fill = Pair(given.fill_kg, found.fill_kg)
+        made.append((Off(what="fill", amount=fill), replace(given, fill_kg=found.fill_kg)))
+    if math.isfinite(found.density):
+        air = Pair(given.density, found.density)
+        made.append((Off(what="density", amount=air), replace(given, density=found.density)))
+    shift = mean_off([s.voltage for s in stretches])
+    if math.isfinite(shift):
+        volts = float(np.nanmean([s.voltage.forecast for s in stretches]))
+        start = given.battery.voltage if given.battery.voltage > 0.0 else volts
+        battery = replace(given.battery, voltage=start + shift)
+        off = Off(what="battery", amount=Pair(volts, volts + shift))
+        made.append((off, replace(given, battery=battery)))
+    used = _used(given, found, stretches)
+    if used is not None:
+        share = used.flown / used.forecast
+        changed = replace(
+            given, flow=given.flow * share, flow_per_metre=given.flow_per_metre * share
+        )
+        made.append((Off(what="flow", amount=used), changed))
+    return made
+
+
+def _used(
+    given: PlanConditions, found: ShownDay, stretches: Sequence[StretchBeside]
+) -> Pair | None:
+    """kg used until the last moment at which neither tank was empty; None of next to nothing."""
+    ends = [s.tank_end_kg for s in stretches if math.isfinite(s.tank_end_kg.flown)]
+    last = next((p for p in reversed(ends) if p.least > LEAST_USED), None)
+    if last is None or not math.isfinite(found.fill_kg):
+        return None
+    used = Pair(given.fill_kg - last.forecast, found.fill_kg - last.flown)
+    return used if used.least > LEAST_USED else None

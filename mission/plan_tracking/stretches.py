@@ -1,0 +1,270 @@
+"""What is known of a flight before take-off without being asked, and its plan flown with that.
+
+Still and standard air at home's height, the battery that the parameters name, full, and the pump as
+the sprayer's parameters drive it.
+
+A flight beside the forecast of its plan, stretch by stretch.
+
+The flight is matched to the plan by place and time: where a stretch of the forecast ends, the
+flight is looked for near that place, about as long after the stretch before as the forecast took.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import pymap3d
+
+from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
+from thrustmargin.mission.forecast.fill_along import worst_use
+from thrustmargin.mission.forecast.limits import flight_limits
+from thrustmargin.mission.forecast.plan_flight import (
+    PLANNED,
+    PlanConditions,
+    PlanFlight,
+    fly_plan,
+    giving_way,
+    known_pump,
+)
+from thrustmargin.mission.forecast.way import Course, Span, SpanKind, course, plan_legs
+from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
+from thrustmargin.mission.steps import plan_steps, pump_output
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import isa_density
+from thrustmargin.models.physics.smoothing import known_mean, known_most, moving_mean
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlanToFly:
+    """A plan on one vehicle, to be flown under conditions."""
+
+    course: Course  # by the limits of the vehicle
+    model: RotorModel
+    home: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, plan: MissionPlan, parameters: Mapping[str, float], model: RotorModel) -> PlanToFly:
+        """Raises PlanError when the plan flies nowhere."""
+        limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
+        legs = plan_legs(plan, plan_steps(plan, pump_output(parameters)), limits)
+        return cls(course=course(legs, limits), model=model, home=plan.home)
+
+    def fly(self, given: PlanConditions) -> tuple[PlanFlight, FlightAnalysis]:
+        """The planned flight, analysed."""
+
+        def fly(way: Course) -> PlanFlight:
+            return fly_plan("the plan", way, self.model, given)
+
+        legs = [timed.leg for timed in self.course.legs]
+        flight = giving_way(fly(self.course), self.model, partial(course, legs), fly)
+        return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
+
+    def beside(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:
+        """The planned flight beside what was flown; `over_s` as of `beside.passed`."""
+        return beside(*self.fly(given), flown, over_s=over_s)
+
+
+def known_before(
+    parameters: Mapping[str, float], airframe: Airframe, *, fill_kg: float, altitude: float
+) -> PlanConditions:
+    """Conditions with `fill_kg` in the tank (NaN: full), at `altitude` m above the sea."""
+    pump = known_pump(parameters, airframe)
+    most = pump.most if math.isfinite(pump.most) else 0.0
+    return PlanConditions(
+        fill_kg=fill_kg if math.isfinite(fill_kg) else airframe.tank_capacity_kg,
+        density=float(isa_density(altitude if math.isfinite(altitude) else 0.0)),
+        flow=0.0 if pump.per_metre > 0.0 else most,
+        flow_per_metre=pump.per_metre,
+        most_flow=most,
+        battery=FlightBattery(capacity_ah=stated_capacity(parameters)),
+    )
+
+
+NEAR = 2.0  # m by which a flight is usually off its way
+LATE, LATE_SHARE = 3.0, 0.2  # s, and share of a stretch, by which it is usually late
+HEIGHT_SHARE = 0.4  # of a difference of height: heights of logs and homes are not one
+LEFT = 3.0  # times the usual, by place and time together, beyond which the plan was left
+SMOOTH_S = 0.5  # a reading's noise is no load
+SHORTEST_S = 1.0  # stretches shorter than that are not compared
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """A figure as forecast and as flown; NaN unknown."""
+
+    forecast: float
+    flown: float
+
+    @property
+    def off(self) -> float:
+        """How much more was flown than forecast."""
+        return self.flown - self.forecast
+
+    @property
+    def least(self) -> float:
+        """The smaller of both."""
+        return min(self.forecast, self.flown)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StretchBeside:
+    """One stretch of the plan as forecast and as flown; shares are of the worst rotor's thrust."""
+
+    item: int
+    kind: SpanKind
+    seconds: Pair
+    speed: Pair  # m/s over ground, mean
+    utilisation_mean: Pair
+    utilisation_peak: Pair
+    interval: tuple[float, float]  # 90 %, of the forecast's peak
+    tank_end_kg: Pair
+    voltage: Pair  # mean
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beside:
+    """The stretches that were flown, and the item at which the plan was left, if it was."""
+
+    stretches: tuple[StretchBeside, ...]
+    left_at: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlownWay:
+    """T rows of a flight off the ground, placed about the plan's home."""
+
+    time_s: Floats
+    place_ned: Floats  # (T, 3) m
+    speed: Floats  # (T,) m/s over ground
+    utilisation: Floats  # (T,) of the worst rotor, half-second means
+    tank_kg: Floats
+    voltage: Floats
+
+
+def flown_way(analysis: FlightAnalysis, home: tuple[float, float, float]) -> FlownWay:
+    """The flight of an analysis about `home`, degrees and m above the sea (NaN: as its origin)."""
+    track = analysis.track
+    rows = track.flying
+    return FlownWay(
+        time_s=track.time_s[rows],
+        place_ned=(track.position_ned + shift(track, home))[rows],
+        speed=np.hypot(track.velocity_ned[rows, 0], track.velocity_ned[rows, 1]),
+        utilisation=worst_smoothed(track.time_s, analysis.known_utilisation)[rows],
+        tank_kg=track.tank_kg[rows],
+        voltage=track.voltage[rows],
+    )
+
+
+def worst_smoothed(time_s: Floats, use: Floats) -> Floats:
+    """(T,) utilisation of the worst rotor, of half-second means of `use` (T, R)."""
+    return np.max([moving_mean(time_s, rotor, SMOOTH_S) for rotor in use.T], axis=0)
+
+
+def shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
+    """(3,) m from the plan's home to the origin of a track; the ground is taken as that of home."""
+    if track.origin is None:
+        return np.full(3, np.nan)
+    at = track.origin
+    north, east, _ = pymap3d.geodetic2ned(
+        at.latitude_deg, at.longitude_deg, 0.0, home[0], home[1], 0.0
+    )
+    return np.array([float(north), float(east), 0.0])
+
+
+def passed(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
+    """Rows of `flown` at the ends of the forecast's spans, as far as the plan was flown.
+
+    Of a flight that goes on, a place is passed once it lies `over_s` s back.
+    """
+    time_s, place = flight.track.time_s, flight.track.position_ned
+    at, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
+    found: list[int] = []
+    for span in flight.course.spans:
+        end = min(span.last, time_s.size - 1)
+        took = float(time_s[end] - time_s[span.first])
+        began = float(flown.time_s[at])
+        stop = int(np.searchsorted(flown.time_s, began + 2.0 * took + 4.0 * LATE))
+        rows = slice(at, stop)
+        away = np.linalg.norm((flown.place_ned[rows] - place[end]) * scale, axis=1)
+        late = (flown.time_s[rows] - began - took) / (LATE + LATE_SHARE * took)
+        cost = (away / NEAR) ** 2 + late**2
+        if not np.isfinite(cost).any():
+            break
+        best = int(np.nanargmin(cost))
+        if cost[best] > LEFT**2:
+            break
+        if flown.time_s[-1] - flown.time_s[at + best] < over_s:
+            break
+        at += best
+        found.append(at)
+    return tuple(found)
+
+
+def beside(
+    flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay, *, over_s: float = 0.0
+) -> Beside:
+    """The forecast `flight`, analysed as `forecast`, beside what was flown; `over_s` as of
+    `passed`."""
+    if not flown.time_s.size or not flight.course.spans:
+        return Beside(
+            stretches=(), left_at=flight.course.spans[0].item if flight.course.spans else None
+        )
+    ends = passed(flight, flown, over_s=over_s)
+    use, reach = worst_use(forecast, slice(None))
+    planned = _Planned(
+        utilisation=use,
+        reach=reach,
+        speed=np.hypot(flight.track.velocity_ned[:, 0], flight.track.velocity_ned[:, 1]),
+    )
+    stretches = [
+        _stretch(span, flight, planned, flown, slice(first, last))
+        for span, first, last in zip(flight.course.spans, (0, *ends), ends, strict=False)
+    ]
+    left = None if len(ends) == len(flight.course.spans) else flight.course.spans[len(ends)].item
+    return Beside(
+        stretches=tuple(s for s in stretches if s.seconds.least >= SHORTEST_S), left_at=left
+    )
+
+
+class _Planned(NamedTuple):
+    utilisation: Floats
+    reach: Floats
+    speed: Floats
+
+
+def _stretch(
+    span: Span, flight: PlanFlight, planned: _Planned, flown: FlownWay, done: slice
+) -> StretchBeside:
+    track, rows = flight.track, slice(span.first, span.last)
+    end = min(span.last, track.time_s.size - 1)
+    use = planned.utilisation[rows]
+    most = span.first + int(np.argmax(np.nan_to_num(use, nan=-1.0)))
+    peak, reach = float(planned.utilisation[most]), float(planned.reach[most])
+    last = max(done.stop - 1, done.start)
+    return StretchBeside(
+        item=span.item,
+        kind=span.kind,
+        seconds=Pair(
+            float(track.time_s[end] - track.time_s[span.first]),
+            float(flown.time_s[done.stop] - flown.time_s[done.start]),
+        ),
+        speed=Pair(known_mean(planned.speed[rows]), known_mean(flown.speed[done])),
+        utilisation_mean=Pair(known_mean(use), known_mean(flown.utilisation[done])),
+        utilisation_peak=Pair(peak, known_most(flown.utilisation[done])),
+        interval=(peak - reach, peak + reach),
+        tank_end_kg=Pair(float(track.tank_kg[end]), float(flown.tank_kg[last])),
+        voltage=Pair(known_mean(track.voltage[rows]), known_mean(flown.voltage[done])),
+    )
+
+
+def mean_off(pairs: Sequence[Pair]) -> float:
+    """Mean of flown less forecast where both are known; NaN of none."""
+    return known_mean(np.array([pair.off for pair in pairs]))

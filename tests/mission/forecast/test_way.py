@@ -1,0 +1,81 @@
+"""Legs in time and the corners between them."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from thrustmargin.mission.forecast.limits import flight_limits
+from thrustmargin.mission.forecast.way import target, timed_legs, way_leg
+
+LIMITS = flight_limits({"WP_SPD": 4.0, "WP_ACC": 1.5, "WP_RADIUS_M": 1.0, "ATC_INPUT_TC": 0.25})
+CORNERS = np.array([[0.0, 0.0, -3.0], [60.0, 0.0, -3.0], [60.0, 40.0, -3.0]])
+
+
+def flown(*, stops=False, wait_s=0.0, corners=CORNERS, limits=LIMITS):
+    legs = [
+        way_leg(limits, k, a, b, stops=stops, wait_s=wait_s)
+        for k, (a, b) in enumerate(pairwise(corners), start=1)
+    ]
+    timed = timed_legs([leg for leg in legs if leg is not None])
+    time_s = np.arange(0.0, timed[-1].end_s, 0.02)
+    return timed, time_s, *target(timed, time_s)
+
+
+def test_a_cut_corner_keeps_within_the_radius_and_the_acceleration():
+    _, _, place, speed, gained = flown()
+    off = np.linalg.norm(place - CORNERS[1], axis=1)
+    assert 0.1 < off.min() <= 1.0
+    assert np.linalg.norm(speed, axis=1).max() <= 4.0 + 1e-6
+    assert np.hypot(gained[:, 0], gained[:, 1]).max() <= 3.0 + 1e-6
+    assert np.linalg.norm(place[-1] - CORNERS[2]) < 0.01
+
+
+def test_back_along_the_same_line_the_push_in_the_corner_has_its_limit():
+    """2 m/s² of WP_ACC_CNR; braking and gaining speed at 1.5 m/s² at once would be 3."""
+    back = CORNERS.copy()
+    back[2] = CORNERS[0]
+    most = {}
+    for corner in (2.0, 9.0):
+        limits = replace(LIMITS, corner_acceleration=corner, radius=9.0)
+        most[corner] = np.abs(flown(corners=back, limits=limits)[4][:, 0]).max()
+    assert most[2.0] == pytest.approx(2.0, abs=0.05)
+    assert most[9.0] > 2.5
+
+
+def test_a_corner_that_is_cut_is_never_stood_still_at():
+    _, time_s, _, speed, _ = flown()
+    inside = (time_s > 2.0) & (time_s < time_s[-1] - 3.0)
+    assert np.linalg.norm(speed[inside], axis=1).min() > 0.5
+
+
+def test_a_stop_is_a_stop_and_waits():
+    timed, _, place, speed, _ = flown(stops=True, wait_s=3.0)
+    still = np.linalg.norm(speed, axis=1) < 1e-6
+    assert timed[1].start_s == pytest.approx(timed[0].end_s + 3.0)
+    assert np.count_nonzero(still & (np.linalg.norm(place - CORNERS[1], axis=1) < 1e-3)) > 145
+
+
+def test_position_is_the_sum_of_speed():
+    _, time_s, place, speed, _ = flown()
+    summed = np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time_s)[:, None], axis=0)
+    assert np.abs(CORNERS[0] + summed - place[1:]).max() < 0.05
+
+
+def test_straight_on_is_faster_than_around_a_corner():
+    straight = CORNERS.copy()
+    straight[2] = [100.0, 0.0, -3.0]
+    assert flown(corners=straight)[1][-1] < flown()[1][-1]
+
+
+@pytest.mark.parametrize(("up", "most"), [(20.0, 2.5), (-20.0, 1.5)])
+def test_climb_and_descent_have_speeds_of_their_own(up, most):
+    leg = way_leg(LIMITS, 1, np.array([0.0, 0.0, -30.0]), np.array([0.0, 0.0, -30.0 - up]))
+    assert leg is not None
+    assert leg.speed == pytest.approx(most)
+    assert leg.acceleration == pytest.approx(1.0)
+
+
+def test_a_leg_to_where_it_is_is_none():
+    assert way_leg(LIMITS, 1, CORNERS[0], CORNERS[0]) is None
