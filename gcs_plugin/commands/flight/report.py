@@ -109,7 +109,7 @@ def report(
     flights, unread = flights_of(logs, chosen, console)
     shown = unread
     if anonymise:
-        from thrustmargin.gcs_plugin.commands.season.anonymous import anonymous
+        from thrustmargin.gcs_plugin.commands.shared.anonymous import anonymous
         from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
         flights = [anonymous(*flight, f"flight {n}") for n, flight in enumerate(flights, 1)]

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.load.cover import pump_of
 from thrustmargin.gcs_plugin.commands.shared.inputs import Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
@@ -26,6 +25,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     check_voltage,
 )
+from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
@@ -252,7 +252,7 @@ def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | Non
 
 
 def _show(made: PlanForecast, console: Terminal) -> None:
-    from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
+    from thrustmargin.gcs_plugin.wording import forecast_words as words
 
     for line in words.plan_faults(made):
         console.print(line)
