@@ -167,7 +167,7 @@ def fill_words(made: PlanForecast) -> str:
 def survivable_words(made: PlanForecast) -> str:
     """From which litre on a lost rotor is survived."""
     below = made.survivable_below_kg
-    if not math.isfinite(below):
+    if made.level is FlightLevel.UNKNOWN or not math.isfinite(below):
         return say("Whether a lost rotor is survivable is unknown.")
     if below <= 0.0:
         return say("A lost rotor is never survivable, not even with an empty tank.")

@@ -13,7 +13,9 @@ N(0, OWN²). With v_m the variance of d_m, the likelihood of a loss x of rotor r
 and that of sound rotors the same with s = w = 0. So a shifted centre of gravity, of two modes,
 names no rotor, and a rotor is named although the load's error moved the collective too.
 v_m is that of the flight's windows, by their second differences, which a steady drift does not
-move, and the square of what the model's good flights show of how a mode differs.
+move, and the square of what the model's good flights show of how a mode differs. Where speeds come
+in coarse steps a median stays between two of them and then moves by a whole one: both means are
+then as unsure as a step.
 """
 
 from __future__ import annotations
@@ -63,9 +65,14 @@ class RotorFade:
         self._blocks: list[Floats] = []
         self._medians: list[Floats] = []
         self._middles: list[float] = []
+        self._coarse = 0.0
 
-    def add(self, time_s: float, values: Floats) -> None:
-        """Take the modes (M,) of a block that begins at `time_s`; blocks come in order."""
+    def add(self, time_s: float, values: Floats, coarse: float = 0.0) -> None:
+        """Take the modes (M,) of a block that begins at `time_s`; blocks come in order.
+
+        `coarse` is the standard error by the steps of the speeds, as a share of thrust.
+        """
+        self._coarse = max(coarse, self._coarse)
         if math.isnan(self._begun_s):
             self._begun_s = time_s
         window = int((time_s - self._begun_s) / WINDOW)
@@ -87,7 +94,8 @@ class RotorFade:
     def _compare(self, windows: Floats) -> None:
         """Name a rotor that two comparisons on end name, by the medians (N, M) of all windows."""
         moved = windows[-RECENT:].mean(axis=0) - windows[:REFERENCE].mean(axis=0)
-        variance = _variance(windows) * (1.0 / REFERENCE + 1.0 / RECENT) + self._drift**2
+        variance = _variance(windows) * (1.0 / REFERENCE + 1.0 / RECENT)
+        variance += self._drift**2 + 2.0 * self._coarse**2
         none = np.zeros(moved.size)
         log = self._log_likelihood(moved, variance, self._steps, self._widths)
         sound = float(self._log_likelihood(moved, variance, none, none))

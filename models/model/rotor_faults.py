@@ -30,6 +30,7 @@ from functools import lru_cache
 import numpy as np
 
 from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
+from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
@@ -208,8 +209,8 @@ class RotorFaults:
         long = rows[-1, 0] - rows[0, 0]
         if long <= 0.0:
             return
-        limit = max(rows[:, -1])
-        rows = rows[:, :-1]
+        limit, coarse = max(rows[:, -1]), max(rows[:, -2])
+        rows = rows[:, :-2]
         mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
         slope = (rows[-1] - rows[0])[1:] / long
         excess, motors = mean[:rotors], mean[rotors : 2 * rotors]
@@ -226,7 +227,7 @@ class RotorFaults:
                 self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
                 # While a sudden change stands, a slow one cannot be distinguished.
                 if self._fade and not self._tests[0].current:
-                    self._fade.add(float(rows[0, 0]), excess @ self._modes)
+                    self._fade.add(float(rows[0, 0]), excess @ self._modes, coarse)
             found = self._current(self._tests[0])
             self.tested["propeller"] = self._witness.assessed(found, self._known)
         if math.isfinite(np.add.reduce(motors)):
@@ -351,10 +352,11 @@ def _hover_rpm(model: RotorModel) -> Floats:
 
 
 def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
-    """Return (N, 6 + 3 R) what the tests read in each of N rows.
+    """Return (N, 7 + 3 R) what the tests read in each of N rows.
 
     Time; of each rotor the excess of its speed squared over the model's, as a share of the mean,
-    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown; `RowLimit`.
+    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown; by how much
+    of thrust speeds in coarse steps are off for as long as they stay between two; `RowLimit`.
     The rows at least `fault_model(model).look_ahead_s` before the last of the analysis are final.
 
     Where the speeds of all rotors are from motor outputs the excess is that of the outputs, and
@@ -386,7 +388,10 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
     turning = np.column_stack([load, track.angular_rate_frd[rows]])
     turning = np.where(np.isfinite(turning), turning, 0.0)
     limits = _row_limits(track.rows(rows), analysis.model.airframe)
-    return np.column_stack([track.time_s[rows], excess, motors, output, turning, limits])
+    scatter = reading_scatter(track)
+    coarse = 2.0 * scatter.share.max(initial=0.0) if scatter.in_steps else 0.0
+    columns = [track.time_s[rows], excess, motors, output, turning]
+    return np.column_stack([*columns, np.full(limits.size, coarse), limits])
 
 
 def _row_limits(track: FlightTrack, airframe: Airframe) -> Floats:

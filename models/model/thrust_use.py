@@ -46,7 +46,7 @@ class ThrustUse:
     peak: float
     passing: int  # times above the limit that passed
     passing_longest_s: float
-    spent_s: float  # s in which surely nothing was left
+    spent_s: float  # s in which surely nothing was left, by the outputs too where they are known
     spent_alone: int | None  # the rotor, from 0, of which alone that is so
     lasting: Floats  # (T,)
     reach: Floats  # (T,) what its 90 % interval adds to it
@@ -56,7 +56,7 @@ class ThrustUse:
 
 def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
     """The use of a flight; `limit` is the share of a rotor's largest thrust that may last."""
-    track = analysis.track
+    track, outputs = analysis.track, analysis.claim.outputs
     use = np.where(track.flying[:, None], analysis.known_utilisation, np.nan)
     second, means = _by_second(track.time_s, use)
     above, beyond = (
@@ -83,7 +83,9 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
     with np.errstate(invalid="ignore"):
         lasting_above, over = most > limit, now > limit
         surely, maybe = most - down > limit, most + up > limit
-        spent = means - np.hypot(np.nan_to_num(above - beyond), of_second * means) > SPENT
+        # Speeds that read high reach the largest thrust when the motors are asked for less.
+        least = means * (1.0 if outputs is None else outputs.share_of_speeds)
+        spent = least - np.hypot(np.nan_to_num(above - beyond), of_second * means) > SPENT
     if not known.any():  # a motor asked for all it has has nothing left, in any aircraft
         output = np.where(track.flying[:, None], track.throttle, np.nan)
         full = np.nan_to_num(_by_second(track.time_s, output)[1]) >= FULL_OUTPUT

@@ -14,18 +14,18 @@ from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS, Chosen
-from thrustmargin.gcs_plugin.commands.shared.inputs import (
-    AS_HEARD,
-    Reading,
-    Share,
-    reading_keywords,
-)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     LONGEST_S,
     UsageError,
     check_port,
     check_range,
     check_utilisation,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    Share,
+    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, require

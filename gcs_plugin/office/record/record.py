@@ -12,8 +12,8 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, analysed_flights
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import utc_text
 from thrustmargin.models.errors import DataError, LogError

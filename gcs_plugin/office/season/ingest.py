@@ -19,12 +19,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import (
-    AS_HEARD,
-    Reading,
-    Share,
-    reading_keywords,
-)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -32,6 +26,12 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     check_range,
     check_utilisation,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    Share,
+    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, transfer_bar
 from thrustmargin.models.errors import DataError, require

@@ -10,13 +10,13 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, analysed_flights
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     Output,
     UsageError,
     check_outputs,
     require_logs,
 )
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 
 

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
     check_outputs,
     require_logs,
 )
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.models.errors import DataError, ModelError, require
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from thrustmargin.gcs_plugin.commands.shared.analysed import TracksOnDisk
+    from thrustmargin.gcs_plugin.commands.shared.tracks_on_disk import TracksOnDisk
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import Result
     from thrustmargin.models.model.rotor_model import RotorModel
@@ -145,8 +145,8 @@ def logs_to_fit(
     Raises DataError that names them all when the rotor speeds of some are those of other rotors
     or seconds, or when none of the logs given by `option` can serve.
     """
-    from thrustmargin.gcs_plugin.commands.shared.analysed import TracksOnDisk
     from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
+    from thrustmargin.gcs_plugin.commands.shared.tracks_on_disk import TracksOnDisk
     from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
 from thrustmargin.models.errors import LogError, require
 
 if TYPE_CHECKING:
