@@ -87,8 +87,8 @@ def listed() -> str:
             if re.search(r"[A-Za-z]{2,}[^A-Za-z]* [^A-Za-z]*[A-Za-z]{2,}", text)
         )
         lines += [f"# {path.stem}", *texts, ""]
-    english = tomllib.loads((WORDING / "catalogue_en.toml").read_text("utf-8"))
-    lines += ["# catalogue_en", *dict.fromkeys(english["words"].values()), ""]
+    english = tomllib.loads((WORDING / "page_words.toml").read_text("utf-8"))
+    lines += ["# page_words", *dict.fromkeys(english["words"].values()), ""]
     return "\n".join(lines)
 
 
