@@ -269,6 +269,17 @@ def _likeness(begins: Beginning) -> float:
 def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog, ...]:
     craft = options.airframe
     track, unread = _read_first(path, 0 if craft is None else craft.rotor_count)
+    return (replace(table_log(track, path, options, format=FORMAT.name), unflown=unread),)
+
+
+def table_log(track: FlightTrack, path: Path, options: Options, *, format: str) -> FlightLog:
+    """Return the FlightLog of a track that was read from a table, with the options applied.
+
+    `format` is the name of its LogFormat. Channels of impossible values are left out and listed in
+    `other_units`. Where the track does not give the rows in flight, they are found.
+    Raises AirframeError if the airframe has another number of rotors.
+    """
+    craft = options.airframe
     if craft is not None and track.rotor_count != craft.rotor_count:
         raise AirframeError(
             f"{path.name}: columns of {track.rotor_count} rotors, but airframe {craft.name} has "
@@ -280,8 +291,8 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog
         off = airborne({}, track.time_s, known, craft)
         track = replace(track, flying=off.flying, flying_by=off.by)
     track = stated_track(track, options)
-    log = log_of_track(track, path, path.stat().st_size, craft)
-    return (replace(log, other_units=tuple(unlike), unflown=unread),)
+    log = log_of_track(track, path, path.stat().st_size, craft, format=format)
+    return replace(log, other_units=tuple(unlike))
 
 
 FORMAT = LogFormat(

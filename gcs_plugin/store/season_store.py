@@ -78,7 +78,7 @@ def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdent
         return AircraftIdentity(f"serial-{serial}", "serial")
     if board := whole_number(log.parameters, "BRD_SERIAL_NUM"):
         return AircraftIdentity(f"board-{board}", "board number")
-    if log.format == "CSV":
+    if not log.vehicles:
         return AircraftIdentity("unknown", "not known")
     return AircraftIdentity(f"sysid-{log.vehicle}", "system id")
 

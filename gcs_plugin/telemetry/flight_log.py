@@ -136,9 +136,17 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
 
 
 def log_of_track(
-    track: FlightTrack, path: Path, size: int, airframe: Airframe | None = None
+    track: FlightTrack,
+    path: Path,
+    size: int,
+    airframe: Airframe | None = None,
+    *,
+    format: str = "CSV",
 ) -> FlightLog:
-    """A FlightLog of a track that was read as a table."""
+    """Return the FlightLog of a track that was read as a table of `size` bytes.
+
+    `format` is the name of its LogFormat. A table has no system id: `vehicles` is empty.
+    """
     speeds, outputs = (
         [Signal(name, NOT_REPORTED, track.time_s, values) for values in getattr(track, name).T]
         for name in ("rotor_speed_rpm", "throttle")
@@ -154,7 +162,8 @@ def log_of_track(
     track = replace(track, rotor_speed_rpm=rpm, notes=(*track.notes, *unmeasured))
     return FlightLog(
         path=path,
-        format="CSV",
+        format=format,
+        vehicles=(),
         quality=LogQuality(bytes=size, frames=track.time_s.size, gaps=pauses(track.time_s)),
         track=_with_absences(track),
         channels=tuple(

@@ -119,7 +119,7 @@ class LogHeader:
     earlier_texts: tuple[str, ...] = ()
     events: tuple[VehicleEvent, ...] = ()  # of a recording those that no text says
     vehicle: int = 1
-    vehicles: tuple[int, ...] = (1,)
+    vehicles: tuple[int, ...] = (1,)  # system ids in the file; empty for a table, which has none
     autopilot: str = "unknown"  # or "ArduPilot", "PX4"
     hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
     firmware: str = ""  # where a field of its own states it

@@ -218,8 +218,8 @@ def _flag(option: str) -> str:
     return "--" + option.replace("_", "-")
 
 
-#: Endings of logs, without a folder's reports and tables.
-LOGS = (".bin", ".log", ".tlog", ".ulg")
+#: Ending of the tables that reports write beside logs.
+TABLE = ".csv"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,8 +231,11 @@ class Answers:
 
 
 def logs_here(folder: Path) -> list[Path]:
-    """The logs of a folder, by name."""
-    return [path for path in sorted(folder.iterdir()) if path.suffix.lower() in LOGS]
+    """List the logs of a folder by name, without tables: reports write tables beside logs."""
+    from thrustmargin.gcs_plugin.logs.read import log_endings
+
+    endings = log_endings() - {TABLE}
+    return [path for path in sorted(folder.iterdir()) if path.suffix.lower() in endings]
 
 
 def open_fields(

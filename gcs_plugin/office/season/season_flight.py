@@ -203,7 +203,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "log_format": log.format,
         "log_bytes": log.quality.bytes,
         "software": software_version(),
-        "system_id": log.vehicle if log.vehicle and log.format != "CSV" else None,
+        "system_id": log.vehicle if log.vehicle and log.vehicles else None,
         "autopilot": log.autopilot,
         "airframe": None if withheld else airframe.name,
         "airframe_basis": report.airframe_basis,

@@ -54,14 +54,14 @@ def test_nothing_in_a_file_is_a_sentence(tmp_path: Path, content):
 OWN_READER = """
 import numpy as np
 from thrustmargin.gcs_plugin.logs.read import LogFormat
-from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
+from thrustmargin.gcs_plugin.logs.csv_table import table_log
 from thrustmargin.models.flight import FlightTrack
 
 def read(path, vehicle, options):
     speeds = np.loadtxt(path, skiprows=1, ndmin=2)
     track = FlightTrack.of(name=path.name, time_s=speeds[:, 0], rotor_count=4,
                            rotor_speed_rpm=speeds[:, 1:])
-    return (log_of_track(track, path, path.stat().st_size),)
+    return (table_log(track, path, options, format=FORMAT.name),)
 
 FORMAT = LogFormat(name="pegboard", known_by="a pegboard (PEGS)", suffixes=(".peg",), is_text=True,
                    likeness=lambda begins: float(begins.head.startswith(b"PEGS")), read=read)
@@ -76,7 +76,10 @@ def test_a_reader_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delitem(sys.modules, f"{logs.__name__}.pegboard")
     flight = tmp_path / "flight.peg"
     flight.write_text("PEGS\n0 2000 2001 2002 2003\n1 2000 2001 2002 2003\n")
-    assert read_log(flight).track.rotor_speed_rpm[1].tolist() == [2000, 2001, 2002, 2003]
+    log = read_log(flight, load=3.0)
+    assert log.track.tank_kg.tolist() == [3.0, 3.0]
+    assert log.track.rotor_speed_rpm[1].tolist() == [2000, 2001, 2002, 2003]
+    assert (log.format, log.vehicles) == ("pegboard", ())
     (tmp_path / "letter.peg").write_text("Dear reader\n")
     with pytest.raises(LogError, match=r"nor a pegboard \(PEGS\)"):
         read_log(tmp_path / "letter.peg")

@@ -48,7 +48,7 @@ def test_what_is_given_then_serial_then_board_then_system_id(log: FlightLog):
     )
     assert (aircraft_identity(log).name, aircraft_identity(log).by) == ("sysid-1", "system id")
     assert firmware(log) is None
-    assert aircraft_identity(replace(log, format="CSV")).by == "not known"
+    assert aircraft_identity(replace(log, vehicles=())).by == "not known"
 
 
 def test_the_serial_of_a_telemetry_log_is_that_of_the_boot_text(tmp_path: Path):
