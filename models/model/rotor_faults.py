@@ -33,7 +33,7 @@ from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
-from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
+from thrustmargin.models.effects.compose import rotor_speed_rpm, with_neutral_gaps
 from thrustmargin.models.effects.stored import losses_of
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -346,7 +346,7 @@ def _hover_rpm(model: RotorModel) -> Floats:
         airspeed=row,
         tank_kg=row + half,
     )
-    placed = [tolerant(item) for item in model.placed]
+    placed = [with_neutral_gaps(item) for item in model.placed]
     return rotor_speed_rpm(table_of(model), placed, model_channels(model, track))[0]
 
 

@@ -240,13 +240,13 @@ def print_answer(console: Console, log: Path, file: Path, reading: ReadingOption
     from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights
     from thrustmargin.gcs_plugin.reports.margin import build_report
-    from thrustmargin.models.model.analysis import analyse, for_verdict
+    from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 
     try:
         model = chosen_model(None, str(file))
         flights = read_flights(log, model, given=True, reading=reading)
         made = build_report(
-            (for_verdict(analyse(flight.track, model, claim=claim)), flight)
+            (analysis_for_verdict(analyse(flight.track, model, claim=claim)), flight)
             for flight, claim in flights
         )
     except ThrustMarginError as error:

@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST
 from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET, AIRFRAME_UNKNOWN
 from thrustmargin.models.checks.speed_readings import FEWEST_ROWS
-from thrustmargin.models.checks.voltage import ceiling_too_high, highest
+from thrustmargin.models.checks.voltage import ceiling_too_high, highest_voltages
 from thrustmargin.models.flight import FlightTrack, joined
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -147,7 +147,7 @@ class AirframeWatch:
 
     def _take(self, track: FlightTrack) -> None:
         if track.time_s.size:
-            self._volts = highest(np.append(self._volts, track.voltage), self._airframe)
+            self._volts = highest_voltages(np.append(self._volts, track.voltage), self._airframe)
             self._gather(track)
 
     def _look(self, facts: VehicleFacts, parameters: Mapping[str, float]) -> None:

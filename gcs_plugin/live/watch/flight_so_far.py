@@ -130,7 +130,7 @@ class FlightSoFar:
             analyse(track, self.model, claim=self.shown_by(self.claim)),
             limit=self.limit,
             history=self.faults,
-            goes_on=self.goes_on,
+            in_progress=self.goes_on,
         )
         pilot = AUTOPILOTS.get(state.autopilot, "unknown")
         known = self.measured, self.claim, state.parameters, state.facts

@@ -12,7 +12,7 @@ from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.airframe_claim import airframe_claim
-from thrustmargin.models.model.analysis import analyse, for_verdict
+from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 from thrustmargin.models.model.inferred.prepared import prepared
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -125,7 +125,7 @@ def test_a_load_from_slow_speeds_reaches_to_what_the_outputs_lift():
 def test_gauge_and_speeds_that_are_both_wrong_do_not_reassure():
     track = hover(16.0, speeds=0.9, gauge=0.0)
     analysis = analyse(prepared(track, F16, SQUARE), physics_model(F16), claim=claim_of(track))
-    judged = for_verdict(analysis)
+    judged = analysis_for_verdict(analysis)
     low = judged.redundancy_yaw_uncontrolled * np.exp(-1.645 * judged.redundancy_error)
     true = analyse(hover(16.0), physics_model(F16)).redundancy_yaw_uncontrolled
     assert np.all(low < true)
@@ -180,7 +180,7 @@ def test_what_outputs_show_beyond_gauge_or_speeds_lies_within_the_interval(chann
 def redundancy_low(track: FlightTrack, airframe=F16) -> float:
     """The low end of the least redundancy that is told of a flight."""
     claim = airframe_claim(track, airframe, FACTS, SQUARE, given=True)
-    made = for_verdict(
+    made = analysis_for_verdict(
         analyse(prepared(track, airframe, SQUARE), physics_model(airframe), claim=claim)
     )
     low = made.redundancy_yaw_uncontrolled * np.exp(-1.645 * made.redundancy_error)
