@@ -14,58 +14,67 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
-from thrustmargin.gcs_plugin.commands.shared.terminal import as_read, plain_optionals
+from thrustmargin.gcs_plugin.commands.shared.typed import as_read, plain_optionals
 from thrustmargin.gcs_plugin.mavlink.text import clean_lines
 from thrustmargin.gcs_plugin.wording.language import LANGUAGES
 from thrustmargin.gcs_plugin.wording.language import VARIABLE as LANGUAGE
 from thrustmargin.models.errors import ThrustMarginError
 
-#: Subcommand -> the first words of the docstring of its function, here so that the help loads none.
-COMMANDS = {
+#: Subcommand of the core -> the first words of the docstring of its function, here so that the help
+#: loads none of them.
+CORE = {
     "airframe": "Make, show and check the file of an aircraft",
-    "cover": "Plan the route that sprays a field",
     "demo": "Show what thrustmargin does",
-    "export": "Write a flight as messages that Foxglove and other viewers of MCAP show",
     "fetch": "Download the mission or a flight log from the vehicle",
     "fill": "Say how much liquid to fill for a day, and how that changes with air and battery",
-    "fleet": "Show which aircraft of a season to look at first, and why",
     "forecast": "Say before take-off whether a plan can be flown with a fill",
-    "identify": "Find what a rotor speed model lacks",
-    "ingest": "Take logs into the store of a season",
     "inspect": "Show what a log holds",
-    "install": "Copy what goes into another program",
-    "match": "Match an aircraft's load with its power system",
     "monitor": "Watch every aircraft on a link",
-    "record": "Write the record of a spraying job: what, where, how much, when, by whom",
     "replay": "Replay a recorded flight",
     "report": "Write a margin report of one or more flights",
     "stream": "Play a telemetry log onto the network as if the vehicle were there",
-    "train": "Train the rotor speed model of one aircraft on its own good flights",
 }
+#: Folder of `commands` -> its subcommands: modules that hold a function of the same name.
+#: `airframe` is a folder.
+FOLDERS = {
+    "flight": ("demo", "fetch", "inspect", "monitor", "replay", "report", "stream"),
+    "load": ("fill", "forecast"),
+}
+#: Folders of `gcs_plugin` whose folders are extras. Each extra names its commands in `COMMANDS` of
+#: its `__init__`; one that is deleted is not missed.
+DOORS = ("workshop", "office")
 
-#: Room of thrustmargin.gcs_plugin.commands -> its subcommands: modules that hold a function of
-#: the same name. `airframe` has a room of its own.
-ROOMS = {
-    "flight": (
-        "demo",
-        "export",
-        "fetch",
-        "inspect",
-        "install",
-        "monitor",
-        "record",
-        "replay",
-        "report",
-        "stream",
-    ),
-    "load": ("cover", "fill", "forecast", "match"),
-    "loop": ("identify", "train"),
-    "season": ("fleet", "ingest"),
+
+_HERE = "thrustmargin.gcs_plugin"
+
+
+def _extras() -> Iterator[tuple[str, str, str]]:
+    """Yield each subcommand of each extra: its name, the module of its function, first words."""
+    for door in DOORS:
+        for extra in iter_modules([str(Path(__file__).with_name(door))], f"{_HERE}.{door}."):
+            for name, words in import_module(extra.name).COMMANDS.items():
+                yield name, f"{extra.name}.{name}", words
+
+
+_OF_EXTRAS = tuple(_extras())
+#: Subcommand -> the first words of the docstring of its function, in the order of the names.
+COMMANDS = dict(sorted({**CORE, **{name: words for name, _, words in _OF_EXTRAS}}.items()))
+#: Subcommand -> the module that holds the function of its name.
+MODULES = {
+    "airframe": f"{_HERE}.commands.airframe",
+    **{
+        name: f"{_HERE}.commands.{folder}.{name}"
+        for folder, held in FOLDERS.items()
+        for name in held
+    },
+    **{name: module for name, module, _ in _OF_EXTRAS},
 }
 
 USAGE = """usage: thrustmargin COMMAND [OPTIONS]
@@ -88,12 +97,11 @@ Exit codes: 0 done, 1 some input is not usable, 2 the command line is wrong, 130
 
 
 def command_function(name: str) -> Callable[..., Any]:
-    """The function behind a subcommand; raises ImportError when the name is none.
+    """The function behind a subcommand; raises KeyError when the name is none.
 
     Its options' descriptions are each one line, which the help wraps to the terminal.
     """
-    place = next((f"{room}.{name}" for room, held in ROOMS.items() if name in held), name)
-    function = getattr(import_module(f"thrustmargin.gcs_plugin.commands.{place}"), name)
+    function = getattr(import_module(MODULES[name]), name)
     function.__doc__ = re.sub(r"\n {8,}(?=\S)", " ", inspect.getdoc(function) or "")
     return function
 

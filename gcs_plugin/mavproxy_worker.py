@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
 from thrustmargin.gcs_plugin.wording.language import BEYOND_CEILING
 
 if TYPE_CHECKING:

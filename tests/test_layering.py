@@ -25,6 +25,7 @@ ORDER = (
     ("gcs_plugin.vehicle", "gcs_plugin.view"),
     ("gcs_plugin.reports",),
     ("gcs_plugin.commands",),
+    ("gcs_plugin.workshop", "gcs_plugin.office"),
     ("gcs_plugin",),
 )
 RANK = {name: rank for rank, line in enumerate(ORDER) for name in line}
@@ -90,8 +91,8 @@ def test_no_modules_import_each_other_in_a_circle():
     assert len(order) == len(modules())
 
 
-def test_the_house_has_at_most_20_rooms_on_12_floors():
-    assert len(all_rooms()) <= 20
+def test_the_house_has_at_most_22_rooms_on_12_floors():
+    assert len(all_rooms()) <= 22
     heights = floors(room_graph())
     assert max(heights.values()) <= 12, heights
 

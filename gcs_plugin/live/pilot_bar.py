@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.language import say
 
 FRESH = 3.0  # s for which figures are shown as live
-FILES = "thrustmargin.gcs_plugin"
+FILES = "thrustmargin.gcs_plugin.live"
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ class PilotBar(Subscriber):
 
 
 def _file(name: str) -> bytes:
-    return (resources.files(FILES) / "companion" / name).read_bytes()
+    return (resources.files(FILES) / "bar" / name).read_bytes()
 
 
 def _version() -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.wording.plans.plan_words import (
+from thrustmargin.gcs_plugin.wording.plan_words import (
     NOT_BESIDE,
     beside_words,
     stretch_words,

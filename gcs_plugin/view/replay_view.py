@@ -39,8 +39,8 @@ from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.forecast_words import fill_words, verdict
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.plans.forecast_words import fill_words, verdict
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.mission.route import Trail

@@ -1,10 +1,11 @@
-"""The language that is spoken: sentences are written in English, and looked up in a table.
+"""Translate sentences and write numbers for people, in the language that the user chose.
 
-`sentences_de.toml` beside this file holds the German of each, by its English with the same
-{placeholders}; what is not in it stays English. Chosen by `--language de` with any command, or by
-the variable THRUSTMARGIN_LANGUAGE, as for MAVProxy and services.
+Sentences are written in English where they are made. `de.po` beside this file, a file of gettext,
+holds the German of each, with the same {placeholders}; a sentence that it lacks stays English.
+The language is chosen by `--language de` with any command, or by the variable
+THRUSTMARGIN_LANGUAGE, as for MAVProxy and services.
 
-Numbers and channels as a pilot reads them: rounded, with their unit, "unknown" for none.
+Numbers are rounded and carry their unit; NaN and None are "unknown".
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib import resources
@@ -37,12 +37,19 @@ def spoken() -> str:
 
 
 @cache
-def translations(language: str) -> dict[str, str]:
-    """Sentences of a language by their English; none for English itself."""
+def translations(language: str, context: str | None = None) -> dict[str, str]:
+    """Return the sentences of a language by their English; empty for English itself.
+
+    `context` is the msgctxt of the entries: None for what `say` translates, "page" for the words
+    of the live page.
+    """
     if language == LANGUAGES[0]:
         return {}
-    file = resources.files(__package__ or "") / f"sentences_{language}.toml"
-    return tomllib.loads(file.read_text("utf-8"))["sentences"]
+    import polib  # English needs none of it
+
+    file = resources.files(__package__ or "") / f"{language}.po"
+    entries = polib.pofile(file.read_text("utf-8"))
+    return {one.msgid: one.msgstr for one in entries if one.msgctxt == context}
 
 
 def say(english: str, /, *listed: object, **values: object) -> str:

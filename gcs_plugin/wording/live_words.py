@@ -13,10 +13,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Any
 
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, ONE_MORE_LOST, SPINS
-from thrustmargin.gcs_plugin.wording.language import margin_or_beyond, say
+from thrustmargin.gcs_plugin.wording.language import margin_or_beyond, say, translations
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 PREDICTED = "predicted"
@@ -35,13 +34,18 @@ HOME = "Home"
 
 
 @cache
-def catalogue(language: str) -> dict[str, dict[str, Any]]:
-    """`words` by key, with {placeholders}, and `names` by the label that is sent.
+def page_words(language: str) -> dict[str, dict[str, str]]:
+    """Return the words of the live page in a language: "words" by key, "names" by the label sent.
 
-    Raises FileNotFoundError for a language that is none of LANGUAGES.
+    Words keep their {placeholders}. Raises FileNotFoundError for a language that is none of
+    LANGUAGES.
     """
-    file = resources.files(__package__ or "") / f"catalogue_{language}.toml"
-    return tomllib.loads(file.read_text("utf-8"))
+    file = resources.files(__package__ or "") / "page_words.toml"
+    table = translations(language, "page")
+    return {
+        part: {key: table.get(english, english) for key, english in words.items()}
+        for part, words in tomllib.loads(file.read_text("utf-8")).items()
+    }
 
 
 def wind_words(speed: float) -> str:

@@ -88,6 +88,12 @@ class OutputEvidence:
         shown = self.over_speeds > self.shows
         return max(float(np.expm1(self.over_speeds)) if shown else 0.0, self.ceiling_high)
 
+    @property
+    def share_of_speeds(self) -> float:
+        """Return thrust by outputs over that of the measured speeds where it is significantly
+        less; else 1."""
+        return float(np.exp(self.over_speeds)) if self.over_speeds < -self.shows else 1.0
+
     def surely_more_than(self, mass: float) -> bool:
         """Return whether an aircraft of `mass` kg cannot need these outputs."""
         return bool(np.log(self.lifted_kg / mass) > SURELY * self.error)

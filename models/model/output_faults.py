@@ -38,6 +38,8 @@ from thrustmargin.models.model.fault_test import MOST, FaultTest, RotorFault
 #: s of rows that testify: noise of 5 % at 3 Hz is then a hundredth
 LOOK_S = 30.0
 FEWEST = 10  # rows
+#: Rows of a whole flight that its medians are of; of a longer one every second, fourth, ... row.
+MOST_ROWS = 600
 #: standard deviation of o from motor to motor of one make: 1.5 % of thrust on the Quiver
 MOTORS = 0.015
 #: of d: an output that has risen by as much belongs to a rotor that needs it
@@ -71,7 +73,7 @@ class Deviations:
 
     @classmethod
     def of(cls, signals: Floats, rotors: int) -> Deviations | None:
-        """Return medians over rows (N, 6 + 3 R) of `fault_signals`; None with too few of them."""
+        """Return medians over rows (N, 7 + 3 R) of `fault_signals`; None with too few of them."""
         excess, motors = signals[:, 1 : 1 + rotors], signals[:, 1 + rotors : 1 + 2 * rotors]
         known = np.isfinite(excess).all(axis=1) & np.isfinite(motors).all(axis=1)
         count = np.count_nonzero(known)
@@ -98,18 +100,52 @@ class Deviations:
         return self.output > max(RISEN * speed, APART * self.error)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Shown:
+    """What outputs showed of a fault of one rotor when it had this `size`."""
+
+    size: float
+    misread: bool = False  # its ESC
+    rotors: tuple[int, ...] = ()  # from 0, of one of which it is; empty: its own
+
+
+class _FlightRows:
+    """Rows evenly spread over a flight so far: MOST_ROWS at most, half as many or more."""
+
+    def __init__(self) -> None:
+        self.kept: list[Floats] = []
+        self._count, self._stride = 0, 1
+
+    def add(self, row: Floats) -> None:
+        """Take the next row."""
+        if self._count % self._stride == 0:
+            self.kept.append(row)
+            if len(self.kept) > MOST_ROWS:
+                self.kept = self.kept[::2]
+                self._stride *= 2
+        self._count += 1
+
+
 class OutputWitness:
-    """The last LOOK_S of rows of `rotor_faults.fault_signals`, of R rotors."""
+    """Rows of `rotor_faults.fault_signals` of R rotors: the last LOOK_S, and the flight's so far.
+
+    An ESC misreads for a whole flight, so what stood from the start is assessed by the whole
+    flight: wind, turns and the trim of half a minute move d and o of one rotor by a few percent.
+    """
 
     def __init__(self, rotors: int) -> None:
         self._rotors = rotors
         self._rows: deque[Floats] = deque()
+        self._flight = _FlightRows()
         #: Of each rotor with a fault: s at which it was first assessed, and whether it was there in
         #: most of the rows then, as an ESC's is. What begins in flight is none: poles stay as many.
         self._first: dict[int, tuple[float, bool]] = {}
+        #: Of each rotor with a fault, what outputs showed last: it holds while they show nothing.
+        self._shown: dict[int, _Shown] = {}
 
     def add(self, row: Floats) -> None:
         """Take a row in flight."""
+        self._flight.add(row)
         self._rows.append(row)
         while row[0] - self._rows[0][0] > LOOK_S or row[0] < self._rows[0][0]:
             self._rows.popleft()
@@ -117,7 +153,9 @@ class OutputWitness:
     def forget(self) -> None:
         """Begin another flight, perhaps with other parts."""
         self._rows.clear()
+        self._flight = _FlightRows()
         self._first.clear()
+        self._shown.clear()
 
     def assessed(
         self, faults: Iterable[RotorFault], known: Collection[RotorFault] = ()
@@ -129,6 +167,7 @@ class OutputWitness:
         found = tuple(faults)
         asked = [f for f in found if f.kind == "propeller" and not f.rotors and f not in known]
         self._first = {r: v for r, v in self._first.items() if r in {f.rotor for f in asked}}
+        self._shown = {r: v for r, v in self._shown.items() if r in self._first}
         if not (asked and self._rows):
             return found
         rows = np.array(self._rows)
@@ -139,26 +178,42 @@ class OutputWitness:
     def _assessed(
         self, fault: RotorFault, rows: Floats, whole: Deviations | None
     ) -> RotorFault | None:
-        """Assess a fault by all rows where it is in most of them, else by those since it was found.
+        """Assess a fault by the flight so far if it shows most of it, and it stood from the start.
 
-        None for an ESC's; without outputs it is not witnessed.
+        Else by the last LOOK_S if they show most of it, else by the rows since it was found. None
+        for an ESC's; without outputs it is not witnessed.
         """
         if whole is None:
             return replace(fault, witnessed=False)
-        rotor = fault.rotor
-        lasts = bool(whole.speed[rotor] > MOSTLY * fault.size)
+        rotor, least = fault.rotor, MOSTLY * fault.size
+        lasts = bool(whole.speed[rotor] > least)
         found_s, standing = self._first.setdefault(rotor, (float(rows[-1, 0]), lasts))
-        since = (
-            None if lasts else Deviations.of(rows[rows[:, 0] >= found_s - FOUND_S], self._rotors)
-        )
-        shown = since or whole
+        shown = whole
+        flight = Deviations.of(np.array(self._flight.kept), self._rotors) if standing else None
+        if flight is not None and flight.speed[rotor] > least:
+            shown = flight
+        elif not lasts:
+            since = rows[rows[:, 0] >= found_s - FOUND_S]
+            shown = Deviations.of(since, self._rotors) or whole
         high = float(shown.speed[rotor])
-        if not high > MOSTLY * fault.size or shown.output[rotor] > RISEN * high:
-            return fault
         others = np.flatnonzero(shown.raised(high) & (shown.speed < RISEN * high))
-        if others.size:
-            return replace(fault, rotors=tuple(sorted({rotor, *others.tolist()})))
-        return None if standing and shown.misread(rotor) else fault
+        last = self._shown.get(rotor)
+        if last is not None and MOSTLY * fault.size > last.size:
+            last = None  # most of it has come since
+        if not high > least:
+            found = last
+        elif shown.output[rotor] > RISEN * high:
+            found = _Shown(size=fault.size)
+        elif others.size:
+            found = _Shown(size=fault.size, rotors=tuple(sorted({rotor, *others.tolist()})))
+        elif standing and shown.misread(rotor):
+            found = _Shown(size=fault.size, misread=True)
+        else:
+            found = last
+        if found is None:
+            return fault
+        self._shown[rotor] = found
+        return None if found.misread else replace(fault, rotors=found.rotors)
 
 
 def undecided(
@@ -180,7 +235,7 @@ def undecided(
 
 
 def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed | None:
-    """Return the rotor whose ESC reads too high or low, by rows (N, 6 + 3 R) of `fault_signals`.
+    """Return the rotor whose ESC reads too high or low, by rows (N, 7 + 3 R) of `fault_signals`.
 
     None where two or more look so: a load off the middle or the order of motors moves several.
     Without outputs only one that reads low is found, for one that reads high is a fault already,

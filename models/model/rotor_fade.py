@@ -13,7 +13,9 @@ flights, by N(0, OWN²). With v_m the variance of d_m, the likelihood of a loss 
 and that of sound rotors is the formula with s = w = 0. So a shifted centre of gravity, which moves
 two modes, names no rotor, and a rotor is named even if an error of the load moved the collective.
 v_m is the variance between the flight's windows, from second differences, which a steady drift does
-not move, plus the between-flight variance of the mode in the model's good flights.
+not move, plus the between-flight variance of the mode in the model's good flights. Where speeds
+come in coarse steps a median stays between two steps and then jumps by a whole one: both means then
+have the standard error of a step.
 """
 
 from __future__ import annotations
@@ -65,9 +67,14 @@ class RotorFade:
         self._blocks: list[Floats] = []
         self._medians: list[Floats] = []
         self._middles: list[float] = []
+        self._coarse = 0.0
 
-    def add(self, time_s: float, values: Floats) -> None:
-        """Add the modes (M,) of a block that begins at `time_s` s; blocks must come in order."""
+    def add(self, time_s: float, values: Floats, coarse: float = 0.0) -> None:
+        """Add the modes (M,) of a block that begins at `time_s` s; blocks must come in order.
+
+        `coarse` is the standard error due to coarse steps of the speeds, as a share of thrust.
+        """
+        self._coarse = max(coarse, self._coarse)
         if math.isnan(self._begun_s):
             self._begun_s = time_s
         window = int((time_s - self._begun_s) / WINDOW)
@@ -91,7 +98,8 @@ class RotorFade:
         """Update `current` from the medians (N, M) of all windows; two consecutive comparisons
         must agree on the rotor."""
         moved = windows[-RECENT:].mean(axis=0) - windows[:REFERENCE].mean(axis=0)
-        variance = _variance(windows) * (1.0 / REFERENCE + 1.0 / RECENT) + self._drift**2
+        variance = _variance(windows) * (1.0 / REFERENCE + 1.0 / RECENT)
+        variance += self._drift**2 + 2.0 * self._coarse**2
         none = np.zeros(moved.size)
         log = self._log_likelihood(moved, variance, self._steps, self._widths)
         sound = float(self._log_likelihood(moved, variance, none, none))

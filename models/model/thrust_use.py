@@ -46,7 +46,8 @@ class ThrustUse:
     peak: float
     passing: int  # number of times above the limit, lasting use excepted
     passing_longest_s: float
-    spent_s: float  # s in which a rotor surely had no reserve
+    #: s in which a rotor surely had no reserve, by the outputs too where they are known
+    spent_s: float
     spent_alone: int | None  # rotor, from 0, that most of this time was the only one
     lasting: Floats  # (T,)
     reach: Floats  # (T,) high end of its 90 % interval minus `lasting`
@@ -57,7 +58,7 @@ class ThrustUse:
 def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
     """Summarise the utilisation of a flight; `limit` is the share of a rotor's largest thrust
     that may last."""
-    track = analysis.track
+    track, outputs = analysis.track, analysis.claim.outputs
     use = np.where(track.flying[:, None], analysis.known_utilisation, np.nan)
     second, means = _second_means(track.time_s, use)
     above, beyond = (
@@ -84,7 +85,9 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
     with np.errstate(invalid="ignore"):
         lasting_above, over = most > limit, now > limit
         surely, maybe = most - down > limit, most + up > limit
-        spent = means - np.hypot(np.nan_to_num(above - beyond), of_second * means) > SPENT
+        # Speeds that read high reach the largest thrust while the outputs are lower.
+        least = means * (1.0 if outputs is None else outputs.share_of_speeds)
+        spent = least - np.hypot(np.nan_to_num(above - beyond), of_second * means) > SPENT
     if not known.any():  # without an airframe: full output means no reserve
         output = np.where(track.flying[:, None], track.throttle, np.nan)
         full = np.nan_to_num(_second_means(track.time_s, output)[1]) >= FULL_OUTPUT

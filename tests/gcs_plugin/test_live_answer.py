@@ -16,10 +16,10 @@ from tests.gcs_plugin.logs.made_flights import made_airframe, made_flight
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
 from thrustmargin.gcs_plugin.live.announce import figures
+from thrustmargin.gcs_plugin.live.collector import MonitorCollector
 from thrustmargin.gcs_plugin.live.console import Screen
 from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
-from thrustmargin.gcs_plugin.live.metrics.collector import MonitorCollector
 from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary

@@ -11,7 +11,7 @@ a damaged flight is scored by its JSON; a doubt is a line in print that the soun
 
 - green: level under or near without a doubt, with a fill or a ratio of one rotor lost above the
   truth's interval, or where the truth has a graver level
-- blamed: a sound rotor, or an instrument that is right, is named surely
+- blamed: a sound rotor, or an instrument that is right, is named surely (not as "or its ESC")
 - missed: level under or near without a doubt, where a rotor is weak; fill and ratio are not wrong
 - emergency: a level of emergency that the sound flight does not have
 - silent: a fill or a ratio above the truth's interval without a doubt, at a graver level
@@ -390,8 +390,8 @@ BLAMES = {
     "rotor speed sensors": "rotor speeds",
     "rotor speeds": "rotor speeds",
 }
-#: Kinds of alarm that are of a rotor's telemetry, not of the rotor.
-SENSORS = ("esc", "reading", "sensor", "speed", "telemetry")
+#: Alarm without outputs that show whether it is the propeller or its ESC: both are named.
+EITHER = "propeller or ESC"
 #: What a check of the motors' order can be right about.
 ORDER_IS_OF = {"motor order", "outputs", "rotor speeds"}
 
@@ -424,7 +424,10 @@ def answer_of(flight: Mapping[str, Any]) -> Answer:
     return Answer(
         level=verdict["level"],
         headline=verdict["headline"],
-        alarms=tuple((one["kind"], tuple(one["rotors"])) for one in flight["alarms"]),
+        alarms=tuple(
+            (one["kind"] if one["witnessed_by_outputs"] else EITHER, tuple(one["rotors"]))
+            for one in flight["alarms"]
+        ),
         findings=tuple(
             (one["check"], one["words"])
             for one in flight["findings"]
@@ -499,10 +502,9 @@ def _blamed(
     parts = {one.part for one in wrong}
     sensors = frozenset[int]().union(*(d.rotors for d in wrong if d.part == "rotor speeds"))
     for kind, rotors in answer.alarms:
-        if kind in SENSORS:
-            right = set(rotors) <= sensors
-        else:  # where the names are said to be wrong, only that there is one is claimed
-            right = bool(weak) and (bool(weak & {*rotors}) or "rotor names" in answer.said)
+        # Where the names are said to be wrong, only that there is one is claimed.
+        right = bool(weak) and (bool(weak & {*rotors}) or "rotor names" in answer.said)
+        right |= kind == EITHER and set(rotors) <= sensors
         if not right:
             which = " or ".join(map(str, rotors))
             found.append(f"rotor {which} by {kind}, weak: {sorted(weak) or 'none'}")

@@ -177,7 +177,7 @@ def test_speed_sensors_are_blamed_by_their_rotor():
         answer = replace(SOUND, findings=found)
         assert score(answer, SOUND, frozenset(), [one]).score == expected
         assert score(answer, SOUND, frozenset(), [of_kind("r_x090"), one]).score == "right"
-        answer = replace(SOUND, alarms=(("sensor", (named,)),))
+        answer = replace(SOUND, alarms=(("propeller or ESC", (named,)),))
         assert score(answer, SOUND, frozenset(), [one]).score == expected
 
 

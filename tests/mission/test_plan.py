@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.mission.coverage.fields_made import outline, rectangle
-from thrustmargin.mission.coverage.coverage_plan import CoverageOrder, cover_field
+from tests.mission.fields_made import outline, rectangle
+from thrustmargin.gcs_plugin.office.cover.coverage_plan import CoverageOrder, cover_field
 from thrustmargin.mission.plan import MissionPlan, PlanItem, plan_from_items, read_plan, write_plan
 from thrustmargin.mission.plan_items import FenceCircle, FencePolygon
 from thrustmargin.mission.sortie_plans import line_ends, split_plan

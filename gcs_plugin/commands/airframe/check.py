@@ -17,8 +17,8 @@ from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.options import require_logs
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.models.errors import DataError

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
 from thrustmargin.gcs_plugin.wording.language import UNKNOWN, known, percent
 from thrustmargin.models.errors import DataError
 

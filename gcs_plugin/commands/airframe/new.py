@@ -22,17 +22,17 @@ from thrustmargin.gcs_plugin.commands.airframe.questions import (
     require_all,
     stated,
 )
-from thrustmargin.gcs_plugin.commands.shared.inputs import (
-    AS_HEARD,
-    Reading,
-    ReadingOptions,
-    reading_keywords,
-)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     LONGEST_S,
     Output,
     check_outputs,
     check_range,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    ReadingOptions,
+    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError, ThrustMarginError

@@ -15,7 +15,6 @@ from rich.text import Text
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -23,6 +22,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     require_logs,
 )
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording.flight_words import several_words, sortie_words

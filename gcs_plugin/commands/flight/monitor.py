@@ -14,18 +14,18 @@ from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS, Chosen
-from thrustmargin.gcs_plugin.commands.shared.inputs import (
-    AS_HEARD,
-    Reading,
-    Share,
-    reading_keywords,
-)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     LONGEST_S,
     UsageError,
     check_port,
     check_range,
     check_utilisation,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    Share,
+    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, require
@@ -34,9 +34,9 @@ LOOK_FOR = 5.0  # s until the places where nothing was heard are listed
 PATIENCE = 3.0  # s that its end waits for what came and is not yet analysed
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.live.collector import MetricsServer
     from thrustmargin.gcs_plugin.live.console import EventPrinter
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
-    from thrustmargin.gcs_plugin.live.metrics.collector import MetricsServer
     from thrustmargin.gcs_plugin.view.live_view import LiveView
     from thrustmargin.models.physics.airframe import Airframe
 
@@ -315,7 +315,7 @@ def _page(
 
 
 def _metrics(live: LiveMonitor, port: int) -> MetricsServer:
-    from thrustmargin.gcs_plugin.live.metrics.collector import MetricsServer, MonitorCollector
+    from thrustmargin.gcs_plugin.live.collector import MetricsServer, MonitorCollector
 
     try:
         served = MetricsServer(MonitorCollector(live), port)

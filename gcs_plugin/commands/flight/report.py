@@ -11,7 +11,6 @@ from rich.console import Console
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, flights_of, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -19,6 +18,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     require_logs,
 )
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
@@ -109,7 +109,7 @@ def report(
     flights, unread = flights_of(logs, chosen, console)
     shown = unread
     if anonymise:
-        from thrustmargin.gcs_plugin.commands.season.anonymous import anonymous
+        from thrustmargin.gcs_plugin.commands.shared.anonymous import anonymous
         from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
         flights = [anonymous(*flight, f"flight {n}") for n, flight in enumerate(flights, 1)]
@@ -143,7 +143,9 @@ def report(
     for also in (json, pdf):
         if also is not None:
             summary.print(f"wrote {also}")
-    return 1 if unread else 0
+    # A flight that is not of the airframe that was given has no answer either.
+    unfit = any(one.claim.basis == "given" and one.claim.withheld for one, _ in flights)
+    return 1 if unread or unfit else 0
 
 
 def print_verdicts(console: Console, made: Report) -> None:

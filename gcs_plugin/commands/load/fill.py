@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -18,6 +17,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     check_voltage,
 )
+from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording.language import number, say

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.load.cover import pump_of
-from thrustmargin.gcs_plugin.commands.shared.inputs import Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     Output,
@@ -26,6 +24,8 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     check_voltage,
 )
+from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of
+from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
@@ -72,7 +72,7 @@ def forecast(
     browser: bool = True,
     lua: Path | None = None,
     refuse: bool = False,
-) -> None:
+) -> int:
     """Say before take-off whether a plan can be flown with a fill, and where it is weakest.
 
     The plan is flown in time by the autopilot's own limits: legs, turns at line ends, climbs, wind,
@@ -232,6 +232,7 @@ def forecast(
         from thrustmargin.gcs_plugin.view.replay_view import planned_view, run_replay
 
         run_replay(planned_view(made, port=port), browser=browser)
+    return 1 if before.unlike else 0
 
 
 def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:
@@ -252,7 +253,7 @@ def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | Non
 
 
 def _show(made: PlanForecast, console: Terminal) -> None:
-    from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
+    from thrustmargin.gcs_plugin.wording import forecast_words as words
 
     for line in words.plan_faults(made):
         console.print(line)
@@ -313,7 +314,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         parameters=dict(log.parameters),
         faults=[(0.0, found)] if found else None,
         other_order=other_order,
-        unlike=claim.withheld,
+        unlike=(claim.unlike,) if claim.unlike else claim.withheld,
         caveats=advice.caveats,
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
     )

@@ -1,32 +1,26 @@
-"""Logs read and analysed as `report` does it, for commands that write something else.
+"""Logs read and analysed as `report` does it, with the options that a recording was made with.
 
-The options that a recording was made with, kept beside its .tlog: read again, it says the same.
-
-`monitor` writes them as JSON when it begins to record. `report`, `replay` and `inspect` take those
-that the user does not give: the aircraft, the reading options, the limit.
-
-Flights of a season set aside on disk: a search looks at one of them at a time.
+`monitor` writes its options as JSON beside the .tlog when it begins to record. `report`, `replay`
+and `inspect` take those that the user does not give: the aircraft, the reading options, the limit.
 """
 
 from __future__ import annotations
 
 import json
-import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import (
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
+from thrustmargin.gcs_plugin.commands.shared.reading import (
     AS_HEARD,
     ReadingOptions,
     reading_keywords,
 )
-from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
 from thrustmargin.models.errors import DataError, ThrustMarginError
-from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.whole_file import regular
 
@@ -202,34 +196,3 @@ def _options_of(log: Path) -> Chosen:
             "the options yourself"
         ) from error
     return made
-
-
-class TracksOnDisk(Sequence[FlightTrack]):
-    """Tracks in files of a folder, each read again whenever it is looked at.
-
-    The folder is the caller's, and private to it: files are pickles of what this process wrote.
-    """
-
-    def __init__(self, folder: Path, files: Sequence[Path] = ()) -> None:
-        self.folder, self.files = folder, list(files)
-
-    def append(self, track: FlightTrack) -> None:
-        """One more track, which need not be held any longer."""
-        file = self.folder / f"{len(list(self.folder.iterdir()))}.track"
-        file.write_bytes(pickle.dumps(track, protocol=pickle.HIGHEST_PROTOCOL))
-        self.files.append(file)
-
-    def __add__(self, other: TracksOnDisk) -> TracksOnDisk:
-        return TracksOnDisk(self.folder, [*self.files, *other.files])
-
-    def __len__(self) -> int:
-        return len(self.files)
-
-    @overload
-    def __getitem__(self, which: int) -> FlightTrack: ...
-    @overload
-    def __getitem__(self, which: slice) -> TracksOnDisk: ...
-    def __getitem__(self, which: int | slice) -> FlightTrack | TracksOnDisk:
-        if isinstance(which, slice):
-            return TracksOnDisk(self.folder, self.files[which])
-        return pickle.loads(self.files[which].read_bytes())

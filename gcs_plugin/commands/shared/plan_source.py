@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError
 from thrustmargin.mission import plan as plan_files
 from thrustmargin.mission.plan_items import (
     FIRMWARE_ARDUPILOT,
@@ -24,6 +26,7 @@ from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.plan_flight import PlanConditions
+    from thrustmargin.mission.steps import PumpOutput
 
 _ENDINGS = (".plan", ".mission", ".waypoints")
 #: What `cover` reads.
@@ -171,4 +174,22 @@ def plan_of_waypoints(waypoints: Sequence[PlanItem], *, autopilot: str, source: 
         home_first=autopilot == "ArduPilot",
         firmware=_FIRMWARE.get(autopilot, FIRMWARE_GENERIC),
         source=source,
+    )
+
+
+def pump_of(words: str) -> PumpOutput:
+    """The pump's output in `sprayer`, `servo:9:1900:1100` or `relay:0`; else UsageError."""
+    from thrustmargin.mission.steps import PumpOutput
+
+    if words == "sprayer":
+        return PumpOutput()
+    if found := re.fullmatch(r"relay:(\d{1,2})", words):
+        return PumpOutput(relay=int(found[1]))
+    if found := re.fullmatch(r"servo:(\d{1,2}):(\d{3,4}):(\d{3,4})", words):
+        output, on, off = map(int, found.groups())
+        if 1 <= output <= 32 and on != off:
+            return PumpOutput(servo=output, on_us=float(on), off_us=float(off))
+    raise UsageError(
+        f"--pump {words!r:.40} is none of sprayer, servo:NUMBER:ON:OFF (such as "
+        "servo:9:1900:1100) and relay:NUMBER"
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +29,7 @@ class Day:
     temperature_c: float  # of the air
     altitude: float  # m AMSL of the field
     voltage: float  # V of the battery under load
-    airspeed: float  # m/s into the wind
+    airspeed: float  # m/s into the wind; NaN where the fill does not depend on it
 
     @property
     def words(self) -> str:
@@ -131,14 +132,16 @@ def conditions(table: FillTable) -> list[str]:
     """What the recommendation holds for, a sentence each."""
     airframe = table.model.airframe
     sure = how_sure(table.fill)
+    drag_unknown = table.model.network is None and table.day.airspeed > 0.0
+    day = replace(table.day, airspeed=math.nan) if drag_unknown else table.day
     remarks = [
-        say("For {day}.", day=table.day.words),
+        say("For {day}.", day=day.words),
         *([f"{sure[:1].upper()}{sure[1:]}."] if sure else []),
         words.fill_limit(table.limit, rotor_lost=table.rotor_lost),
         say(words.NOTHING_KEPT_BACK),
         f"{say('Model')}: {table.model.description}.",
     ]
-    if table.model.network is None and table.day.airspeed > 0.0:
+    if drag_unknown:
         remarks.append(say(words.NO_AIRSPEED_LEARNT))
     if not np.isfinite(airframe.max_takeoff_mass):
         remarks.append(say(words.NO_MAKERS_LIMIT))

@@ -28,8 +28,8 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text, software_version
-from thrustmargin.gcs_plugin.wording.plans import forecast_words as words
-from thrustmargin.gcs_plugin.wording.plans.forecast_words import (
+from thrustmargin.gcs_plugin.wording import forecast_words as words
+from thrustmargin.gcs_plugin.wording.forecast_words import (
     assumed_words,
     gate_limit,
     gate_sag,
@@ -130,7 +130,7 @@ def csv_text(made: PlanForecast) -> str:
 ZERO_CELSIUS = 273.15  # K
 CELSIUS = np.arange(-10.0, 51.0, 5.0)
 AT_REST = np.arange(3.6, 4.21, 0.05)  # V a cell
-SCRIPTS = "thrustmargin.gcs_plugin"
+SCRIPTS = "thrustmargin.gcs_plugin.reports.forecast"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -211,7 +211,7 @@ def gate_text(
     standard = float(isa_temperature(pressure_altitude(card.pressure)))
     air = (air_temperature if stated else standard) - ZERO_CELSIUS
     template = jinja2.Template(
-        (resources.files(SCRIPTS) / "on_vehicle" / "fill_gate.lua").read_text(encoding="utf-8"),
+        (resources.files(SCRIPTS) / "fill_gate.lua").read_text(encoding="utf-8"),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         keep_trailing_newline=True,

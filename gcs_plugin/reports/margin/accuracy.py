@@ -16,8 +16,8 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, JsonObject, RotorAccuracy
 from thrustmargin.gcs_plugin.wording import report_words as words
+from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_things
 from thrustmargin.models import scores
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.flight import Floats

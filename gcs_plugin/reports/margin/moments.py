@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.flight_words import NAMES_WRONG
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
-from thrustmargin.gcs_plugin.wording.plans.plan_words import beside_words
+from thrustmargin.gcs_plugin.wording.plan_words import beside_words
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.mission.forecast.plan_flight import PlanConditions
 from thrustmargin.mission.plan_items import MissionPlan

@@ -118,7 +118,7 @@ class PageState:
             "planned": planned,
             "timeline": list(timeline),
             "spoken": "" if spoken() == LANGUAGES[0] else spoken(),
-            "catalogues": {one: words.catalogue(one) for one in LANGUAGES},
+            "catalogues": {one: words.page_words(one) for one in LANGUAGES},
         }
         files = resources.files("thrustmargin.gcs_plugin.view.figures")
         parts = ("software_drawing.html", "screen_style.html", "screen.html")

@@ -14,8 +14,8 @@ import numpy as np
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording.alarm_words import SPINS
+from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.gcs_plugin.wording.language import clock
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_things
 from thrustmargin.gcs_plugin.wording.palette import ColourScale
 from thrustmargin.mission.route import Worst
 from thrustmargin.models.errors import DataError
@@ -102,7 +102,7 @@ def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, .
         replace(left, note=words.PLANNED),
         replace(redundancy, note=f"{SPINS}, {words.PLANNED}"),
         Overlay(
-            name=words.TANK,
+            name=words.TANK_SHOWN,
             values=tank,
             scale=colours.tank_scale(float(np.nanmax(tank, initial=0.0))),
             worst="max",

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from thrustmargin.gcs_plugin.live import small_server
-from thrustmargin.gcs_plugin.live.metrics.collector import MetricsServer
+from thrustmargin.gcs_plugin.live.collector import MetricsServer
 from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.live.small_server import SmallServer
 

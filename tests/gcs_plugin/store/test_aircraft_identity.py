@@ -8,10 +8,10 @@ import pytest
 
 from tests.gcs_plugin.logs.log_files import other_flight
 from tests.import_graph import ROOT
-from thrustmargin.gcs_plugin.commands.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.mavlink.frame import checksum_rows
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.store.season_store import aircraft_identity, firmware
 
 TLOG = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"

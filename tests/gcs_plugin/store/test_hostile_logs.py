@@ -10,7 +10,7 @@ import pytest
 from tests.gcs_plugin.logs.log_files import UlogWriter
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.season.ingest import find_logs
+from thrustmargin.gcs_plugin.office.season.ingest import find_logs
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 
 NO_FILE = "it is no file: a link to nothing, a pipe or a device"

@@ -15,7 +15,7 @@ import pytest
 
 from tests.gcs_plugin.store.season import content, files, log_files, small_flight, stage_number
 from tests.import_graph import ROOT
-from thrustmargin.gcs_plugin.commands.season.ingest import local_processes
+from thrustmargin.gcs_plugin.office.season.ingest import local_processes
 from thrustmargin.gcs_plugin.store.ingest_run import (
     IngestOutcome,
     LogSource,

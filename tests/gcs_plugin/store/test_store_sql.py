@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.gcs_plugin.reports.fleet.made_store import empty_store
+from tests.gcs_plugin.office.season.made_store import empty_store
 from thrustmargin.gcs_plugin.store.season_store import query
 from thrustmargin.models.errors import DataError
 

@@ -8,7 +8,7 @@ import pytest
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.view.replay_view import planned_view
 from thrustmargin.gcs_plugin.view.scene.overlays import planned_overlays
-from thrustmargin.gcs_plugin.wording.plans.forecast_words import verdict
+from thrustmargin.gcs_plugin.wording.forecast_words import verdict
 from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import load_model
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from thrustmargin.gcs_plugin.wording import actions, alarm_words
+from thrustmargin.gcs_plugin.office.season import fleet_words
+from thrustmargin.gcs_plugin.wording import actions, alarm_words, effect_sentences
 from thrustmargin.gcs_plugin.wording.actions import Action, When
-from thrustmargin.gcs_plugin.wording.loop import effect_sentences, fleet_words
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
 from thrustmargin.models.model.rotor_faults import RotorFault

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from thrustmargin.gcs_plugin.wording.live_words import catalogue
+from thrustmargin.gcs_plugin.wording.live_words import page_words
 
 LANGUAGES = ("en", "de")
 ROOT = Path(__file__).parents[3] / "gcs_plugin"
@@ -22,21 +22,20 @@ def placeholders(text: str) -> set[str]:
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_a_translation_has_the_same_keys_and_placeholders(language: str):
-    english, other = catalogue("en"), catalogue(language)
+    english, other = page_words("en"), page_words(language)
     for part in ("words", "names"):
         assert list(other[part]) == list(english[part])
         for key, text in english[part].items():
             assert placeholders(other[part][key]) == placeholders(text), key
             assert other[part][key].strip()
-    assert other["language"]["code"] == language
     # It is one: what is the same in both is a name or a number.
     same = [key for key, text in english["words"].items() if other["words"][key] == text]
     assert len(same) < 0.2 * len(english["words"]), same
 
 
 def test_every_file_of_a_language_is_offered():
-    files = sorted(path.stem.removeprefix("catalogue_") for path in ROOT.rglob("catalogue_*.toml"))
-    assert files == sorted(LANGUAGES)
+    files = sorted(path.stem for path in ROOT.rglob("*.po"))
+    assert files == sorted(OTHERS)
 
 
 def test_the_page_asks_for_words_that_are_there_and_all_are_asked_for():
@@ -45,7 +44,7 @@ def test_the_page_asks_for_words_that_are_there_and_all_are_asked_for():
     asked |= set(re.findall(r'"(\w+_rpm)"', PAGE)) | set(
         re.findall(r'\["tm[\w-]*", "(\w+)"\]', PAGE)
     )
-    there = set(catalogue("en")["words"])
+    there = set(page_words("en")["words"])
     assert set(re.findall(r"\bwords\.(\w+)", PAGE)) <= there
     assert set(re.findall(r'\bsay\(\s*"(\w+)"', PAGE)) <= there
     assert there - asked <= BY_CODE, there - asked - BY_CODE

@@ -39,11 +39,14 @@ WORDING = Path(alarm_words.__file__).parent
 #: Modules all of whose sentences a pilot can meet: alarms, answer, fill, report, plan, season.
 MODULES = (
     *("alarm_words", "advice_words", "answer", "fill_words"),
-    *("report_words", "margin_verdict", "flight_words", "loop/fleet_words"),
-    *("plans/forecast_words", "plans/plan_words"),
+    *("report_words", "margin_verdict", "flight_words"),
+    *("forecast_words", "plan_words", "../office/season/fleet_words"),
 )
 #: Pages that a pilot reads. That of `identify` is for engineers, and English.
-PAGES = ("margin", "fill", "forecast", "fleet", "shared")
+PAGES = (
+    *("reports/margin", "reports/fill", "reports/forecast", "reports/shared"),
+    "office/season",
+)
 #: Tags, values and units in the text of a template are no words of it.
 NO_WORDS = re.compile(r"<[^>]*>?|[^<]*>|thrustmargin|DOCTYPE|doctype|html")
 OTHERS = [language for language in LANGUAGES if language != "en"]
@@ -87,9 +90,7 @@ def asked_for() -> set[str]:
 
 
 def templates() -> list[nodes.Template]:
-    files = [
-        f for page in PAGES for f in sorted((WORDING.parent / "reports" / page).glob("*.html"))
-    ]
+    files = [f for page in PAGES for f in sorted((WORDING.parent / page).glob("*.html"))]
     return [Environment().parse(file.read_text("utf-8")) for file in files]
 
 

@@ -22,11 +22,14 @@ SENTENCE = re.compile(r"[A-Za-z'°]+,? [a-z']+,? [A-Za-z']+")
 ALLOWED = {
     "gcs_plugin/reports/margin/csv_rows.py": "names of columns, which are the file's format",
     "gcs_plugin/mavproxy_worker.py": "lines of MAVProxy's console, in its own syntax",
-    "gcs_plugin/live/metrics/collector.py": "what each metric is, which is the format's",
+    "gcs_plugin/live/collector.py": "what each metric is, which is the format's",
     "gcs_plugin/live/small_server.py": "refusals of strangers and of a port",
     "gcs_plugin/view/page/view_page.py": "where the page is, for who started it",
     "gcs_plugin/view/page/guard.py": "the door before the page, and refusals",
 }
+
+#: Files of sentences in an extra.
+SPOKEN = "*/*_words.py"
 
 #: The terminal's style; the text of an object, for programmers.
 NO_SENTENCES = ("bold white on red", "Update(vehicle {}, margin by rotor {} %, {})")
@@ -73,17 +76,19 @@ def outside() -> list[str]:
 
 
 def listed() -> str:
-    """All texts of wording/ of two words and more, module by module."""
+    """All texts of two words and more of wording/ and of the words of extras, module by module."""
     lines = []
-    for path in sorted(WORDING.rglob("*.py"), key=lambda path: path.stem):
+    extras = ROOT / "gcs_plugin"
+    of_extras = [p for door in ("office", "workshop") for p in (extras / door).glob(SPOKEN)]
+    for path in sorted([*WORDING.glob("*.py"), *of_extras], key=lambda path: path.stem):
         texts = dict.fromkeys(
             " ".join(text.split())
             for text in sentences(path.read_text("utf-8"))
             if re.search(r"[A-Za-z]{2,}[^A-Za-z]* [^A-Za-z]*[A-Za-z]{2,}", text)
         )
         lines += [f"# {path.stem}", *texts, ""]
-    english = tomllib.loads((WORDING / "catalogue_en.toml").read_text("utf-8"))
-    lines += ["# catalogue_en", *dict.fromkeys(english["words"].values()), ""]
+    english = tomllib.loads((WORDING / "page_words.toml").read_text("utf-8"))
+    lines += ["# page_words", *dict.fromkeys(english["words"].values()), ""]
     return "\n".join(lines)
 
 

@@ -31,7 +31,7 @@ def used(pid: int) -> tuple[float, float]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_one_aircraft_on_board(benchmark, tmp_path):
-    dockerfile = (ROOT / "gcs_plugin/companion/Dockerfile").read_text("utf-8")
+    dockerfile = (ROOT / "gcs_plugin/office/stations/companion/Dockerfile").read_text("utf-8")
     words = json.loads(re.search(r"^CMD (\[.*\])$", dockerfile, re.M)[1])  # type: ignore[index]
     words[words.index("--record") + 1] = str(tmp_path)
     words[words.index("--bar") + 1] = str(free_port())

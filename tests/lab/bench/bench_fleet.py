@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from tests.gcs_plugin.reports.fleet.made_store import flight_row
+from tests.gcs_plugin.office.season.made_store import flight_row
 from tests.models.identification.season.made_seasons import LOSS_2, good_sums, wear, with_change
 from thrustmargin.gcs_plugin.store.schema import table_schema
 from thrustmargin.gcs_plugin.store.season_store import array_cells

@@ -24,8 +24,8 @@ from tests.models.identification.season.made_seasons import (
     wear,
     with_change,
 )
-from thrustmargin.gcs_plugin.commands.season.season_flight import battery_resistance
-from thrustmargin.gcs_plugin.reports.fleet.part_history import resistance
+from thrustmargin.gcs_plugin.office.season.part_history import resistance
+from thrustmargin.gcs_plugin.office.season.season_flight import battery_resistance
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.flight_sums import season_sums

@@ -20,15 +20,15 @@ from tests.gcs_plugin.logs.test_ulog import px4_log
 from tests.lab.fuzz.live_link import watched
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
+from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions
 from thrustmargin.gcs_plugin.link.signing import read_signing_key
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.bench_table import read_bench
 from thrustmargin.gcs_plugin.logs.csv_table import stated_columns, unit_of_column
 from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
-from thrustmargin.gcs_plugin.reports.fleet.parts import read_parts
-from thrustmargin.mission.coverage.field_file import read_field
+from thrustmargin.gcs_plugin.office.season.parts import read_parts
+from thrustmargin.mission.field_file import read_field
 from thrustmargin.mission.plan import write_plan
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import METADATA_KEY, load_model, save_model

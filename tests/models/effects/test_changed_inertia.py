@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flight, table
-from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_sentence
+from thrustmargin.gcs_plugin.wording.effect_sentences import effect_sentence
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Effect, Values
 from thrustmargin.models.effects.stored import EffectRecord, Identified

@@ -91,6 +91,17 @@ def test_no_thrust_left_comes_before_what_the_load_makes(sound):
     assert levels(replace(sound, utilisation=use)) == (FlightLevel.NO_THRUST, FlightLevel.UNDER)
 
 
+@pytest.mark.parametrize(("share", "left"), [(0.75, True), (0.97, False), (1.2, False)])
+def test_speeds_alone_are_no_emergency_where_outputs_ask_for_less(sound, share, left):
+    """Outputs that make 0.75 times the thrust of the speeds: 0.97 in use would be 0.73."""
+    rows = sound.track.flying & (sound.track.time_s > 60.0) & (sound.track.time_s < 63.0)
+    use = np.where(rows[:, None], 0.97, sound.utilisation)
+    assert sound.claim.outputs is not None
+    outputs = replace(sound.claim.outputs, over_speeds=np.log(share), error=0.1, shows=0.05)
+    made = replace(sound, utilisation=use, claim=replace(sound.claim, outputs=outputs))
+    assert (FlightLevel.NO_THRUST not in levels(made)) is left
+
+
 def test_a_battery_that_collapses_comes_before_that(sound):
     track = sound.track
     low = track.flying & (track.time_s > 100.0) & (track.time_s < 105.0)

@@ -66,6 +66,20 @@ def test_where_another_output_is_raised_instead_it_is_one_of_the_two():
     assert judged(noisy, fault(rotor=1))[0].rotors == (0, 1)
 
 
+def test_one_of_two_stays_so_where_later_rows_do_not_show_the_fault():
+    """Speeds in coarse steps stay between two of them: their median then shows nothing."""
+    witness = OutputWitness(ROTORS)
+    swapped = signals([0.0, 0.12, 0.0, 0.0], [0.09, 0.0, 0.0, 0.0])
+    between = signals([0.0, 0.01, 0.0, 0.0], [0.09, 0.0, 0.0, 0.0], seconds=60.0)
+    between[:, 0] += 30.0
+    for rows in (swapped, between):
+        for row in rows:
+            witness.add(row)
+        assert witness.assessed([fault(rotor=1, size=0.12)])[0].rotors == (0, 1)
+    # Of a fault that is more than twice as large they have shown nothing.
+    assert witness.assessed([fault(rotor=1, size=0.3)]) == (fault(rotor=1, size=0.3),)
+
+
 def test_a_step_in_flight_is_judged_by_the_rows_since_and_is_no_escs():
     """Poles stay as many: what begins in flight is a part, whatever outputs that lag say."""
     before = signals([0.0] * 4, [0.0] * 4, seconds=27.0)
@@ -83,6 +97,29 @@ def test_a_step_in_flight_is_judged_by_the_rows_since_and_is_no_escs():
     swapped = signals([0.0, 0.12, 0.0, 0.0], [0.09, 0.0, 0.0, 0.0], seconds=3.0)
     swapped[:, 0] += 27.0
     assert judged((*before, *swapped), fault(rotor=1, size=0.12))[0].rotors == (0, 1)
+
+
+def test_an_esc_that_reads_high_all_flight_stays_one_while_wind_moves_speed_and_output():
+    """The model's error is of speed and output alike: half a minute of it is not the flight."""
+    witness, named = OutputWitness(ROTORS), []
+    for k, error in enumerate([0.0, -0.04, 0.0, 0.04, 0.05, 0.0]):
+        output = [error, -error, 0.0, 0.0]
+        rows = signals([0.08 + error, -error, 0.0, 0.0], output, noise=0.05, seed=k)
+        rows[:, 0] += 30.0 * k
+        for row in rows:
+            witness.add(row)
+            if row[0] > 10.0 and int(row[0] * 10) % 70 == 0:
+                named += witness.assessed([fault()])
+    assert named == []
+    worn = signals([0.24, 0.0, 0.0, 0.0], [0.11, 0.0, 0.0, 0.0])  # its propeller wears as well
+    worn[:, 0] += 180.0
+    for row in worn:
+        witness.add(row)
+    assert witness.assessed([fault(size=0.22)]) == (fault(size=0.22),)
+    witness.forget()
+    for row in signals([0.08, 0.0, 0.0, 0.0], [0.06, 0.0, 0.0, 0.0]):
+        witness.add(row)
+    assert witness.assessed([fault()]) == (fault(),)
 
 
 def test_without_outputs_nothing_tells_a_propeller_from_its_esc():

@@ -31,12 +31,14 @@ BLOCK = 0.7  # s
 ROTOR_3 = loss_steps(MODEL)[0][2] @ MODES
 
 
-def moved(*modes: np.ndarray | float, seconds: float = 300.0, seed: int = 0) -> RotorFault | None:
+def moved(
+    *modes: np.ndarray | float, seconds: float = 300.0, seed: int = 0, coarse: float = 0.0
+) -> RotorFault | None:
     """What stands after a flight whose four modes drift evenly by so much from 20 s to 200 s."""
     test, rng = rotor_fade(MODEL, MODES), np.random.default_rng(seed)
     for time_s in np.arange(0.0, seconds, BLOCK):
         share = min(max((time_s - 20.0) / 180.0, 0.0), 1.0)
-        test.add(float(time_s), share * np.array(modes) + 0.01 * rng.standard_normal(4))
+        test.add(float(time_s), share * np.array(modes) + 0.01 * rng.standard_normal(4), coarse)
     return test.current
 
 
@@ -53,6 +55,12 @@ def test_a_rotor_that_fades_in_three_minutes_is_named_with_an_interval_that_hold
     assert (fault.kind, fault.rotor, fault.evidence, fault.rotors) == ("propeller", 2, "fade", ())
     assert fault.lower <= loss <= fault.upper
     assert fault.size == pytest.approx(loss, rel=0.25)
+
+
+@pytest.mark.parametrize(("loss", "coarse", "named"), [(0.17, 0.07, False), (0.17, 0.004, True)])
+def test_speeds_in_steps_name_no_rotor_by_less_than_a_step(loss, coarse, named):
+    """Of steps of 250 rpm at 2,000 one reading is 7 % of thrust off, for as long as it stays."""
+    assert (moved(*of_loss(loss), coarse=coarse) is not None) is named
 
 
 @pytest.mark.parametrize("seed", range(6))

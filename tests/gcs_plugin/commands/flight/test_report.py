@@ -137,7 +137,7 @@ def test_a_flight_of_another_aircraft_has_no_verdict_but_its_reason_and_what_hel
     airframe, tmp_path, capsys
 ):
     out = tmp_path / "r.html"
-    assert run(["report", str(LOG), "--airframe", airframe, "--out", str(out)]) == 0
+    assert run(["report", str(LOG), "--airframe", airframe, "--out", str(out)]) == 1
     said = capsys.readouterr().out
     assert f"{LOG.name}: NO VERDICT" in said
     assert f"thrustmargin airframe new --from {LOG}" in said

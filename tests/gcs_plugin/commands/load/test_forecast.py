@@ -218,11 +218,22 @@ def test_an_airframe_that_the_last_flight_speaks_against_gets_no_verdict(
     other.write_text("[[rotors]]".join([head, left, right, *rest]).replace("f16", "other"))
     log = sitl_logs / "dev/worn_prop_1.tlog"
     page = tmp_path / "page.html"
-    _, out, _ = said(capsys, log, "--fill", "8", "--airframe", other, "--out", page)
+    code, out, _ = said(capsys, log, "--fill", "8", "--airframe", other, "--out", page)
+    assert code == 1
     assert out.startswith("NO VERDICT: the flight in this log does not fit the airframe\n")
     assert "Largest fill unknown." in out
+    assert "Whether a lost rotor is survivable is unknown." in out
     assert "its last flight speaks against that: FRAME_CLASS 1" in out
     assert "TAKE OFF" not in page.read_text()
+
+
+def test_an_aircraft_that_its_log_does_not_show_is_said_with_what_it_lacks(tmp_path, capsys):
+    flown = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
+    bare = without(flown, tmp_path / "speeds.tlog", "ESC_TELEMETRY_1_TO_4")
+    log = without(bare, tmp_path / "bare.tlog", "SERVO_OUTPUT_RAW")
+    code, out, _ = said(capsys, log, "--fill", "4")
+    assert code == 1
+    assert "its last flight speaks against that: the flight is not recognised as one of" in out
 
 
 def test_the_mission_of_a_flight_with_motors_in_another_order_may_not_take_off(

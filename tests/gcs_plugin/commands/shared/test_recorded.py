@@ -10,7 +10,7 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import first_part
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError
 

@@ -11,8 +11,8 @@ from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import esc, saturation
 from thrustmargin.gcs_plugin.live.announce import figures
+from thrustmargin.gcs_plugin.live.collector import _of_rotors
 from thrustmargin.gcs_plugin.live.console import numbers
-from thrustmargin.gcs_plugin.live.metrics.collector import _of_rotors
 from thrustmargin.gcs_plugin.live.watch import airframe_watch
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings

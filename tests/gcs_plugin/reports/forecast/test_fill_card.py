@@ -205,7 +205,7 @@ TAKEN = {*range(1, 94), *range(101, 118), *range(135, 140), *range(193, 201)}
 
 
 def test_the_parameters_of_both_scripts_have_keys_that_no_script_of_ardupilot_has(made):
-    sender = (ROOT / "gcs_plugin/on_vehicle/margin_inputs.lua").read_text("utf-8")
+    sender = (ROOT / "gcs_plugin/office/stations/on_vehicle/margin_inputs.lua").read_text("utf-8")
     texts = gate_text(made, BY_HAND, plan="x", refuse=True), sender
     keys = [int(re.findall(r"^local KEY = (\d+)$", text, re.MULTILINE)[0]) for text in texts]
     assert len({*keys}) == 2

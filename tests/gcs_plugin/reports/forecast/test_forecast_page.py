@@ -17,7 +17,7 @@ from pypdf import PdfReader
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.reports.forecast.forecast_page import hardest, html_text, pdf_bytes
 from thrustmargin.gcs_plugin.reports.shared.plot_style import milliseconds
-from thrustmargin.gcs_plugin.wording.plans.forecast_words import verdict
+from thrustmargin.gcs_plugin.wording.forecast_words import verdict
 from thrustmargin.mission.forecast.plan_forecast import forecast
 from thrustmargin.models.model.model_file import load_model
 

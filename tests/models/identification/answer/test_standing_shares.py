@@ -7,7 +7,7 @@ import pytest
 
 from tests.made_sources import FROM_OUTPUTS
 from tests.models.made_flights import curve_model, made_flight
-from thrustmargin.gcs_plugin.wording.loop.identify_answer import nothing, standing_words
+from thrustmargin.gcs_plugin.workshop.identify.identify_words import nothing, standing_words
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.compose import rotor_speed_rpm

@@ -7,7 +7,7 @@ import pytest
 
 from tests.made_sources import FROM_OUTPUTS, sent
 from tests.models.made_flights import curve_model, made_flight, table
-from thrustmargin.gcs_plugin.wording.loop.identify_answer import nothing, open_questions
+from thrustmargin.gcs_plugin.workshop.identify.identify_words import nothing, open_questions
 from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError

@@ -1,1 +1,0 @@
-"""Commands of the residual loop: a model from flights, and what it lacks."""

@@ -1,1 +1,0 @@
-"""Commands on the flights of many aircraft over a season."""

@@ -1,1 +1,0 @@
-"""What the monitor finds out, as metrics that Prometheus collects and Grafana draws."""

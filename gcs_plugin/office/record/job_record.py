@@ -1,0 +1,302 @@
+"""The record of a job as data: every field with its value, its unit and where it comes from."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, tzinfo
+from enum import StrEnum
+from functools import cache, partial
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.office.record.applied import Applied, Liquid, differences
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, utc_text
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.mission.outline import FieldOutline
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.json_values import to_json_values
+from thrustmargin.models.provenance import Meaning, SourceKind
+
+
+@dataclass(frozen=True, slots=True)
+class RuleItem:
+    """One thing that a rule asks for, the fields that answer it, and when it is due at all."""
+
+    asks: str
+    fields: Sequence[str]
+    when: str = ""  # empty: always
+
+
+@dataclass(frozen=True, slots=True)
+class JobRule:
+    """One rule: its title, how long its record is kept, and within how many hours it is due."""
+
+    name: str
+    title: str
+    keep: str
+    items: tuple[RuleItem, ...]
+    due_hours: int | None = None
+
+
+@cache
+def job_rules() -> Mapping[str, JobRule]:
+    """Name of each rule -> the rule."""
+    text = (resources.files(__package__ or "") / "rules.toml").read_text("utf-8")
+    found = {}
+    for name, rule in tomllib.loads(text).items():
+        items = tuple(RuleItem(**item) for item in rule.pop("items"))
+        found[name] = JobRule(name=name, items=items, **rule)
+    return found
+
+
+def open_items(rule: JobRule, known: Collection[str]) -> list[dict[str, Any]]:
+    """The rule's items that the `known` fields do not answer: what, which fields, and when due."""
+    return [
+        {"asks": item.asks, "fields": lacking, "when": item.when}
+        for item in rule.items
+        if (lacking := [name for name in item.fields if name not in known])
+    ]
+
+
+def due_utc(rule: JobRule, finished: datetime | None) -> datetime | None:
+    """When the record of a job that finished then is due; None where the rule sets no time."""
+    if rule.due_hours is None or finished is None:
+        return None
+    return finished + timedelta(hours=rule.due_hours)
+
+
+def fields_asked(rules: Sequence[JobRule]) -> tuple[str, ...]:
+    """Fields that the rules ask for without a condition, each once, in their order."""
+    asked = [f for rule in rules for item in rule.items if not item.when for f in item.fields]
+    return tuple(dict.fromkeys(asked))
+
+
+SCHEMA = "thrustmargin.record/1"
+HECTARE = 10_000.0  # m²
+
+
+class EntrySource(StrEnum):
+    """Where a field of the record comes from."""
+
+    OPTION = "option"  # of the command line
+    TERMINAL = "terminal"  # asked and answered
+    LOG = "log"
+    COMPUTED = "computed"  # from other fields
+    FILE = "file"  # of the field
+    COMPUTER = "computer"  # its clock and zone
+    FORECAST = "forecast"
+    STATION = "weather station"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One field that is known."""
+
+    value: Any
+    unit: str = ""
+    source: EntrySource
+    detail: str = ""  # the option, message or method
+
+
+_of_log = partial(Entry, source=EntrySource.LOG)
+_computed = partial(Entry, source=EntrySource.COMPUTED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobRecord:
+    """The whole record; what is not in `fields` is not known."""
+
+    made_utc: str
+    fields: Mapping[str, Entry]
+    liquid: tuple[Liquid, ...]
+    rules: tuple[JobRule, ...]
+    logs: tuple[str, ...]
+    left_out: tuple[UnusedLog, ...] = ()  # logs and vehicles that are no part of it, and why
+    finished: datetime | None
+
+    def as_json(self) -> dict[str, Any]:
+        """The record as JSON values, schema "thrustmargin.record/1"."""
+        return {
+            "schema": SCHEMA,
+            "made_utc": self.made_utc,
+            "version": software_version(),
+            "logs": list(self.logs),
+            "left_out": to_json_values(self.left_out),
+            "fields": {name: to_json_values(entry) for name, entry in self.fields.items()},
+            "liquid": {
+                "estimates": to_json_values(self.liquid),
+                "differences": differences(self.liquid),
+            },
+            "rules": [
+                {
+                    "rule": rule.name,
+                    "title": rule.title,
+                    "keep": rule.keep,
+                    "due_utc": due and utc_text(due),
+                    "late": due is not None and datetime.fromisoformat(self.made_utc) > due,
+                    "missing": open_items(rule, self.fields.keys()),
+                }
+                for rule in self.rules
+                for due in [due_utc(rule, self.finished)]
+            ],
+        }
+
+
+def from_logs(
+    logs: Sequence[FlightLog], done: Applied | None, zone: tzinfo | None
+) -> dict[str, Entry]:
+    """What the logs know: times, place, wind, the area treated.
+
+    Local times are in `zone`, that of this computer without one; each states its offset.
+    """
+    found: dict[str, Entry] = {}
+    if done is not None and done.start_unix_s is not None and done.end_unix_s is not None:
+        words = f"pump on: {done.pump.words}"
+        first, last = (datetime.fromtimestamp(s, UTC) for s in (done.start_unix_s, done.end_unix_s))
+        for name, when in (("start", first), ("finish", last)):
+            local = when.astimezone(zone)
+            at = EntrySource.COMPUTER if zone is None else EntrySource.OPTION
+            whose = "zone of this computer" if zone is None else f"option --zone {zone}"
+            found[name] = _of_log(value=utc_text(when), detail=words)
+            stamp = local.isoformat(timespec="seconds")
+            found[f"{name}_local"] = Entry(value=stamp, source=at, detail=whose)
+        days = [when.astimezone(zone).date().isoformat() for when in (first, last)]
+        day = " to ".join(dict.fromkeys(days))
+        found["date"] = _of_log(value=day, detail=f"of start_local and finish_local; {words}")
+    if done is not None and np.isfinite(done.area):
+        how = "spacing of the lines" if done.swath_from_lines else "option --swath"
+        kind = EntrySource.LOG if done.swath_from_lines else EntrySource.OPTION
+        found["swath"] = Entry(value=done.field.swath_width, unit="m", source=kind, detail=how)
+        how = "track with the pump on by the swath; overlaps count once"
+        name = "area"
+        if not done.field.whole:
+            name, lost = "area_at_least", f"{done.field.lost_s:.0f} of {done.field.sprayed_s:.0f} s"
+            how += f"; no place or no word of the pump is known of {lost}"
+        found[name] = _computed(value=done.area / HECTARE, unit="ha", detail=how)
+    if done is not None and done.inside is not None:
+        found["location"] = _of_log(
+            value="{:.6f}, {:.6f}".format(*done.inside),
+            unit="° latitude, longitude, WGS 84",
+            detail="a point of the area treated; its outline: applied.geojson",
+        )
+    if (wind := _wind(logs, done)) is not None:
+        found["wind"] = wind
+    if (air := _temperature(logs)) is not None:
+        found["temperature"] = air
+    serials = sorted({log.hardware_id for log in logs if log.hardware_id})
+    if serials:
+        detail = "of the autopilot, not of the aircraft"
+        found["autopilot_serial"] = _of_log(value=", ".join(serials), detail=detail)
+    return found
+
+
+def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
+    """The autopilot's estimate, mean over the rows with the pump on, its most at the end."""
+    if done is None:
+        return None
+    parts = [log.track.wind_ned[(log.track.spraying > 0.5) & log.track.flying, :2] for log in logs]
+    wind = np.concatenate(parts)
+    wind = wind[np.all(np.isfinite(wind), axis=1)]
+    if not wind.size:
+        return None
+    north, east = wind.mean(axis=0)
+    most = float(np.hypot(*wind.T).max())
+    comes = float(np.degrees(np.arctan2(-east, -north)) % 360.0)
+    return _of_log(
+        value=f"{np.hypot(north, east):.1f} from {comes:.0f}°, at most {most:.1f}",
+        unit="m/s",
+        detail=f"estimated in flight: {logs[0].track.source('wind_ned').words}",
+    )
+
+
+def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
+    """Of a sensor of the outside air; that of the autopilot's board is none."""
+    for log in logs:
+        source = log.track.source("temperature")
+        outside = source.kind is not SourceKind.ABSENT and source.meaning is Meaning.AS_NAMED
+        kelvin = log.track.temperature[log.track.flying]
+        kelvin = kelvin[np.isfinite(kelvin)]
+        if outside and kelvin.size:
+            celsius = float(np.median(kelvin)) - 273.15
+            return _of_log(value=round(celsius, 1), unit="°C", detail=source.words)
+    return None
+
+
+def of_field(outline: FieldOutline, done: Applied | None) -> dict[str, Entry]:
+    """What the field's file adds: its area, and how much was treated outside.
+
+    Raises DataError where nothing in it was treated: it is then another field.
+    """
+    detail = outline.name
+    found = {
+        "field_area": Entry(
+            value=outline.area.area / HECTARE, unit="ha", source=EntrySource.FILE, detail=detail
+        )
+    }
+    if done is not None and done.ground is not None:
+        ground = outline.plane.to_plane(done.ground)
+        if not ground.is_empty and not ground.intersects(outline.area):
+            raise DataError(
+                f"--field {outline.name}: nothing in it was sprayed; give the field of this job"
+            )
+        outside = ground.difference(outline.area).area / HECTARE
+        how = "outline of the area treated, less the field"
+        found["area_outside_field"] = _computed(value=outside, unit="ha", detail=how)
+    return found
+
+
+ACRE = 4046.8564224  # m²
+#: A dose: a number without a mark between thousands, a unit, and the area.
+DOSE = re.compile(
+    r"\s*([0-9]{1,6}(?:[.,][0-9]{1,6})?)\s*(L|l|ml|mL|kg|g|gal|qt|pt|fl oz|lb|oz)\s*/"
+    r"\s*(ha|ac|acre)\s*"
+)
+THOUSANDS = re.compile(r"\s*[1-9][0-9]{0,2},[0-9]{3}[^0-9]")
+
+
+def of_product(rate: str, area_ha: float | None) -> dict[str, Entry]:
+    """How much of the product the stated dose makes on the area treated.
+
+    Raises DataError where the dose is none, or can be read as two.
+    """
+    found = DOSE.fullmatch(rate)
+    if found is None or not (dose := float(found[1].replace(",", "."))) > 0.0:
+        raise DataError(f"--rate {rate!r:.40} is no dose; give one such as 1.5 L/ha or 8 fl oz/ac")
+    if THOUSANDS.match(rate):
+        raise DataError(
+            f"--rate {rate!r:.40}: is its comma between thousands? Write it without, or with a "
+            "point for a fraction"
+        )
+    if area_ha is None:
+        return {}
+    amount = dose * (area_ha if found[3] == "ha" else area_ha * HECTARE / ACRE)
+    detail = f"{dose:g} {found[2]}/{found[3]} as stated, by the area treated"
+    return {"product_quantity": _computed(value=amount, unit=found[2], detail=detail)}
+
+
+def of_liquid(
+    found: Sequence[Liquid], density: float | None, area_ha: float | None
+) -> dict[str, Entry]:
+    """Quantity and spray volume by the first estimate, which is the most direct.
+
+    `density` is kg/L; without it litres are not known, and the quantity is in kg.
+    """
+    if not found:
+        return {}
+    first = found[0]
+    detail = f"by {first.by}: {first.source}"
+    made = {"quantity_kg": _of_log(value=first.kg, unit="kg", detail=detail)}
+    if density is None:
+        return {**made, "quantity": made["quantity_kg"]}
+    litres = first.kg / density
+    made["quantity"] = _computed(value=litres, unit="L", detail=f"{detail}; {density:g} kg/L")
+    if area_ha:
+        by = "quantity over area"
+        made["spray_volume"] = _computed(value=litres / area_ha, unit="L/ha", detail=by)
+    return made

@@ -1,0 +1,351 @@
+"""`thrustmargin record`: the record of a spraying job, from its logs and what its people state."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict, dataclass
+from datetime import datetime, tzinfo
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+from tyro.conf import Positional, UseAppendAction
+
+from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, analysed_flights
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.reports.shared.page_shell import utc_text
+from thrustmargin.models.errors import DataError, LogError
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.office.record.applied import Liquid
+    from thrustmargin.gcs_plugin.office.record.job_record import Entry
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.model.analysis import FlightAnalysis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobStatement:
+    """Of the job, what no log knows."""
+
+    product: str | None = None
+    """Full name of the product."""
+    registration: str | None = None
+    """Registration or authorisation number of the product."""
+    active: str | None = None
+    """Its active constituents."""
+    rate: str | None = None
+    """Dose with its unit, such as "1.5 L/ha" or "0.2 kg/ha"."""
+    crop: str | None = None
+    """Crop or situation."""
+    crop_code: str | None = None
+    """EPPO code of the crop."""
+    growth_stage: str | None = None
+    """Growth stage, BBCH."""
+    use_type: str | None = None
+    """Type of use, such as area."""
+    land_address: str | None = None
+    """Address of the land."""
+    customer: str | None = None
+    """Person for whom it was done: owner or occupier."""
+    customer_address: str | None = None
+    """Their address."""
+    customer_contact: str | None = None
+    """Their phone or e-mail."""
+    pilot: str | None = None
+    """Name of the pilot."""
+    pilot_address: str | None = None
+    """Their address."""
+    pilot_certificate: str | None = None
+    """Their certificate number."""
+    pilot_skill_date: str | None = None
+    """Date on which they passed the knowledge and skill test."""
+    aircraft_registration: str | None = None
+    """Registration mark of the aircraft."""
+    aircraft_serial: str | None = None
+    """Serial number of the aircraft."""
+    equipment: str | None = None
+    """Nozzles and other spray equipment, with what reduces drift."""
+    wind: str | None = None
+    """Wind, such as "3 m/s from 240"; without it the autopilot's estimate."""
+    humidity: str | None = None
+    """Relative humidity, %."""
+    inversion: str | None = None
+    """Temperature inversion: yes or no."""
+    permit: str | None = None
+    """Number of the approved application plan or permit."""
+    planned_start: str | None = None
+    """When it was planned to start."""
+    flight_authorisation: str | None = None
+    """Number of the authorisation to fly."""
+    aerial_reason: str | None = None
+    """Why not from the ground."""
+
+
+Statement = Annotated[JobStatement, tyro.conf.OmitArgPrefixes]
+NOTHING = JobStatement()
+LONGEST = 1000  # letters of a field: a row of the table on paper
+_WEATHER = ("wind", "temperature", "humidity", "inversion")
+
+
+def record(
+    logs: Positional[
+        Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...", help_behavior_hint="")]
+    ],
+    *,
+    out: Path,
+    stated: Statement = NOTHING,
+    field: Path | None = None,
+    swath: float | None = None,
+    weather_source: Literal["stated", "station", "forecast"] = "stated",
+    zone: str | None = None,
+    rule: UseAppendAction[tuple[Literal["us", "eu", "uk", "nsw"], ...]] = (),
+    model: Path | None = None,
+    airframe: str | None = None,
+    reading: Reading = AS_HEARD,
+) -> int:
+    """Write the record of a spraying job: what, where, how much, when, by whom.
+
+    Each field has its source. On a terminal it asks for what the rules ask for and nothing says;
+    else it is listed as missing. Nothing is guessed.
+
+    Example: thrustmargin record demo --product Water --rate "20 L/ha" --rule nsw --out job
+
+    Args:
+        logs: Flights of the job: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders.
+        out: Folder for record.json, .csv and .pdf, applied.geojson and applied.shp.
+        stated: Of the job, what no log knows.
+        field: Outline of the field: KML, KMZ, GeoJSON, shapefile or ISOXML.
+        swath: m that a pass treats; without it the spacing of neighbouring lines.
+        weather_source: Where the stated weather comes from.
+        zone: Zone of local times, such as Europe/Berlin; without it that of this computer.
+        rule: us (14 CFR 137.71), eu (2023/564), uk (plan before aerial spraying), nsw (within 48
+            hours); may be given again; all without it.
+        model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
+            that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
+            model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
+        reading: How the logs are read.
+    """
+    from thrustmargin.gcs_plugin.office.record.applied import applied
+    from thrustmargin.gcs_plugin.office.record.job_record import (
+        Entry,
+        EntrySource,
+        JobRecord,
+        fields_asked,
+        from_logs,
+        job_rules,
+        of_field,
+        of_liquid,
+        of_product,
+    )
+    from thrustmargin.gcs_plugin.office.record.record_files import makes_shapefiles, write_record
+    from thrustmargin.gcs_plugin.office.record.record_words import (
+        NO_SHAPEFILE,
+        liquid_words,
+        missing_words,
+    )
+    from thrustmargin.mission.field_file import read_field
+
+    if swath is not None and not 0.1 <= swath <= 100.0:
+        raise UsageError(f"--swath {swath:g} m is not between 0.1 and 100 m")
+    local = zone_of(zone)
+    given = _stated_fields(stated, reading.air_temperature_c, weather_source)
+    if stated.rate is not None:
+        of_product(stated.rate, None)  # before any work is done
+    logs = require_logs(logs)
+    if out.exists() and not out.is_dir():
+        raise DataError(f"{out} is a file; give a folder with --out")
+    outline = None if field is None else read_field(field)
+    console = Terminal(stderr=True, soft_wrap=True)
+    asked = Chosen(model=model, airframe=airframe, reading=reading)
+    flights, _, unread = analysed_flights(logs, asked, console)
+    flights, left_out = counted_once(flights)
+    sorties = [log for _, log in flights]
+    done = applied(sorties, swath)
+    amounts = liquids(flights)
+    density = common_density(flights)
+    fields = from_logs(sorties, done, local)
+    area = fields.get("area")
+    area_ha = None if area is None else area.value
+    fields |= of_liquid(amounts, density, area_ha)
+    if stated.rate is not None:
+        fields |= of_product(stated.rate, area_ha)
+    if outline is not None:
+        fields |= of_field(outline, done)
+        of_file = EntrySource.FILE
+        fields["field"] = Entry(value=outline.name, source=of_file, detail="option --field")
+    fields |= given
+    rules = [one for name, one in job_rules().items() if not rule or name in rule]
+    if sys.stdin.isatty():
+        for name in fields_asked(rules):
+            if name in fields or not (answer := _answer(name)):
+                continue
+            fields[name] = Entry(value=answer, source=EntrySource.TERMINAL)
+            if name == "rate":
+                fields |= of_product(answer, area_ha)
+    made = JobRecord(
+        made_utc=utc_text(),
+        fields=fields,
+        liquid=tuple(amounts),
+        rules=tuple(rules),
+        logs=tuple(log.name for log in sorties),
+        left_out=(*left_out, *unread),
+        finished=_finished(fields),
+    )
+    out.mkdir(parents=True, exist_ok=True)
+    written = write_record(made, done, out)
+    data, screen = made.as_json(), Terminal(soft_wrap=True)
+    for words in liquid_words(data["liquid"]["estimates"], data["liquid"]["differences"]):
+        screen.print(f"liquid {words}")
+    for words in missing_words(data["rules"]):
+        screen.print(f"missing: {words}")
+    for one in left_out:
+        screen.print(f"left out: {one.name}: {one.reason}")
+    for log in unread:
+        console.print(f"not read: {log.name}: {log.reason}")
+    if done is not None and done.ground is not None and not makes_shapefiles():
+        screen.print(NO_SHAPEFILE)
+    screen.print(f"wrote {', '.join(path.name for path in written)} in {out}")
+    return 1 if unread else 0
+
+
+def zone_of(name: str | None) -> tzinfo | None:
+    """The zone of a name such as Europe/Berlin; None without one. Raises UsageError."""
+    import zoneinfo
+
+    if name is None:
+        return None
+    try:
+        return zoneinfo.ZoneInfo(name)
+    except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError) as error:
+        raise UsageError(f"--zone {name!r:.40} is none; give one such as Europe/Berlin") from error
+
+
+def counted_once(
+    flights: list[tuple[FlightAnalysis, FlightLog]],
+) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
+    """The flights, each by one log, and what is left out: other logs of it, other vehicles, and
+    stretches without a flight or that cannot be read."""
+    from thrustmargin.gcs_plugin.office.record.applied import each_once
+    from thrustmargin.gcs_plugin.office.record.record_words import other_vehicles, same_flight
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+    logs = [log for _, log in flights]
+    kept, left = [], []
+    for flight, log, stands in zip(flights, logs, each_once(logs), strict=True):
+        if stands is not None:
+            left.append(UnusedLog(name=log.name, reason=same_flight(logs[stands].name)))
+            continue
+        kept.append(flight)
+        others = [one for one in log.vehicles if one != log.vehicle]
+        reasons = (other_vehicles(log.vehicle, others),) if others else ()
+        left += [UnusedLog(name=log.path.name, reason=r) for r in (*reasons, *log.unflown)]
+    return kept, list(dict.fromkeys(left))
+
+
+def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
+    """The estimates that all sorties have, the most direct first: gauge, pump, thrust."""
+    from thrustmargin.gcs_plugin.office.record.applied import (
+        by_gauge,
+        by_pump,
+        by_thrust,
+        in_all,
+    )
+    from thrustmargin.models.model.predict import identified_airframe
+
+    known = [not analysis.withheld for analysis, _ in flights]
+    gauge = [by_gauge(log.track) for _, log in flights]
+    pump = [by_pump(log.track) for _, log in _by_pump(flights)] if all(known) else []
+    thrust = [
+        by_thrust(log.track, identified_airframe(analysis.model)) if claimed else None
+        for claimed, (analysis, log) in zip(known, flights, strict=True)
+    ]
+    estimates = (in_all(gauge), in_all(pump), in_all(thrust))
+    return [one for one in estimates if one is not None]
+
+
+def common_density(flights: list[tuple[FlightAnalysis, FlightLog]]) -> float | None:
+    """kg/L of the liquid; None where flights have others, or an aircraft is not known."""
+    known = {None if a.withheld else a.model.airframe.liquid_density for a, _ in flights}
+    return known.pop() if len(known) == 1 else None
+
+
+#: kg that no tank holds: a level that the pump's output falls from and never reaches nothing.
+FULL_KG = 900.0
+
+
+def _by_pump(
+    flights: list[tuple[FlightAnalysis, FlightLog]],
+) -> list[tuple[FlightAnalysis, FlightLog]]:
+    """The sorties with the tank level that the pump's output gives; none where one cannot be."""
+    from dataclasses import replace
+
+    from thrustmargin.gcs_plugin.logs import read_sorties
+
+    made = []
+    for analysis, log in flights:
+        try:
+            again = read_sorties(
+                log.path,
+                airframe=analysis.model.airframe,
+                vehicle=log.vehicle,
+                tank="pump",
+                tank_start_kg=FULL_KG,
+            )
+        except LogError:
+            return []
+        if len(again) != log.sorties:
+            return []
+        made.append((analysis, replace(log, track=again[log.sortie - 1].track)))
+    return made
+
+
+def _stated_fields(
+    stated: JobStatement, air_temperature_c: float | None, weather: str
+) -> dict[str, Entry]:
+    from thrustmargin.gcs_plugin.office.record.job_record import Entry, EntrySource
+
+    sources = {
+        "stated": EntrySource.OPTION,
+        "station": EntrySource.STATION,
+        "forecast": EntrySource.FORECAST,
+    }
+    made = {}
+    celsius = None if air_temperature_c is None else f"{air_temperature_c:g}"
+    for name, value in (*asdict(stated).items(), ("temperature", celsius)):
+        if value is None or not value.strip():
+            continue
+        source = sources[weather] if name in _WEATHER else EntrySource.OPTION
+        option = f"option --{name.replace('_', '-')}".replace("--temp", "--air-temp")
+        if len(value) > LONGEST:
+            raise UsageError(f"{option} has {len(value)} letters; at most {LONGEST} can be printed")
+        unit = "°C" if name == "temperature" else ""
+        made[name] = Entry(value=value.strip(), unit=unit, source=source, detail=option)
+    for name in ("aircraft_registration", "aircraft_serial"):
+        if name in made:  # a mark comes before a number
+            made.setdefault("aircraft", made[name])
+    return made
+
+
+def _answer(name: str) -> str:
+    from thrustmargin.gcs_plugin.office.record.job_record import of_product
+    from thrustmargin.gcs_plugin.office.record.record_words import TITLES
+
+    while True:
+        try:
+            answer = input(f"{TITLES[name]} (Enter: not known): ").strip()[:LONGEST]
+            if answer and name == "rate":
+                of_product(answer, None)
+        except EOFError:
+            return ""
+        except DataError as error:  # asked again: what was answered before is not lost
+            Terminal(soft_wrap=True).print(str(error))
+            continue
+        return answer
+
+
+def _finished(fields: dict[str, Entry]) -> datetime | None:
+    return datetime.fromisoformat(fields["finish"].value) if "finish" in fields else None

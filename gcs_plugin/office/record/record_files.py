@@ -1,0 +1,175 @@
+"""The record as JSON, CSV and PDF, and what was applied as GeoJSON and shapefile."""
+
+from __future__ import annotations
+
+import io
+from contextlib import ExitStack
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import shapely
+import shapely.geometry
+from markupsafe import escape
+
+from thrustmargin.gcs_plugin.office.record.applied import Applied, Pass, cut_at_date_line
+from thrustmargin.gcs_plugin.office.record.job_record import JobRecord
+from thrustmargin.gcs_plugin.office.record.record_words import (
+    LEFT_OUT,
+    TITLES,
+    liquid_words,
+    missing_words,
+)
+from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
+from thrustmargin.gcs_plugin.reports.shared import page_shell
+from thrustmargin.models.whole_file import whole_file
+
+#: WGS 84 as a .prj states it; what GIS programs expect beside a shapefile.
+WGS84 = (
+    'GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],'
+    'PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]]'
+)
+
+
+#: All files that a record can have; those of an earlier one must not stay beside it.
+NAMES = (
+    *(f"record.{ending}" for ending in ("json", "csv", "pdf")),
+    *(f"applied.{ending}" for ending in ("geojson", "shp", "shx", "dbf", "prj")),
+)
+
+
+def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[Path]:
+    """Write record.json, .csv and .pdf, and applied.geojson, .shp, .shx, .dbf and .prj where there
+    is a swath and a place; the last four where pyshp is installed. Returns the files.
+
+    They replace those of an earlier record when all are written, and not before. Raises OSError.
+    """
+    contents = {
+        "record.json": page_shell.json_text(record.as_json()).encode("utf-8", "replace"),
+        "record.csv": csv_text(record).encode("utf-8", "replace"),
+        "record.pdf": pdf_bytes(html_text(record), {}),
+    }
+    if done is not None and done.ground is not None:
+        contents["applied.geojson"] = page_shell.json_text(geojson(done)).encode()
+        contents |= shapefile(done) if makes_shapefiles() else {}
+    with ExitStack() as files:
+        for name, data in contents.items():
+            draft = files.enter_context(whole_file(folder / name))
+            draft.touch(
+                0o600
+            )  # it names people and places: other users of the computer do not read it
+            draft.write_bytes(data)
+    for name in set(NAMES) - contents.keys():
+        (folder / name).unlink(missing_ok=True)
+    return [folder / name for name in contents]
+
+
+def csv_text(record: JobRecord) -> str:
+    """A line a field: name, value, unit, source, detail; no cell is a formula."""
+    known = [
+        (name, entry.value, entry.unit, str(entry.source), entry.detail)
+        for name, entry in record.fields.items()
+    ]
+    missing = [
+        (name, "", "", "missing", f"{rule['rule']}: {item['asks']}")
+        for rule in record.as_json()["rules"]
+        for item in rule["missing"]
+        for name in item["fields"]
+    ]
+    left = [("log", one.name, "", "left out", one.reason) for one in record.left_out]
+    return page_shell.csv_text(
+        ("field", "value", "unit", "source", "detail"), known + left + missing
+    )
+
+
+def html_text(record: JobRecord) -> str:
+    """The record as the simple page that becomes the PDF."""
+    rows = "".join(
+        f"<tr><td>{escape(TITLES.get(name, name))}</td><td>{escape(_shown(entry.value))} "
+        f"{escape(entry.unit)}</td><td>{escape(entry.source)}: {escape(entry.detail)}</td></tr>"
+        for name, entry in record.fields.items()
+    )
+    data = record.as_json()
+    amounts = liquid_words(data["liquid"]["estimates"], data["liquid"]["differences"])
+    liquid = "".join(f"<li>{escape(words)}</li>" for words in amounts)
+    missing = "".join(f"<li>{escape(words)}</li>" for words in missing_words(data["rules"]))
+    left = "".join(f"<li>{escape(f'{one.name}: {one.reason}')}</li>" for one in record.left_out)
+    left = left and f"<h2>{LEFT_OUT}</h2><ul>{left}</ul>"
+    return (
+        "<h1>Record of a spraying job</h1>"
+        f"<p>made {escape(record.made_utc)}, of {escape(', '.join(record.logs))}</p>"
+        f"{left}<h2>Fields</h2><table><tr><th>field</th><th>value</th><th>from</th></tr>"
+        f"{rows}</table><h2>Liquid</h2><ul>{liquid}</ul>"
+        f"<h2>What rules ask for and nothing says</h2><ul>{missing}</ul>"
+    )
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _of_pass(number: int, one: Pass) -> dict[str, Any]:
+    return {
+        "pass": number,
+        "flight": one.flight,
+        "start_utc": page_shell.unix_text(one.start_unix_s),
+        "end_utc": page_shell.unix_text(one.end_unix_s),
+        "length_m": round(one.length, 2),
+        "speed_m_s": round(one.speed, 2) if one.speed == one.speed else None,
+    }
+
+
+def geojson(done: Applied) -> dict[str, Any]:
+    """The area treated as one feature, and each pass as another; RFC 7946, WGS 84."""
+    area = {
+        "part": "area",
+        "area_ha": done.area / 1e4,
+        "whole": done.field.whole,
+        "swath_m": done.field.swath_width,
+    }
+    shapes = [({"part": "pass", **_of_pass(n, p)}, p.strip) for n, p in enumerate(done.passes, 1)]
+    return {
+        "type": "FeatureCollection",
+        "features": [
+            {
+                "type": "Feature",
+                "properties": properties,
+                # Outlines run as the standard wants them.
+                "geometry": shapely.geometry.mapping(
+                    shapely.orient_polygons(cut_at_date_line(shape))
+                ),
+            }
+            for properties, shape in [(area, done.ground), *shapes]
+            if shape is not None and not shape.is_empty
+        ],
+    }
+
+
+def makes_shapefiles() -> bool:
+    """Whether pyshp is installed, which the extra `field` holds."""
+    return find_spec("shapefile") is not None
+
+
+def shapefile(done: Applied) -> dict[str, bytes]:
+    """Name -> content of the shapefile's parts, a polygon a pass."""
+    import shapefile as pyshp
+
+    parts = {ending: io.BytesIO() for ending in ("shp", "shx", "dbf")}
+    make: Any = pyshp.Writer
+    writer = make(**parts, shapeType=pyshp.POLYGON)
+    for name, kind, *size in (
+        ("pass", "N", 9, 0),
+        ("flight", "N", 9, 0),
+        ("start_utc", "C", 20),
+        ("end_utc", "C", 20),
+        ("length_m", "N", 14, 2),
+        ("speed_m_s", "N", 10, 2),
+    ):
+        writer.field(name, kind, *size)
+    for number, one in enumerate(done.passes, 1):
+        if one.strip is not None and not one.strip.is_empty:
+            writer.shape(shapely.geometry.mapping(cut_at_date_line(one.strip)))
+            writer.record(*_of_pass(number, one).values())
+    writer.close()
+    contents = {f"applied.{ending}": part.getvalue() for ending, part in parts.items()}
+    return {**contents, "applied.prj": WGS84.encode()}

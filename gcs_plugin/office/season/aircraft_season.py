@@ -1,0 +1,294 @@
+"""One aircraft's season from the store: what changed, what it flew, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+from thrustmargin.gcs_plugin.office.season import fleet_words as words
+from thrustmargin.gcs_plugin.office.season.parts import Part, PartHistory
+from thrustmargin.gcs_plugin.office.season.same_aircraft import at_once, boards_in_turns, each_once
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.language import known as finite
+from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.identification.season.change_points import SeasonEntry
+from thrustmargin.models.identification.season.flight_sums import (
+    FlightEvidence,
+    from_arrays,
+    season_sums,
+)
+from thrustmargin.models.identification.season.season_changes import (
+    SeasonChanges,
+    Trend,
+    season_changes,
+)
+from thrustmargin.models.model.advice import FlightLevel
+
+FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
+NONE, CHECK, FINE = "no verdict", "check the instrument", "sound"
+#: Worst first: the aircraft itself, its loads, then what its instruments say of them.
+LEVELS = (FIRST, ACT, LOAD, NONE, CHECK, WATCH, FINE)
+INSTRUMENTS = ("tank gauge", "airspeed sensor", "settings", "logs")  # parts of actions
+#: times what sound aircraft differ by, now or, as it goes on, in RECENT flights
+ACTS, FIRSTS = 3.0, 10.0
+GRAVE = 1e3  # weight of a verdict that goes before all else of its level
+#: Verdicts after which an aircraft is looked at first, the gravest first; what to do where the
+#: store does not say.
+GROUNDING = {
+    "damaged": actions.GROUND_IT,
+    "lost": actions.GROUND_WRECK,
+    "battery": actions.GROUND_BATTERY,
+    "no_thrust": actions.GROUND_IT,
+    "order": actions.WHICH_MOTOR,
+}
+RECENT, DAY = 10, 86400.0  # flights; s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeasonFinding:
+    """One reason to look at an aircraft."""
+
+    level: str  # of LEVELS
+    weight: float  # within its level
+    sentence: str
+    action: str
+    verdict: str = ""  # of the flights that it is about
+    flight: int | None = None  # from 0
+    then: str = ""  # what was reported then
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AircraftSeason:
+    """F flights of one aircraft, oldest first."""
+
+    name: str
+    flights: tuple[Mapping[str, Any], ...]  # rows of the store
+    twice: int  # more logs of the same flights, left out
+    several: str  # why it is more than one aircraft; empty where nothing says so
+    counted: tuple[int, ...]  # places among them of the flights that `changes` is about
+    changes: SeasonChanges | None
+    no_changes: str  # why there are none
+    findings: tuple[SeasonFinding, ...]  # the first one first
+    parts: tuple[PartHistory, ...] = ()  # that flew on it
+
+    @property
+    def level(self) -> str:
+        return self.findings[0].level if self.findings else FINE
+
+    @property
+    def hours(self) -> float:
+        return sum_of(self.flights, "flying_s") / 3600.0
+
+    @property
+    def worst(self) -> Mapping[str, Any] | None:
+        """The flight with the least margin."""
+        known = [f for f in self.flights if finite(f["worst_margin"])]
+        return min(known, key=lambda f: f["worst_margin"], default=None)
+
+    @property
+    def above_limit(self) -> list[Mapping[str, Any]]:
+        grave = [one for one in FlightLevel if one.gravity <= FlightLevel.OVER.gravity]
+        return [f for f in self.flights if f["verdict"] in grave]
+
+    @property
+    def without_verdict(self) -> list[Mapping[str, Any]]:
+        return [f for f in self.flights if f["verdict"] in (None, "unknown")]
+
+    @property
+    def rotors(self) -> list[Trend]:
+        """The losses of its rotors, in their order."""
+        trends = self.changes.trends if self.changes else ()
+        own = [(words.rotor_of(t.name), t) for t in trends]
+        return [t for _, t in sorted((r, t) for r, t in own if r is not None)]
+
+    @property
+    def least_seen(self) -> float:
+        """The smallest loss of any rotor in the last flights that would have been seen by now."""
+        return max((t.least_seen for t in self.rotors), default=float("nan"))
+
+    def started(self, counted: int) -> float | None:
+        """Unix time of one of the flights that `changes` is about."""
+        return self.flights[self.counted[min(counted, len(self.counted) - 1)]]["started_unix_s"]
+
+
+def sum_of(flights: Iterable[Mapping[str, Any]], name: str) -> float:
+    return float(sum(f[name] for f in flights if finite(f[name])))
+
+
+def aircraft_season(
+    name: str,
+    flights: Sequence[Mapping[str, Any]],
+    sums: Sequence[Mapping[str, Any]],
+    parts: Sequence[Part] = (),
+    frames: Mapping[str, int] = MappingProxyType({}),
+) -> AircraftSeason:
+    """From rows of the store, oldest first; sums that are about an older model are left out.
+
+    `frames` are the flights of each aircraft that has this name; what parts do by themselves is
+    added by `with_parts`.
+    """
+    flights, given = each_once(flights), len(flights)
+    order = {f["flight"]: k for k, f in enumerate(flights)}
+    sums = [s for s in sums if s["flight"] in order]
+    readable = [(s, evidence) for s in sums if (evidence := _evidence(s)) is not None]
+    digest = readable[-1][0]["model_digest"] if readable else None
+    kept = [one for one in readable if one[0]["model_digest"] == digest]
+    found, missing = None, words.NO_SUMS
+    if kept:
+        try:
+            found, missing = season_changes(season_sums([evidence for _, evidence in kept])), ""
+        except DataError as error:
+            missing = str(error)
+    if len(kept) < len(sums):
+        missing = words.older_model(len(sums) - len(kept))
+    several = ""
+    if len(frames) > 1:
+        several = words.one_name(frames)
+    elif boards := boards_in_turns(flights):
+        several = words.several_boards(boards)
+    elif together := at_once(flights):
+        several = words.several_aircraft(together, len(flights))
+    season = AircraftSeason(
+        name=name,
+        flights=tuple(flights),
+        twice=given - len(flights),
+        several=several,
+        counted=tuple(order[s["flight"]] for s, _ in kept),
+        changes=found,
+        no_changes=say(missing),
+        findings=(),
+    )
+    mine = [p for p in parts if p.aircraft == name]
+    findings = [*_changed(season, mine), *_shared(season), *_margins(season)]
+    if several:
+        first, do = float("inf"), say(words.NAME_EACH)
+        findings.append(SeasonFinding(level=ACT, weight=first, sentence=several, action=do))
+    return replace(season, findings=in_order(findings))
+
+
+def _evidence(sums: Mapping[str, Any]) -> FlightEvidence | None:
+    """None of sums that another version laid out."""
+    try:
+        return from_arrays(sums["arrays"])
+    except DataError:
+        return None
+
+
+def in_order(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...]:
+    """The first one first."""
+    return tuple(sorted(findings, key=lambda f: (LEVELS.index(f.level), -f.weight)))
+
+
+def level_of(ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = "") -> str:
+    """By how many times what sound aircraft differ by; `part` is what is to be looked at."""
+    if ratio >= acts and part in INSTRUMENTS:
+        return CHECK
+    return FIRST if ratio >= firsts else ACT if ratio >= acts else WATCH
+
+
+def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
+    count = len(season.counted)
+    for trend in season.changes.trends if season.changes else ():
+        for entry in trend.changes:
+            last, ended = entry is trend.changes[-1], entry.until < count
+            swap = words.rotor_of(trend.name) is not None and words.back_to_sound(entry)
+            ahead = RECENT * entry.per_flight if entry.ramp and not ended else 0.0
+            counts = last and not swap
+            ratio = abs(trend.now + ahead) / trend.usual if counts else 0.0
+            at = season.counted[min(entry.flight, count - 1)]
+            advised = words.value_words(trend.name).action
+            action = advised.text
+            if trend.instead:
+                others = [say(words.value_words(n).title) for n in trend.instead[:3]]
+                action += f"; {say('it may also be')}: {', '.join(others)}"
+            if ended and last and entry.ramp:
+                action = f"{say('it has stopped')}; {action}"
+            when = words.flight_words(at, season.flights[at]["started_unix_s"])
+            yield SeasonFinding(
+                level=level_of(ratio, part=advised.part) if counts else FINE,
+                weight=ratio,
+                sentence=words.entry_sentence(trend.name, entry, when, ended),
+                action=_swapped(season, trend, entry, parts) if swap else action,
+                flight=at,
+                then=reported_then(season, at),
+            )
+
+
+def _swapped(
+    season: AircraftSeason, trend: Trend, entry: SeasonEntry, parts: Sequence[Part]
+) -> str:
+    rotor = words.rotor_of(trend.name)
+    before = season.started(max(entry.earliest - 1, 0))
+    after = season.started(entry.latest)
+    for part in parts:
+        if before is None or after is None or part.rotor != rotor:
+            continue
+        if before < part.installed_s <= after + DAY:
+            return f"{part.position} {part.name}, installed {words.day(part.installed_s)}"
+    return say(words.SWAP_UNKNOWN)
+
+
+def reported_then(season: AircraftSeason, at: int) -> str:
+    """The alarms around one of its flights."""
+    near = season.flights[max(at - 1, 0) : at + 2]
+    texts = dict.fromkeys(text for f in near for text in f["alarms"] or ())
+    return "; ".join(list(texts)[:3]) or say(words.SILENT)
+
+
+def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
+    for one in season.changes.shared if season.changes else ():
+        trend = season.changes.trend(one.name) if season.changes else None
+        ratio = abs(one.value) / trend.usual if trend else 0.0
+        words_of = words.value_words(one.name)
+        also = [say(words.value_words(n).title) for n in one.instead[:3]]
+        yield SeasonFinding(
+            level=level_of(ratio, part=words_of.action.part),
+            weight=ratio,
+            sentence=words.shared_sentence(one.name, one.value, one.error),
+            action=words_of.action.text
+            + (f"; {say('it may also be')}: {', '.join(also)}" if also else ""),
+        )
+
+
+def _verdict_of(flight: Mapping[str, Any]) -> str | None:
+    """Its verdict; one that shows a margin of 0 % has no thrust left."""
+    verdict, margin = flight["verdict"], flight["worst_margin"]
+    none_left = verdict in ("critical", "over") and finite(margin) and margin < 0.005
+    return "no_thrust" if none_left else verdict
+
+
+def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
+    count = len(season.flights)
+    recent = season.flights[-RECENT:]
+    for gravity, (verdict, action) in enumerate(GROUNDING.items()):
+        bad = [f for f in recent if _verdict_of(f) == verdict]
+        if bad:
+            yield SeasonFinding(
+                level=FIRST,
+                weight=GRAVE - gravity,
+                sentence=words.grounding_sentence(verdict, len(bad), len(recent), bad[-1]),
+                action=bad[-1]["action"] or action.text,
+                verdict=verdict,
+            )
+    for gravity, verdict in enumerate(("critical", "over", "near"), start=1):
+        heavy = [f for f in recent if _verdict_of(f) == verdict]
+        if heavy:
+            worst = min(heavy, key=lambda f: f["worst_margin"])
+            yield SeasonFinding(
+                level=LOAD,
+                weight=GRAVE / gravity + len(heavy),
+                sentence=words.margin_sentence(verdict, len(heavy), len(recent), worst),
+                action=worst["action"] or actions.FILL_LESS.text,
+                verdict=verdict,
+            )
+    if season.without_verdict and len(season.without_verdict) * 2 > count:
+        reason, action = words.no_verdict(season.without_verdict[-1])
+        yield SeasonFinding(
+            level=NONE,
+            weight=0.0,
+            sentence=words.without_verdict(len(season.without_verdict), count, reason),
+            action=action,
+        )

@@ -1,0 +1,172 @@
+"""`thrustmargin fleet`: which aircraft of a season to look at first, and why."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+from rich.table import Table
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    STDOUT,
+    Output,
+    UsageError,
+    check_outputs,
+)
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.reports.shared.page_shell import csv_text, grid
+from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.whole_file import regular, whole_file
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.office.season.fleet_page import FleetSeason
+    from thrustmargin.gcs_plugin.office.season.parts import Part
+    from thrustmargin.gcs_plugin.store.season_store import SeasonStore
+
+
+PARTS = "parts.csv"
+#: Columns that --compare sets side by side, by their medians.
+COMPARED = (
+    *("worst_margin", "mean_margin", "rows_above_limit_s", "prediction_rmse_rpm", "fill_kg"),
+    *("battery_ohm", "voltage_min", "flying_s", "litres", "hectares"),
+)
+
+
+def fleet(
+    store: Positional[Annotated[str, tyro.conf.arg(metavar="STORE")]],
+    *,
+    aircraft: str | None = None,
+    parts: Path | None = None,
+    out: Path | None = None,
+    csv: Path | None = None,
+    json: Path | None = None,
+    sql: str | None = None,
+    compare: tuple[str, str] | None = None,
+) -> None:
+    """Show which aircraft of a season to look at first, and why.
+
+    Every rotor's thrust, the balance, the gauge and the battery are followed over all flights, and
+    what changed is dated. What all aircraft are is in the store that `ingest` made.
+
+    Example: thrustmargin fleet season --out fleet.html
+
+    Args:
+        store: Folder or address of the store, as given to `ingest`.
+        aircraft: Only this aircraft, with all its flights.
+        parts: File that says which part was where and when (.csv: part, aircraft, position,
+            installed_at, removed_at); without it parts.csv in the store, if there is one.
+        out: Page to write (.html).
+        csv: One row an aircraft (.csv); - is standard output.
+        json: All numbers as JSON (.json); - is standard output.
+        sql: Print the answer of one SELECT over flights, rows, sums and rejected, and nothing else.
+        compare: Two aircraft, flights or models (digests) side by side.
+    """
+    from thrustmargin.gcs_plugin.store.season_store import SeasonStore
+
+    if (csv, json).count(STDOUT) > 1:
+        raise UsageError("only one of --csv and --json can go to standard output")
+    check_outputs(
+        (
+            Output("--out", out, endings=(".html", ".htm")),
+            Output("--csv", csv, endings=(".csv",)),
+            Output("--json", json, endings=(".json",)),
+        ),
+        inputs=[parts],
+    )
+    opened = SeasonStore.open(store)
+    if not opened.keys("flights"):
+        raise DataError(f"no flights in {store}; take logs in with: thrustmargin ingest")
+    if sql is not None:
+        from thrustmargin.gcs_plugin.store.season_store import query
+
+        answer = query(opened, sql)
+        _print_rows(answer.column_names, [list(r.values()) for r in answer.to_pylist()], csv)
+        return
+    if compare is not None:
+        _print_rows(["median of flights", *compare], _side_by_side(opened, compare), csv)
+        return
+    from thrustmargin.gcs_plugin.office.season import fleet_page
+    from thrustmargin.gcs_plugin.office.season.fleet_seasons import fleet_season
+
+    season = fleet_season(opened, aircraft, _parts(opened, parts))
+    quiet = STDOUT in (csv, json)
+    console = Terminal(soft_wrap=True, quiet=quiet)
+    console.print(season.call, style="bold")
+    console.print(_table(season))
+    alone = aircraft is not None
+    for one in season.aircraft:
+        for found in one.findings if alone else one.findings[:1]:
+            console.print(f"{one.name}: {found.sentence}. {say('Do')}: {found.action}")
+    texts: Sequence[tuple[Path | None, Callable[[], str]]] = (
+        (out, lambda: fleet_page.html_text(season, alone=alone)),
+        (csv, lambda: fleet_page.as_csv(season)),
+        (json, lambda: fleet_page.as_json(season)),
+    )
+    for path, text in texts:
+        if path is not None:
+            _write(path, text())
+            if path != STDOUT:
+                console.print(f"wrote {path}")
+
+
+def _write(path: Path, text: str) -> None:
+    if path == STDOUT:
+        sys.stdout.write(text)
+        return
+    with whole_file(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
+    from thrustmargin.gcs_plugin.office.season.parts import read_parts
+
+    if file is not None:
+        try:
+            return read_parts(regular(file).read_bytes(), str(file))
+        except OSError as error:
+            raise DataError(
+                f"cannot read --parts {file}: {error.strerror or error}; give a .csv file"
+            ) from error
+    if not store.files.exists(store.path(PARTS)):
+        return []
+    return read_parts(store.read(PARTS), PARTS)
+
+
+def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]:
+    from statistics import median
+
+    keys = ["aircraft", "flight", "model_digest"]
+    rows = store.table("flights", columns=[*keys, *COMPARED]).to_pylist()
+    columns = []
+    for name in names:
+        chosen = [row for row in rows if name in (row[key] for key in keys)]
+        if not chosen:
+            raise DataError(f"--compare: no aircraft, flight or model {name!r} in the store")
+        own: list[Any] = [len(chosen)]
+        for column in COMPARED:
+            known = [r[column] for r in chosen if r[column] is not None and r[column] == r[column]]
+            own.append(median(known) if known else None)
+        columns.append(own)
+    return [list(row) for row in zip(("flights", *COMPARED), *columns, strict=True)]
+
+
+def _print_rows(heads: Sequence[str], rows: Sequence[Sequence[Any]], file: Path | None) -> None:
+    if file is not None:
+        _write(file, csv_text(heads, rows))
+        return
+    shown = [
+        ["" if c is None else f"{c:g}" if isinstance(c, float) else str(c) for c in row]
+        for row in rows
+    ]
+    Terminal().print(grid(heads, shown, left=range(len(heads))))
+
+
+def _table(season: FleetSeason) -> Table:
+    from thrustmargin.gcs_plugin.office.season.fleet_page import HEADS, cells
+
+    return grid([*map(say, HEADS[:6])], [cells(one)[:6] for one in season.aircraft], left=(0, 1))

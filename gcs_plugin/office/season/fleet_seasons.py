@@ -1,0 +1,70 @@
+"""The season of every aircraft of a store, with all cores where there are many."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import as_completed
+
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
+from thrustmargin.gcs_plugin.office.season.aircraft_season import AircraftSeason, aircraft_season
+from thrustmargin.gcs_plugin.office.season.fleet_page import FleetSeason, ranked
+from thrustmargin.gcs_plugin.office.season.ingest import local_processes, own_cores
+from thrustmargin.gcs_plugin.office.season.part_history import with_parts
+from thrustmargin.gcs_plugin.office.season.parts import Part
+from thrustmargin.gcs_plugin.office.season.same_aircraft import by_frame
+from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
+from thrustmargin.models.errors import DataError
+
+#: Aircraft from which on processes are worth their start, and so many are given to one at a time.
+MANY, GIVEN = 24, 8
+
+
+def fleet_season(
+    store: SeasonStore, aircraft: str | None = None, parts: Sequence[Part] = ()
+) -> FleetSeason:
+    """The season of all aircraft of a store, or of one. Raises DataError where it is not there."""
+    names = store.aircraft()
+    if aircraft is not None and aircraft not in names:
+        raise DataError(f"no aircraft {aircraft!r} in the store; it has {', '.join(names)}")
+    chosen = names if aircraft is None else [aircraft]
+    done: list[AircraftSeason] = []
+    with steps(Terminal(stderr=True), total=len(chosen)) as step:
+        for many in _seasons(store, chosen, parts):
+            done += many
+            step(many[-1].name, float(min(len(done), len(chosen))))
+    done.sort(key=lambda one: one.name)
+    rejected = store.table("rejected", columns=["log_name"]).num_rows
+    where = store.url if store.names() is None else "anonymised"  # a path may name people
+    return ranked(where, with_parts(done, parts), rejected)
+
+
+def _seasons(
+    store: SeasonStore, names: Sequence[str], parts: Sequence[Part]
+) -> Iterator[list[AircraftSeason]]:
+    groups = [names[k : k + GIVEN] for k in range(0, len(names), GIVEN)]
+    if len(names) < MANY or own_cores() < 2:
+        yield from (seasons_of(store.url, group, parts) for group in groups)
+        return
+    pool = local_processes(own_cores())[0]()
+    try:
+        running = [pool.submit(seasons_of, store.url, group, parts) for group in groups]
+        for future in as_completed(running):
+            yield future.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def seasons_of(url: str, names: Sequence[str], parts: Sequence[Part]) -> list[AircraftSeason]:
+    """The seasons of some aircraft; of a name that several have, one of each."""
+    from threadpoolctl import threadpool_limits
+
+    store, found = SeasonStore.open(url), []
+    with threadpool_limits(1):  # small matrices: threads would only wait for each other
+        for name in names:
+            flights, sums = read_flights(store, name).to_pylist(), list(read_sums(store, name))
+            frames = by_frame(flights)
+            counts = {words: len(own) for words, own in frames.items()}
+            for words, own in frames.items():
+                whose = f"{name} ({words})" if len(frames) > 1 else name
+                found.append(aircraft_season(whose, own, sums, parts, counts))
+    return found

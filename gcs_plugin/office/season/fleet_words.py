@@ -1,0 +1,254 @@
+"""What a season says of an aircraft, in words: what changed, when, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.actions import Action
+from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
+from thrustmargin.gcs_plugin.wording.language import known, number, say, within
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.identification.season.change_points import SeasonEntry
+from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
+
+
+@dataclass(frozen=True, slots=True)
+class ValueWords:
+    """How one value of a season is called and written; its numbers are times `factor`."""
+
+    title: str
+    unit: str
+    factor: float
+    decimals: int
+    action: Action
+
+    def amount(self, value: float) -> str:
+        """`3.1 %`."""
+        return number(value * self.factor, self.unit, self.decimals)
+
+
+BATTERY = "battery resistance"
+VALUES: Mapping[str, ValueWords] = {
+    "yaw_trim.moment": ValueWords("yaw moment", "N m", 1.0, 2, actions.LEVEL_MOTORS),
+    "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, actions.BALANCE),
+    "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, actions.BALANCE),
+    "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, actions.WEIGH),
+    "tank_scale.gain": ValueWords("load above the tank gauge", "%", 100.0, 1, actions.SET_GAUGE),
+    BATTERY: ValueWords(BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, actions.TEST_BATTERY),
+}
+TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "tank_scale.gain")
+SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
+SILENT = "nothing was reported then"
+HEALTHY = "nothing changed"
+NAME_EACH = "take its logs in with ingest --again --aircraft, a name for each aircraft"
+NO_SUMS = "no flight has sums: they need measured rotor speeds and a model"
+SET_AIRFRAME = (
+    "set the airframe: thrustmargin airframe new --from one of its logs, then "
+    "thrustmargin ingest --again --airframe with that file"
+)
+OTHER_AIRFRAME = (
+    "set the airframe: these flights do not fit the one given; take them in with "
+    "ingest --again --airframe and their own"
+)
+
+
+def rotor_of(name: str) -> int | None:
+    """The rotor, from 1, of the name of a rotor's loss."""
+    return int(name.removeprefix(LOSS_NAME)) if name.startswith(LOSS_NAME) else None
+
+
+def value_words(name: str) -> ValueWords:
+    """The words of a value by its name in the sums of flights."""
+    rotor = rotor_of(name)
+    if rotor is not None:
+        action = actions.change_propeller(rotor)
+        title = say("thrust lost by rotor {rotor}", rotor=rotor)
+        return ValueWords(title, "%", 100.0, 1, action)
+    if name in VALUES:
+        return VALUES[name]
+    effect, _, value = name.rpartition(".")
+    words = WORDS.get(effect) or WORDS.get(effect.partition(":")[0])
+    table = BY_KEY.get(effect)
+    if words is None or table is None:
+        return ValueWords(f"{effect} {value}".replace("_", " "), "", 1.0, 3, actions.IDENTIFY)
+    unit = next((p.unit for p in table.parameters if p.name == value), "1")
+    of_the_model = (None, actions.KEEP, actions.ARMS_CARRY)
+    action = actions.IDENTIFY if words.action in of_the_model else words.action
+    title = f"{words.thing}, {value.replace('_', ' ')}"
+    return ValueWords(title, "" if unit == "1" else unit, 1.0, 3 if unit == "1" else 1, action)
+
+
+def day(unix_s: float | None) -> str:
+    """`12 Jun 2026`; empty where the log does not tell."""
+    if not known(unix_s):
+        return ""
+    when = datetime.fromtimestamp(unix_s, tz=UTC)
+    return f"{when.day} {when:%b %Y}"
+
+
+def flight_words(index: int, unix_s: float | None) -> str:
+    """`flight 61 (12 Jun 2026)` of a flight counted from 0."""
+    date = day(unix_s)
+    return f"{say('flight')} {index + 1}" + (f" ({date})" if date else "")
+
+
+def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str:
+    """What changed and when, with the interval of the flight: 95 %."""
+    words = value_words(name)
+    since = when
+    if entry.latest > entry.earliest:
+        since += say(
+            ", between {first} and {last}", first=entry.earliest + 1, last=entry.latest + 1
+        )
+    start, end = words.amount(entry.before), words.amount(entry.after)
+    if entry.ramp:
+        each = number(entry.per_flight * words.factor, words.unit, words.decimals + 1)
+        until = say("still going on")
+        if ended:
+            until = say("until flight {flight}", flight=entry.until)
+        more = say(
+            "{each} more a flight since {since}: from {start} to {end}, {until}",
+            each=each,
+            since=since,
+            start=start,
+            end=end,
+            until=until,
+        )
+        return f"{say(words.title)}: {more}"
+    back = rotor_of(name) is not None and back_to_sound(entry)
+    step = "back from {start} to {end} at {since}" if back else "from {start} to {end} at {since}"
+    return f"{say(words.title)}: {say(step, start=start, end=end, since=since)}"
+
+
+def back_to_sound(entry: SeasonEntry) -> bool:
+    """True for a step after which a rotor lacks less than before it."""
+    return not entry.ramp and entry.size < 0.0 and abs(entry.after) < abs(entry.before)
+
+
+def shared_sentence(name: str, value: float, error: float) -> str:
+    """What all flights have in common that the model does not."""
+    words = value_words(name)
+    ends = (value - 1.96 * error, value + 1.96 * error)
+    amount, interval = within(value, *ends, words.unit, factor=words.factor)
+    return f"{say(words.title)}: {amount} {say('in all flights')} {interval}".rstrip()
+
+
+def several_aircraft(at_once: int, flights: int) -> str:
+    """Flights at the same time under one name."""
+    return say(
+        "{count} of {all} flights are at the time of another one: more than one aircraft has this "
+        "name, so its figures may mix them",
+        count=at_once,
+        all=flights,
+    )
+
+
+def frame(rotors: int | None, layout: str | None) -> str:
+    """`6 rotors, hexa-x`."""
+    counted = say("rotors not known") if rotors is None else say("{count} rotors", count=rotors)
+    return f"{counted}, {layout}" if layout else counted
+
+
+def one_name(frames: Mapping[str, int]) -> str:
+    """Aircraft that share a name, with the flights of each."""
+    each = "; ".join(
+        f"{words}: {say('{count} flights', count=count)}" for words, count in frames.items()
+    )
+    return say(
+        "its name is that of {count} aircraft, each shown by itself ({each})",
+        count=len(frames),
+        each=each,
+    )
+
+
+def several_boards(boards: int) -> str:
+    """Flights of several autopilots in turns."""
+    return say(
+        "{count} autopilots flew in turns under this name: more than one aircraft has it, so its "
+        "figures may mix them",
+        count=boards,
+    )
+
+
+def older_model(flights: int) -> str:
+    """Sums that cannot be read or compared with the newest."""
+    return say(
+        "{count} flights are about an older model, or of an older version, and are left out; "
+        "ingest --again takes them in",
+        count=flights,
+    )
+
+
+def of_battery(name: str, elsewhere: str) -> str:
+    """Whose resistance it is: `battery B-3 (then on sprayer-2): `."""
+    then = say(" (then on {aircraft})", aircraft=elsewhere) if elsewhere else ""
+    return f"{name}{then}, " if name else ""
+
+
+def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
+    """Why a flight has no verdict, and what helps."""
+    reason = str(flight["verdict_reason"] or say("not known why"))
+    if flight["airframe_basis"] == "not known":
+        return reason, say(SET_AIRFRAME)
+    if flight["airframe_basis"] is not None and flight["airframe"] is None:
+        return reason, say(OTHER_AIRFRAME)
+    if "rotor_speed_rpm" in (flight["missing_channels"] or ()):
+        return reason, actions.ESC_TELEMETRY.text
+    if "tank_kg" in (flight["missing_channels"] or ()):
+        return reason, actions.CONNECT_GAUGE.text
+    return reason, actions.INSPECT_LOG.text
+
+
+def least_loss(least: float) -> str:
+    """The sensitivity of a season."""
+    words = "a loss of {loss} in the last 10 flights would have been seen"
+    return say(words, loss=number(100 * least, "%", 2))
+
+
+#: What a verdict is called where its flights are counted.
+_FLOWN: Mapping[str, str] = {
+    "damaged": "a rotor or motor was bad",
+    "lost": "lost control",
+    "battery": "the battery collapsed",
+    "no_thrust": "no thrust was left",
+    "critical": "a failed rotor would have brought it down",
+    "over": "above the limit",
+    "order": "motors were in another order than the airframe's",
+    "near": "near the limit, cannot tell",
+}
+
+
+def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
+    """Flights after which nobody flies before it is known why, and the words of the last."""
+    cause = "; ".join(last["alarms"] or ()) if verdict == "damaged" else ""
+    if verdict == "no_thrust" and known(last["worst_margin"]):
+        cause = _least(last)
+    tail = f": {cause}" if cause else ""
+    return _counted(verdict, count, recent) + tail
+
+
+def _counted(verdict: str, count: int, recent: int) -> str:
+    words = "{what} in {count} of the last {recent} flights"
+    return say(words, what=say(_FLOWN[verdict]), count=count, recent=recent)
+
+
+def _least(flight: Mapping[str, Any]) -> str:
+    words = "least thrust margin {margin}, rotor {rotor}"
+    margin = number(100.0 * flight["worst_margin"], "%", 0)
+    return say(words, margin=margin, rotor=flight["worst_rotor"])
+
+
+def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
+    """Flights that were too heavy, or may have been."""
+    doing = f", {worst['worst_doing']}" if worst["worst_doing"] else ""
+    return f"{_counted(verdict, bad, recent)}; {_least(worst)}{doing}"
+
+
+def without_verdict(without: int, flights: int, reason: str) -> str:
+    """Flights of which nothing can be said, and why the last has none."""
+    words = "{count} of {all} flights have no verdict: {reason}"
+    return say(words, count=without, all=flights, reason=reason)

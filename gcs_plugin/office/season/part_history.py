@@ -1,0 +1,183 @@
+"""What each part has flown, and how it does: its history goes with it from aircraft to aircraft.
+
+Parts are those of parts.csv. A battery's resistance is followed over the flights that it flew,
+wherever; flights of an aircraft with none of its batteries are its own unnamed battery's. Two that
+fly together are one circuit, and each has that circuit's resistance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.office.season import aircraft_season
+from thrustmargin.gcs_plugin.office.season import fleet_words as words
+from thrustmargin.gcs_plugin.office.season.parts import NAN, Part, PartHistory
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.season import change_points
+from thrustmargin.models.identification.season.season_changes import Trend
+
+RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
+OTHERS = 10  # values that an aircraft's false entries are of, beside a battery's resistance
+
+
+@dataclass(frozen=True, slots=True)
+class _Flown:
+    """One flight of a part."""
+
+    season: aircraft_season.AircraftSeason
+    number: int  # of the aircraft's flights
+    part: Part | None = None  # None: the aircraft's unnamed battery
+
+    @property
+    def position(self) -> str:
+        return self.part.position if self.part else "battery"
+
+    @property
+    def row(self) -> Mapping[str, Any]:
+        return self.season.flights[self.number]
+
+
+def with_parts(
+    seasons: Sequence[aircraft_season.AircraftSeason], parts: Sequence[Part] = ()
+) -> list[aircraft_season.AircraftSeason]:
+    """Aircraft with the histories of the parts that flew on them; what is found of a battery is
+    a reason to look at the aircraft where it is."""
+    histories: dict[str, list[PartHistory]] = {s.name: [] for s in seasons}
+    findings: dict[str, list[aircraft_season.SeasonFinding]] = {s.name: [] for s in seasons}
+    for name, flown in _flights_of_parts(seasons, parts):
+        if not flown:
+            continue
+        last = flown[-1]
+        battery = last.position.startswith("battery")
+        trend = resistance([f.row for f in flown]) if battery else None
+        if not name and trend is None:
+            continue
+        loss, error = (NAN, NAN) if battery else _loss(flown)
+        history = PartHistory(
+            name=name,
+            position=last.position,
+            aircraft=last.season.name,
+            stays=tuple(dict.fromkeys(f.season.name for f in flown)),
+            flights=len(flown),
+            hours=aircraft_season.sum_of((f.row for f in flown), "flying_s") / 3600.0,
+            loss=loss,
+            loss_error=error,
+            battery=trend,
+        )
+        for where in history.stays:
+            histories[where].append(history)
+        findings[history.aircraft] += _battery_findings(history, flown)
+    return [
+        replace(
+            s,
+            parts=tuple(histories[s.name]),
+            findings=aircraft_season.in_order(
+                [*_with_cause(s, findings[s.name]), *findings[s.name]]
+            ),
+        )
+        for s in seasons
+    ]
+
+
+def _with_cause(
+    season: aircraft_season.AircraftSeason, of_batteries: Sequence[aircraft_season.SeasonFinding]
+) -> Iterable[aircraft_season.SeasonFinding]:
+    """What was found before; that there was no thrust left names a battery that is worn out."""
+    worn = any(f.level == aircraft_season.FIRST for f in of_batteries)
+    for one in season.findings:
+        named = worn and one.verdict == "no_thrust"
+        yield replace(one, action=actions.GROUND_BATTERY.text) if named else one
+
+
+def _flights_of_parts(
+    seasons: Sequence[aircraft_season.AircraftSeason], parts: Sequence[Part]
+) -> Iterable[tuple[str, list[_Flown]]]:
+    """Each part by its name, and each aircraft's unnamed battery, with its flights by time."""
+    by_name: dict[str, list[_Flown]] = {}
+    for season in seasons:
+        started = [f["started_unix_s"] for f in season.flights]
+        unnamed = set(range(len(started)))
+        for part in (p for p in parts if p.aircraft == season.name):
+            at = part.flights(started)
+            by_name.setdefault(part.name, []).extend(_Flown(season, k, part) for k in at)
+            if part.rotor is None:
+                unnamed -= set(at)
+        yield "", [_Flown(season, k) for k in sorted(unnamed)]
+    for name, flown in by_name.items():
+        yield name, sorted(flown, key=lambda f: f.row["started_unix_s"])
+
+
+def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
+    """A battery's resistance over its flights, of those that show it."""
+    value = np.array([f["battery_ohm"] for f in flights], dtype=np.float64)
+    error = np.array([f["battery_ohm_error"] for f in flights], dtype=np.float64)
+    where = np.flatnonzero(np.isfinite(value) & (error > 0.0))
+    if where.size < 6:
+        return None
+    value, error = value[where], error[where]
+    error = np.maximum(error, change_points.scatter_of(value))
+    error = error * change_points.spread_beyond(value, error)
+    entries, curve = change_points.changes(
+        value, error, change_points.penalty_of(where.size, OTHERS)
+    )
+    whole = np.full(len(flights), np.nan)
+    own: Floats = whole.copy()
+    whole[where], own[where] = value, error
+    return Trend(
+        name=words.BATTERY,
+        value=whole,
+        error=own,
+        curve=np.interp(np.arange(len(flights)), where, curve),
+        changes=tuple(change_points.placed(e, where) for e in entries),
+        instead=(),
+        least_seen=NAN,
+        usual=float(curve[0]),
+    )
+
+
+def _battery_findings(
+    history: PartHistory, flown: Sequence[_Flown]
+) -> Iterable[aircraft_season.SeasonFinding]:
+    trend, last_stay = history.battery, flown[-1].part
+    removed = last_stay is not None and np.isfinite(last_stay.removed_s)
+    for entry in trend.changes if trend else ():
+        assert trend is not None
+        ended = entry.until < len(flown)
+        ahead = aircraft_season.RECENT * entry.per_flight if entry.ramp and not ended else 0.0
+        last = entry is trend.changes[-1] and not removed
+        risen = trend.now + ahead - trend.changes[0].before  # less: a new one, or a warmer day
+        ratio = max(risen, 0.0) / trend.usual if last else 0.0
+        at = flown[min(entry.flight, len(flown) - 1)]
+        here = at.season.name == history.aircraft
+        when = words.flight_words(
+            at.number if not history.name else entry.flight, at.row["started_unix_s"]
+        )
+        whose = words.of_battery(history.name, "" if here else at.season.name)
+        yield aircraft_season.SeasonFinding(
+            level=aircraft_season.level_of(ratio, *RESISTANCE) if last else aircraft_season.FINE,
+            weight=ratio,
+            sentence=whose + words.entry_sentence(trend.name, entry, when, ended),
+            action=words.value_words(trend.name).action.text,
+            flight=at.number if here else None,
+            then=aircraft_season.reported_then(at.season, at.number),
+        )
+
+
+def _loss(flown: Sequence[_Flown]) -> tuple[float, float]:
+    """Mean of what the rotor lacked in the last flights of a propeller or motor, and its error."""
+    value, weight = [], []
+    for flight in flown[-aircraft_season.RECENT :]:
+        season, rotor = flight.season, int(flight.position.split()[1])
+        trend = next((t for t in season.rotors if words.rotor_of(t.name) == rotor), None)
+        if trend is not None and flight.number in season.counted:
+            k = season.counted.index(flight.number)
+            if np.isfinite(trend.value[k]):
+                value.append(trend.value[k])
+                weight.append(trend.error[k] ** -2.0)
+    total = float(np.sum(weight))
+    return (float(np.dot(weight, value)) / total, total**-0.5) if total > 0.0 else (NAN, NAN)

@@ -1,0 +1,90 @@
+"""Which flights under one name are of one aircraft, and which logs are of one flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby, pairwise
+from typing import Any
+
+from thrustmargin.gcs_plugin.office.season import fleet_words as words
+from thrustmargin.gcs_plugin.wording.language import known as finite
+from thrustmargin.models.model.advice import FlightLevel
+
+CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ
+AT_ONE_TIME = 8  # logs of one time under one name, at most
+Flights = Sequence[Mapping[str, Any]]
+
+
+def by_frame(flights: Flights) -> dict[str, list[Mapping[str, Any]]]:
+    """The flights of one name by what no repair changes, in words: number and layout of rotors.
+
+    A flight that does not say is with those that do, if these are all alike.
+    """
+    frames = dict.fromkeys((f["rotor_count"], f["layout"]) for f in flights)
+
+    def fits(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
+        return all(a is None or a == b for a, b in zip(one, other, strict=True))
+
+    found: dict[str, list[Mapping[str, Any]]] = {}
+    for flight in flights:
+        frame = (flight["rotor_count"], flight["layout"])
+        fuller = [f for f in frames if f != frame and fits(frame, f)]
+        fullest = [f for f in fuller if not any(f != o and fits(f, o) for o in fuller)]
+        own = fullest[0] if len(fullest) == 1 else frame
+        found.setdefault(words.frame(*own), []).append(flight)
+    return found
+
+
+def boards_in_turns(flights: Flights) -> int:
+    """How many autopilots flew in turns under one name; 0 where each was only ever replaced."""
+    known = [f["board"] for f in flights if f["board"]]
+    turns = sum(1 for _ in groupby(known))
+    return len(set(known)) if turns > len(set(known)) else 0
+
+
+def each_once(flights: Flights) -> list[Mapping[str, Any]]:
+    """Flights without a second log of the same one, as autopilot and ground record it.
+
+    Of two the one with the graver verdict stays, of equal ones that with sums, else the first.
+    """
+    kept: list[Mapping[str, Any]] = []
+    for flight in flights:
+        near = range(max(0, len(kept) - AT_ONE_TIME), len(kept))
+        same = next((k for k in near if _same_flight(kept[k], flight)), None)
+        if same is None:
+            kept.append(flight)
+        elif _worth(flight) < _worth(kept[same]):
+            kept[same] = flight
+    return kept
+
+
+def _worth(flight: Mapping[str, Any]) -> tuple[int, bool]:
+    """Less of the flight that must not be left out."""
+    level = FlightLevel(flight["verdict"] or FlightLevel.UNKNOWN)
+    return level.gravity, flight["sums_reason"] is not None
+
+
+def at_once(flights: Flights) -> int:
+    """How many flights are at the time of the one before them, which no aircraft can fly."""
+    return sum(_overlap(one, other) for one, other in pairwise(flights))
+
+
+def _same_flight(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """At one time, with the worst moment at the same one; where it is not known, one recorded by
+    the autopilot and one by the ground."""
+    if not _overlap(one, other):
+        return False
+    worst = [f["worst_time_s"] for f in (one, other)]
+    if not all(finite(w) for w in worst):
+        return one["log_format"] != other["log_format"]
+    moments = [f["started_unix_s"] + f["worst_time_s"] for f in (one, other)]
+    return abs(moments[0] - moments[1]) < CLOCKS_APART
+
+
+def _overlap(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    times = [(f["started_unix_s"], f["duration_s"]) for f in (one, other)]
+    if not all(finite(start) and finite(long) for start, long in times):
+        return False
+    ends = min(start + long for start, long in times)
+    both = ends - max(start for start, _ in times)
+    return both > 0.5 * min(long for _, long in times)

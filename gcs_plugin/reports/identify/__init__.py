@@ -1,1 +1,0 @@
-"""The page of `identify`: residual before and after, what was tried, and what stays open."""

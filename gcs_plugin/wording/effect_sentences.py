@@ -1,0 +1,176 @@
+"""What each effect of the table is called, says about the aircraft, and asks of its owner.
+
+A sentence names the part and the amount, with its interval behind it; the action follows a colon.
+An effect without words of its own is described by its parameters.
+
+What no effect explains, in words: what is left, and what of it goes into the new model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording import effect_amounts as amounts
+from thrustmargin.gcs_plugin.wording.actions import Action
+from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, rotor_words
+from thrustmargin.gcs_plugin.wording.language import CHANNEL_WORDS
+from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND
+from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
+from thrustmargin.models.model.rotor_model import RotorModel
+
+if TYPE_CHECKING:
+    from thrustmargin.models.identification.answer.result import Found, Identification
+    from thrustmargin.models.identification.rows.candidates import Term
+
+
+@dataclass(frozen=True, slots=True)
+class EffectWords:
+    """What an effect is called in a list, what it says, and what its owner does next."""
+
+    thing: str  # "{rotor}" stands for the rotor
+    sentence: Callable[[DescribedEffect], str]
+    action: Action | None = actions.KEEP  # None where there is nothing to do
+
+
+def effect_sentence(found: Found, whole: Identification) -> str:
+    """Part, amount and action of one effect, without a full stop."""
+    action = action_of(found, whole)
+    asked = [action] if action else []
+    if action is actions.INSPECT and whole.problem.of_outputs:
+        asked.append(actions.THEN_MOTOR)
+    return ": ".join(filter(None, (amount_of(found, whole), ", ".join(a.text for a in asked))))
+
+
+def amount_of(found: Found, whole: Identification) -> str:
+    """Part and amount of one effect."""
+    return words_of(found.term).sentence(DescribedEffect(found, whole))
+
+
+def action_of(found: Found, whole: Identification) -> Action | None:
+    """What is asked for an effect; a rotor that makes more than it should has another propeller.
+
+    A model that no flight has taught knows no drag: then it is no sign of what was mounted.
+    """
+    action = words_of(found.term).action
+    if action is actions.LOOK_FOR_MOUNTED and not whole.model.taught:
+        return actions.KEEP
+    gains = action is actions.INSPECT and found.value[found.flight, 0] < 0.0
+    return actions.SAME_KIND if gains else action
+
+
+def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:
+    """What an effect is called in a list: `a weak rotor 1 (front right)`."""
+    rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
+    where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
+    return words_of(term).thing.format(rotor=rotor, where=where)
+
+
+def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
+    """Where a cause without a name acts: `pitch along speed forward`, `yaw all along`."""
+    mode, channel = place_of(term.effect)
+    if term.rotor is not None:
+        mode = f"the loss of {rotor_words(term.rotor, tuple(rotor_names))}"
+    return f"{mode} all along" if channel == CONSTANT else f"{mode} along {ALONG_WORDS[channel][0]}"
+
+
+def effect_things(model: RotorModel) -> tuple[str, ...]:
+    """What the effects of a model are called, each once."""
+    names = model.airframe.rotor_names
+    things = (effect_thing(placed, names) for placed in model.placed)
+    return tuple(dict.fromkeys(things))
+
+
+def words_of(term: Term | Placed) -> EffectWords:
+    """The words of an effect by its key, else by its name, else by its parameters."""
+    key, name = term.effect.key, term.effect.name
+    spelt = name.replace("_", " ") + ("" if term.rotor is None else " of {rotor}")
+    return WORDS.get(key) or WORDS.get(name) or EffectWords(spelt, amounts.by_parameters, None)
+
+
+#: What only causes without a name go along, beside the channels of the figures.
+ALONG_WORDS = {
+    **CHANNEL_WORDS,
+    "forward_speed": ("speed forward", "m/s", 1.0),
+    "side_speed": ("speed to the right", "m/s", 1.0),
+    "along_acceleration": ("speeding up", "m/s²", 1.0),
+    "air_temperature": ("air temperature", "K", 1.0),
+    "load": ("the thrust that all rotors make", "kg", 1.0),
+}
+
+WEAK = "a weak {rotor}"
+#: key of the effect, or its name where all variants are described alike -> its words
+WORDS: Mapping[str, EffectWords] = {
+    "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, actions.INSPECT),
+    "rotor_degradation:onset": EffectWords(
+        WEAK + " in flight", amounts.weakened_in_flight, actions.INSPECT
+    ),
+    "rotor_degradation:for a while": EffectWords(
+        WEAK + " for a while", amounts.weakened_for_a_while, actions.LOOK_AT_MOTOR
+    ),
+    "rotor_degradation:in each flight": EffectWords(
+        "{rotor} weakening in every flight", amounts.weakens_each_flight, actions.FEEL_HEAT
+    ),
+    "rotor_degradation:since": EffectWords(
+        WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
+    ),
+    "rotor_degradation:until repaired": EffectWords(
+        WEAK + " until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
+    ),
+    "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
+    "air_density": EffectWords("air density", amounts.air_density),
+    "tank_scale": EffectWords(
+        "a wrong tank gauge", partial(amounts.wrong_gain, "tank gauge"), actions.SET_GAUGE
+    ),
+    "tank_zero": EffectWords("a tank gauge off its zero", amounts.tank_zero, actions.ZERO_GAUGE),
+    "tank_drift": EffectWords("a tank gauge that drifts", amounts.tank_drift, actions.CHECK_GAUGE),
+    "airspeed_bias": EffectWords(
+        "an airspeed sensor off its zero", amounts.airspeed_bias, actions.ZERO_AIRSPEED
+    ),
+    "airspeed_gain": EffectWords(
+        "a wrong airspeed sensor",
+        partial(amounts.wrong_gain, "airspeed sensor"),
+        actions.CHECK_AIRSPEED,
+    ),
+    "sensor_lag": EffectWords("a late airspeed", amounts.late_airspeed, actions.AIRSPEED_RATE),
+    "sensor_lag:rotor speed": EffectWords(
+        "late rotor speeds", amounts.late_rotor_speed, actions.ESC_RATE
+    ),
+    "parasite_drag": EffectWords("drag", amounts.drag, actions.LOOK_FOR_MOUNTED),
+    "load_factor": EffectWords("the load factor of manoeuvres", amounts.load_factor),
+    "slung_load": EffectWords("a swinging load", amounts.slung_load, actions.LOOK_BELOW),
+    "cg_offset": EffectWords("a shifted centre of gravity", amounts.balance, actions.BALANCE),
+    "yaw_trim": EffectWords("a steady yaw moment", amounts.yaw_moment, actions.LEVEL_MOTORS),
+    "manoeuvre_moment": EffectWords("the moments of turning", amounts.turning),
+    "manoeuvre_moment:changed": EffectWords("another inertia", amounts.inertia, actions.ARMS_CARRY),
+    "translational_lift": EffectWords("lift of forward flight", amounts.forward_lift),
+    "climb_inflow": EffectWords("the inflow of climbs", amounts.climb),
+    "ground_effect": EffectWords("ground effect", amounts.ground_effect),
+    "thrust_drift": EffectWords("all rotors weakening", amounts.thrust_drift, actions.CLEAN_BLADES),
+    "flow_moment": EffectWords("the moment of forward flight", amounts.flow_moment),
+    "weathervane": EffectWords("the yaw moment of air from the side", amounts.weathervane),
+    "drag_moment": EffectWords("the moment of leaning into wind", amounts.drag_moment),
+    "battery_voltage": EffectWords(
+        "rotor speeds that follow the voltage", amounts.voltage, actions.ESC_SPEEDS
+    ),
+    "wind": EffectWords("wind", amounts.wind, actions.CHECK_WIND),
+    "unnamed_cause": EffectWords(
+        "a cause without a name in {where}", amounts.by_parameters, actions.KEEP_AS_SEEN
+    ),
+    FOLLOWED_WIND.key: EffectWords("wind", amounts.followed_wind, None),
+}
+
+
+#: Part of an action -> whose costs it has.
+KIND_OF_PART = {
+    "propeller": "rotor",
+    "motor": "rotor",
+    "rotor": "rotor",
+    "tank gauge": "instrument",
+    "airspeed sensor": "instrument",
+    "settings": "instrument",
+}

@@ -1,0 +1,322 @@
+"""A plan before take-off in words: may it be flown, its weakest place, fill, sorties, what was
+assumed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from thrustmargin.gcs_plugin.wording.advice_words import damage_words
+from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, amount
+from thrustmargin.gcs_plugin.wording.language import (
+    area,
+    duration,
+    number,
+    percent,
+    percent_within,
+    say,
+)
+from thrustmargin.gcs_plugin.wording.plan_words import fault_words, not_understood_words
+from thrustmargin.mission.forecast.fill_along import Weakest
+from thrustmargin.mission.forecast.legs import Sortie
+from thrustmargin.mission.forecast.plan_forecast import PlanForecast
+from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.caveats import Caveat
+
+NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
+UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
+CONTRADICTED = "NO VERDICT: in the flight of this log rotor speeds and model contradict each other"
+#: Conditions of a good answer that the last flight left open.
+CONDITIONS: Mapping[Caveat, str] = {
+    Caveat.GAUGE: "THE TANK LEVEL IS KNOWN (THE GAUGE WAS LEFT OUT)",
+    Caveat.VOLTAGE: "THE VOLTAGE IS KNOWN (THE VOLTMETER WAS LEFT OUT)",
+    Caveat.ROTOR_SPEEDS: "THE ROTOR SPEED SENSORS ARE RIGHT",
+    Caveat.BAROMETER: "THE AIR IS KNOWN (THE BAROMETER WAS LEFT OUT)",
+    Caveat.ROTORS_NOT_SOUGHT: "ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
+    Caveat.ROTORS_BY_OUTPUTS: "NO ROTOR IS WEAK FROM THE START (OUTPUTS DO NOT SHOW IT)",
+}
+#: What was taken for what is not known; {0} is filled in with it.
+ASSUMED: Mapping[str, str] = {
+    "aircraft": "the aircraft is {0}: give --airframe",
+    "unlike": "the aircraft is {0}; its last flight speaks against that: {1}",
+    "limits": "defaults of the autopilot for {0}: give its parameters with --parameters",
+    "full battery": "battery full, {0} V at rest: give --voltage",
+    "no capacity": "battery held at {0} V, its capacity is not known: give --capacity",
+    "resistance": "battery resistance usual for lithium polymer packs: give --resistance",
+    "no wind": "no wind: give --wind",
+    "worst wind": "wind from {0}°, the worst of all directions: give --wind-from",
+    "standard air": "air at {0} °C, the standard for the height: give --air-temperature",
+    "sea level": "field at sea level: give --altitude",
+    "no flow": "nothing is sprayed, so the tank stays full: give --flow or --rate",
+    "pump rate": "flow by SPRAY_PUMP_RATE of a pump of {0} L/min at full output: give --flow",
+    "straight splines": "splines as straight legs: the way flown is longer",
+    "circles as waits": "circles as time at their middle: no bank and no drag of the circle",
+    "efficiency": "motors and speed controllers pass on {0} % of the battery's power",
+    "level ground": "heights above the ground as above home: no terrain is known",
+    "PX4 corners": "corners cut by ArduPilot's rule: that of PX4 is not modelled",
+    "pump by speed": "the flow falls with the speed over ground in turns",
+    "no forward flight": "drag and lift of forward flight are not known of this aircraft",
+    "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
+    "first part": "only {0} of {1} min are flown in detail: the rest as these",
+    "alike": "{0} of {1} min are flown in detail: the rest is like them",
+    "hidden mass": "{0} kg that thrust showed in the last flight, and nobody reported: weigh it",
+    "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
+}
+LEFT_OUT = "gusts and turbulence are not in it, nor the time of ways to and from a refill"
+_KINDS: Mapping[str, str] = {
+    "leg": "on the way to item {item}",
+    "turn": "in the turn at item {item}",
+    "climb": "in climb or descent to item {item}",
+    "wait": "while it waits at item {item}",
+}
+#: Kinds of stretch in a table.
+STRETCHES: Mapping[str, str] = {
+    "leg": "leg",
+    "turn": "turn",
+    "climb": "climb, descent",
+    "wait": "wait",
+}
+_SHORT: Mapping[str, str] = {
+    "tank": "one line alone takes more than the tank holds: fill more, or shorten the lines",
+    "battery": "one line alone takes more than the battery gives: shorten the lines",
+}
+LEAST_SHARE = 0.005  # of utilisation, worth a word
+
+
+def verdict(made: PlanForecast) -> str:
+    """The first line: may it take off with this, and why."""
+    advice = made.advised.advice
+    use, limit = advice.use, percent(advice.limit)
+    fill = ""
+    if _has_tank(made):
+        fill = say(" WITH {amount}", amount=amount(_fill(made), _liquid(made)))
+        if hidden := made.assumed.get("hidden mass"):
+            fill += say(" AND {kg} kg THAT NOBODY REPORTED", kg=hidden[0])
+    lasting = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
+    no = f"{say('DO NOT TAKE OFF{fill}', fill=fill)}: "
+    if made.too_heavy:
+        return no + say("over the maker's maximum take-off mass")
+    level = made.level
+    if level is FlightLevel.UNKNOWN:
+        if "unlike" in made.assumed:
+            return say(UNLIKE)
+        return say(CONTRADICTED if Caveat.MODEL in made.caveats else NO_VERDICT)
+    if level is FlightLevel.BATTERY:
+        return no + say("the battery does not last")
+    if level is FlightLevel.NO_THRUST:
+        return no + say("no thrust is left for {long}", long=duration(use.spent_s))
+    if level is FlightLevel.CRITICAL:
+        long = duration(advice.lost.not_survivable_s)
+        return no + say("for {long} a lost rotor brings it down", long=long)
+    if level is FlightLevel.ORDER:
+        return no + say("its motors are not in the airframe's order; test it, propellers off")
+    known = {"lasting": lasting, "limit": limit}
+    if level is FlightLevel.OVER:
+        return no + say("lasting use of thrust {lasting}, above the {limit} limit", **known)
+    why = say("lasting use of thrust {lasting}, limit {limit}", **known)
+    if level is FlightLevel.NEAR:
+        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}: {why}"
+    if level is FlightLevel.UNDER:
+        return f"{say('MAY TAKE OFF{fill}', fill=fill)}{_as_far(made)}: {why}"
+    return no + damage_words(advice)
+
+
+def weakest_words(weakest: Weakest | None) -> str:
+    """The place with the largest utilisation, and what makes it so."""
+    if weakest is None:
+        return say("Weakest place unknown.")
+    parts = [
+        (
+            weakest.manoeuvre,
+            say("by the turn" if weakest.kind == "turn" else "by turning and speeding up"),
+        ),
+        (weakest.load, say("by {kg} on board", kg=number(weakest.tank_kg, "kg"))),
+        (weakest.wind, say("by the wind")),
+        (weakest.battery, say("by the fallen voltage")),
+    ]
+    named = [
+        f"{number(100.0 * share, say('points' if share >= 0.015 else 'point'), 0)} {why}"
+        for share, why in sorted(parts, reverse=True)
+        if share >= LEAST_SHARE
+    ]
+    use = percent_within(weakest.utilisation, *weakest.interval)
+    beyond = say("; more than the rotors can give") if weakest.utilisation > 1.0 else ""
+    where = say(_KINDS[weakest.kind], item=weakest.item)
+    why = f" ({', '.join(named)})" if named else ""
+    words = say("Weakest {where}: {use} of a rotor's thrust", where=where, use=use)
+    return f"{words}{beyond}{why}."
+
+
+def fill_words(made: PlanForecast) -> str:
+    """The largest fill that keeps the limit all along."""
+    liquid, limit = _liquid(made), percent(made.advised.advice.limit)
+    if made.advised.advice.faults:
+        return f"{say(UNSOUND)}."
+    if made.level is FlightLevel.UNKNOWN or not math.isfinite(made.largest_fill_kg):
+        return say("Largest fill unknown.")
+    if not _has_tank(made):
+        return f"{say('Nothing to fill: {why}', why=say('it has no tank'))}."
+    if made.largest_fill_kg <= 0.0:
+        words = "No fill keeps the {limit} limit and survives a lost rotor all along."
+        return say(words, limit=limit)
+    words = "Fill at most {fill}: keeps the {limit} limit and survives a lost rotor all along."
+    return say(words, fill=amount(made.largest_fill_kg, liquid), limit=limit)
+
+
+def survivable_words(made: PlanForecast) -> str:
+    """From which litre on a lost rotor is survived."""
+    below = made.survivable_below_kg
+    if made.level is FlightLevel.UNKNOWN or not math.isfinite(below):
+        return say("Whether a lost rotor is survivable is unknown.")
+    if below <= 0.0:
+        return say("A lost rotor is never survivable, not even with an empty tank.")
+    track = made.flight.track
+    after = track.time_s[track.tank_kg > below + 1e-9]
+    if not after.size:
+        return say("A lost rotor is survivable all along, spinning.")
+    words = say(
+        "With this fill a lost rotor is survivable from {amount} down, spinning",
+        amount=amount(below, _liquid(made)),
+    )
+    if track.tank_kg[-1] > below:
+        return f"{words}: {say('the plan never gets there')}."
+    return f"{words}: {say('after {long}', long=duration(float(after[-1])))}."
+
+
+def sortie_words(made: PlanForecast) -> tuple[str, ...]:
+    """Time, liquid and energy; and where to refill."""
+    sorties, liquid = made.needs.sorties, _liquid(made)
+    sprayed = sum(s.kg for s in sorties)
+    energy = sum(s.energy_wh for s in sorties)
+    last = _fill(made) - (sorties[-1].kg if sorties else 0.0)
+    flown = {"long": duration(made.flight_s), "energy": number(energy, "Wh", 0)}
+    if not _has_tank(made):
+        return (say("Flight {long}, {energy}.", **flown),)
+    found = [
+        say(
+            "Flight {long}, sprays {kg}, {energy}, lands with {left}.",
+            kg=number(sprayed, "kg"),
+            left=amount(max(last, 0.0), liquid),
+            **flown,
+        )
+    ]
+    if made.needs.short_of:
+        found.append(f"{say('No split is possible')}: {say(_SHORT[made.needs.short_of])}.")
+    elif len(sorties) > 1:
+        places = [str(s.last_item) for s in sorties[:-1]]
+        more = say(" and {count} more", count=len(places) - 8) if len(places) > 8 else ""
+        found.append(
+            say(
+                "{count} sorties, each with a full tank and a fresh battery: refill after item "
+                "{items}.",
+                count=len(sorties),
+                items=f"{', '.join(places[:8])}{more}",
+            )
+        )
+        found += _cut([_sortie(k, s, liquid, made.swath) for k, s in enumerate(sorties, start=1)])
+    return tuple(found)
+
+
+def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
+    """`  sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`."""
+    field = f"{area(one.lines * swath)}, " if math.isfinite(swath) else ""
+    items = say(
+        "  sortie {which}: items {first} to {last}",
+        which=which,
+        first=one.first_item,
+        last=one.last_item,
+    )
+    long, energy = duration(one.seconds), number(one.energy_wh, "Wh", 0)
+    return f"{items}, {number(one.kg / liquid, 'L')}, {field}{long}, {energy}"
+
+
+def way_back_words(made: PlanForecast) -> str:
+    """From where on home is out of the battery's reach, the reserve kept."""
+    back = made.way_back
+    if not math.isfinite(back.spare_wh):
+        return say("Point of no return unknown: give --capacity.")
+    known = {
+        "kept": percent(back.charge_kept),
+        "item": back.item,
+        "away": number(back.distance, "m", 0),
+    }
+    if math.isfinite(back.time_s):
+        return say(
+            "Point of no return after {long}, on the way to item {item}, {away} from home, with "
+            "{kept} of the battery kept.",
+            long=duration(back.time_s),
+            **known,
+        )
+    return say(
+        "Home is in reach all along, with {kept} of the battery kept: least to spare {spare}, on "
+        "the way to item {item}, {away} from home.",
+        spare=number(back.spare_wh, "Wh", 0),
+        **known,
+    )
+
+
+def plan_faults(made: PlanForecast) -> tuple[str, ...]:
+    """What is wrong with the plan or not understood of it, first."""
+    faults = [fault_words(f.fault, f.items, f.height) for f in made.findings]
+    wrong = [f"{say('Plan')}: {words}{'' if words.endswith('?') else '.'}" for words in faults]
+    unknown = [f"{say('Not reckoned')}: {not_understood_words(n)}." for n in made.not_understood]
+    return (*_cut(wrong), *_cut(unknown))
+
+
+def assumed_words(made: PlanForecast) -> tuple[str, ...]:
+    """What was taken for what is not known."""
+    return (
+        *map(say, made.plan.notes),
+        *(_assumed(key, values) for key, values in made.assumed.items()),
+        say(LEFT_OUT),
+    )
+
+
+def _as_far(made: PlanForecast) -> str:
+    """What the answer does not reach: stated in it, for it is read alone."""
+    craft = made.assumed.get("aircraft")
+    parts = [say(", IF THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
+    open_ones = [say(CONDITIONS[one]) for one in made.caveats if one in CONDITIONS]
+    if open_ones:
+        parts.append(say(", IF {conditions}", conditions=f" {say('AND')} ".join(open_ones)))
+    if made.not_understood:
+        parts.append(say(", AS FAR AS THE PLAN IS UNDERSTOOD"))
+    if "first part" in made.assumed:
+        parts.append(say(", AS {minutes} MIN OF IT SHOW", minutes=made.assumed["first part"][0]))
+    return "".join(parts)
+
+
+def _assumed(key: str, values: Sequence[str]) -> str:
+    listed = values if ASSUMED[key].count("{") > 1 else [", ".join(values)]
+    return say(ASSUMED[key], *listed)
+
+
+def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
+    rest = len(lines) - most
+    return [
+        *lines[:most],
+        *([say("... and {count} more of these.", count=rest)] if rest > 0 else []),
+    ]
+
+
+def _has_tank(made: PlanForecast) -> bool:
+    return made.advised.analysis.model.airframe.tank_volume_l > 0.0
+
+
+def _fill(made: PlanForecast) -> float:
+    return float(made.flight.track.tank_kg[0])
+
+
+def _liquid(made: PlanForecast) -> float:
+    return made.advised.analysis.model.airframe.liquid_density
+
+
+def gate_limit(limit: float) -> str:
+    """What the fill gate of the vehicle keeps."""
+    return f"{percent(limit)} of a rotor's maximum thrust, and the weight held with one rotor lost"
+
+
+def gate_sag(resistance: float) -> str:
+    """How far its table has the battery sag; ohm of the pack."""
+    return f", by {number(1e3 * resistance, 'mOhm', 0)} of the pack"

@@ -1,1 +1,0 @@
-"""What identification and a season say, in words."""

@@ -1,1 +1,0 @@
-"""Words of plans before they are flown."""

@@ -1,0 +1,129 @@
+"""What `identify` asks a person to do, and what it leaves unexplained, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.actions import Action, When
+from thrustmargin.gcs_plugin.wording.effect_amounts import rotor_words
+from thrustmargin.gcs_plugin.wording.effect_sentences import (
+    ALONG_WORDS,
+    KIND_OF_PART,
+    action_of,
+    amount_of,
+    effect_thing,
+    unnamed_place,
+)
+from thrustmargin.gcs_plugin.wording.language import chance, number
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
+from thrustmargin.models.identification.answer.result import Identification
+from thrustmargin.models.identification.certainty import COSTS
+from thrustmargin.models.identification.rows.candidates import Term
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedAction:
+    """One action that a person is asked for."""
+
+    part: str  # with the number of the rotor, from 1
+    action: str
+    probability: float  # that it is right
+    expected_cost: float  # of asking, in times a look at a propeller
+
+
+def asked_of(found: Identification) -> tuple[AskedAction, ...]:
+    """The actions of the answer in its order; what only keeps something in the model is none."""
+    out = [
+        _asked(action, f.term.rotor, f.probability)
+        for f in sorted(found.found, key=lambda f: f.term.rotor is None)
+        if (action := action_of(f, found)) and action.part != actions.KEEP.part
+    ]
+    out += [_asked(actions.INSPECT, one.rotor, one.probability) for one in found.mentioned]
+    left = found.left
+    if left is not None and left.rotor is not None:
+        out.append(_asked(actions.INSPECT, left.rotor, 1.0))
+    return tuple(out)
+
+
+def _asked(action: Action, rotor: int | None, probability: float) -> AskedAction:
+    kind = KIND_OF_PART.get(action.part, "aircraft")
+    hands_on = action.when is When.BATTERY_OFF
+    return AskedAction(
+        part=f"rotor {rotor + 1}" if rotor is not None and hands_on else action.part,
+        action=action.text,
+        probability=probability,
+        expected_cost=COSTS[kind].of_asking(probability),
+    )
+
+
+def unexplained(found: Identification) -> str:
+    """What is left that no effect explains; empty when nothing is."""
+    left = found.unexplained()
+    if left["mode"] is None:
+        return ""
+    share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
+    along = f"goes with {' or '.join(ALONG_WORDS[one][0] for one in left['channels'])}"
+    action = actions.COMPARE_SOUND.text
+    if not found.open_causes:
+        action = f"nothing was added for it; {action}"
+    if left["wanders"]:
+        along = "comes and goes within flights more than in good ones, and goes with no channel"
+        action = f"{actions.LOOK_FOR_ICE.text}; {actions.COMPARE_WIND.text}"
+    names = found.model.airframe.rotor_names
+    if left.get("rotor"):
+        goes = "goes with its own thrust" if left["channel"] in ONLY_ROTORS else along
+        rotor = left["rotor"] - 1
+        seen = any(one.found.term.rotor == rotor for one in found.open_causes)
+        return (
+            f"{rotor_words(rotor, names).capitalize()} does not lose the same share of "
+            f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
+            f"that{'' if seen else ', so none was added'}; {actions.INSPECT.text}, "
+            f"and {actions.UNSTEADY.text}"
+        )
+    things = " or ".join(dict.fromkeys(_thing_of(w, names) for w in left.get("closest") or ()))
+    close = f"; closest in the table: {things}" if things else ""
+    return (
+        f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"
+        f": {action}"
+    )
+
+
+def unnamed_causes(found: Identification) -> str:
+    """What has no name and is in the new model: of a curve axis, channel, range and size."""
+    each, names, curves = [], found.model.airframe.rotor_names, False
+    for one in found.open_causes:
+        size, rotor = f"({number(one.rms_rpm, 'rpm', 0)})", one.found.term.rotor
+        until = "" if rotor is None else ", an alarm until it is repaired"
+        if one.place is None:
+            words = amount_of(one.found, found)
+            each.append(
+                f"{words[0].lower()}{words[1:]}, {chance(one.found.probability)} likely{until}"
+            )
+            continue
+        where = unnamed_place(one.found.term, names)
+        if one.range is None:
+            each.append(f"{where} {size}{until}")
+            continue
+        _, unit, factor = ALONG_WORDS[one.place[1]]
+        low, high = (end * factor for end in one.range)
+        span = f"{number(low, '', 1)} to {number(high, unit, 1)}"
+        as_well = [ALONG_WORDS[other][0] for other in one.alike if other != CONSTANT]
+        others = f" (or {', '.join(as_well)})" if as_well else ""
+        each.append(f"{where}{others}, {span} {size}{until}")
+        curves = True
+    seen = f"Without a name, as it was seen: {'; '.join(each)}"
+    if not found.found and found.after.rmse_rpm > found.before.rmse_rpm:
+        return f"{seen}; {actions.LEAVE_OUT.text}"
+    beyond = ", held at its edge beyond that range, with twice the interval" if curves else ""
+    return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond}"
+
+
+def _thing_of(words: str, names: Sequence[str]) -> str:
+    """What an effect is called, from `Term.words`: its name, and its rotor from 1."""
+    name, _, rotor = words.partition(" of rotor ")
+    if name not in BY_KEY:
+        return words.replace("_", " ")
+    return effect_thing(Term(effect=BY_KEY[name], rotor=int(rotor) - 1 if rotor else None), names)

@@ -1,0 +1,237 @@
+"""`thrustmargin identify`: which physical effect the model lacks, from measured rotor speeds."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    STDOUT,
+    Output,
+    check_outputs,
+    require_logs,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.models.errors import DataError, ModelError, require
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from thrustmargin.gcs_plugin.commands.shared.tracks_on_disk import TracksOnDisk
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.workshop.identify.identify_result import Result
+    from thrustmargin.models.model.rotor_model import RotorModel
+
+
+def identify(
+    logs: Positional[
+        Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...", help_behavior_hint="")]
+    ],
+    *,
+    model: Path | None = None,
+    airframe: str | None = None,
+    held_out: tuple[Path, ...] = (),
+    reading: Reading = AS_HEARD,
+    out_model: Path | None = None,
+    json: Path | None = None,
+    out: Path | None = None,
+    next_flight: Path | None = None,
+    surrogates: int | None = None,
+    seed: int | None = None,
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+) -> int:
+    """Find what a rotor speed model lacks: the missing effect, its size, and the error after it.
+
+    Compares measured rotor speeds with the model, tries every effect of its table (a worn rotor,
+    hidden mass, thin air, an off-centre load, ...), and takes in those that make flights left out
+    better by more than chance. Give two flights or more, at different tank levels.
+
+    Example: thrustmargin identify demo --out demo.html
+
+    Args:
+        logs: Recorded flights to learn from: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
+            that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
+        airframe: Name of a shipped airframe, or an airframe file (.toml), to start from its weight
+            and thrust curve alone, without a model file.
+        held_out: Flights that are not learnt from, on which the error is stated.
+        reading: How the logs are read.
+        out_model: New model file to write, with the effects added; the old one stays (--out with
+            .safetensors is an older name of it).
+        json: Write the result as JSON to this file (.json); - is standard output, and nothing else.
+        out: Write a page with the residual before and after to this file (.html).
+        next_flight: Write the flight that would distinguish what these flights cannot as a mission,
+            a QGroundControl .plan file about the place where they were flown.
+        surrogates: Not needed any more: chance is worked out, not drawn.
+        seed: Not needed any more: the same flights give the same answer.
+        force: Replace the new model file and the mission if they are there.
+    """
+    require("identify", "scipy")
+    from datetime import UTC, datetime
+
+    from thrustmargin.gcs_plugin.commands.shared.inputs import starting_model
+    from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
+    from thrustmargin.gcs_plugin.workshop.identify.identify_result import result_of
+    from thrustmargin.models.identification.loop import identify_checked
+    from thrustmargin.models.identification.rows.usable_flights import require_distinct
+
+    errors = Terminal(stderr=True, soft_wrap=True)
+    logs = require_logs(logs)
+    held_out = require_logs(held_out) if held_out else ()
+    check_outputs(
+        (
+            Output("--out-model", out_model, endings=(".safetensors",), keep=not force),
+            Output("--json", json, endings=(".json",)),
+            Output("--out", out, endings=(".html", ".htm")),
+            Output("--next-flight", next_flight, endings=(".plan",), keep=not force),
+        ),
+        inputs=[*logs, *held_out, model, airframe],
+    )
+    for option, given in (("--surrogates", surrogates), ("--seed", seed)):
+        if given is not None:
+            errors.print(f"{option} is not needed any more: chance is worked out, not drawn")
+    start, model_name = starting_model(model, airframe)
+    not_used: list[UnusedLog] = []
+    given = model is not None or airframe is not None
+    with TemporaryDirectory(prefix="thrustmargin-") as folder:
+        fit, new = (
+            logs_to_fit(paths, start, given, reading, not_used, errors, Path(folder), option=option)
+            for paths, option in ((logs, ""), (held_out, "--held-out "))
+        )
+        require_distinct(fit + new)
+        with steps(errors, total=1.0) as progress:
+            found = identify_checked(fit, start, held_out=new, progress=progress)
+            progress("what it means for the margin", 0.0)
+            result = result_of(
+                found,
+                tracks=fit + new,
+                not_used=not_used,
+                model_in=model_name,
+                model_out="" if out_model is None else str(out_model),
+                mission="" if next_flight is None else str(next_flight),
+                date=datetime.now(UTC).date().isoformat(),
+            )
+            progress("writing", 0.0)
+            written = write_result(result, out=out_model, json=json, html=out, mission=next_flight)
+    if json != STDOUT:
+        show(result, written)
+    if next_flight is not None and next_flight not in written:
+        errors.print(f"no {next_flight}: no flight would tell more")
+    return 1 if result.not_used else 0
+
+
+def logs_to_fit(
+    logs: Sequence[Path],
+    model: RotorModel,
+    given: bool,
+    reading: ReadingOptions,
+    not_used: list[UnusedLog],
+    console: Console,
+    folder: Path,
+    *,
+    option: str,
+) -> TracksOnDisk:
+    """Read and check logs in their order, into files of a folder; those that cannot serve are added
+    to `not_used`.
+
+    That is also one that is not a flight of the model's airframe, `given` by the user or not.
+    Raises DataError that names them all when the rotor speeds of some are those of other rotors
+    or seconds, or when none of the logs given by `option` can serve.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
+    from thrustmargin.gcs_plugin.commands.shared.tracks_on_disk import TracksOnDisk
+    from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
+
+    tracks = TracksOnDisk(folder)
+    left_out: list[UnusedLog] = []
+    disordered: list[UnusedLog] = []
+    read = read_logs(logs, left_out, console, model=model, given=given, reading=reading)
+    offsets: dict[str, list[str]] = {}
+    for log in claimed(read, left_out, console):
+        for words in instrument_offsets(log):
+            offsets.setdefault(words, []).append(log.name)
+        wrong = wrong_speeds(log.track, model.airframe)
+        lacking = wrong or too_little(log.track, model)
+        if lacking is None:
+            tracks.append(log.track)
+        else:
+            group = left_out if wrong is None else disordered
+            group.append(UnusedLog(name=log.name, reason=lacking))
+    for words, names in offsets.items():
+        console.print(f"{', '.join(names)}: {words}")
+    if disordered:
+        raise DataError(listed(disordered))
+    if left_out and not tracks:
+        raise DataError(f"no {option}flight can be used; {listed(left_out)}")
+    not_used += left_out
+    return tracks
+
+
+def write_result(
+    result: Result,
+    *,
+    out: Path | None,
+    json: Path | None,
+    html: Path | None,
+    mission: Path | None = None,
+) -> list[Path]:
+    """Write what was asked for; all files are made before any is put in its place."""
+    from thrustmargin.gcs_plugin.workshop.identify.identify_result import json_text
+    from thrustmargin.gcs_plugin.workshop.identify.manoeuvre_plan import manoeuvre_plan
+    from thrustmargin.mission.plan import plan_text
+    from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits
+    from thrustmargin.models.model.model_file import save_model
+    from thrustmargin.models.whole_file import whole_file
+
+    following = result.following
+    mission = None if following is None else mission
+    if json == STDOUT:
+        sys.stdout.write(json_text(result))
+        json = None
+    wanted = [path for path in (out, json, html, mission) if path is not None]
+    try:
+        with ExitStack() as files:
+            drafts = {path: files.enter_context(whole_file(path)) for path in wanted}
+            if html is not None:
+                from thrustmargin.gcs_plugin.workshop.identify.identify_page import html_text
+
+                drafts[html].write_bytes(html_text(result).encode("utf-8", "replace"))
+            if json is not None:
+                drafts[json].write_bytes(json_text(result).encode("utf-8", "replace"))
+            if mission is not None and following is not None:
+                limits = FlownLimits.of(result.tracks)
+                plan = manoeuvre_plan(following.manoeuvre, limits, repeats=following.repeats)
+                drafts[mission].write_text(plan_text(plan), encoding="utf-8")
+            if out is not None:
+                save_model(result.update.model, drafts[out])
+    except OSError as error:
+        raise ModelError(f"cannot write {error.filename}: {error.strerror or error}") from error
+    return wanted
+
+
+def show(result: Result, written: Sequence[Path]) -> None:
+    """The answer in words, then the tables, then what was written."""
+    from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+    from thrustmargin.gcs_plugin.workshop.identify.identify_result import printed_tables
+
+    console = Terminal()
+    for sentence in result.answer:
+        console.print(sentence, soft_wrap=True)
+    for table in printed_tables(result):
+        console.print(table)
+    for one in result.not_used:
+        console.print(f"not used: {one.name}: {one.reason}", soft_wrap=True)
+    if result.model_out:
+        for note in result.update.notes:
+            console.print(f"new model: {note}", soft_wrap=True)
+    for path in written:
+        console.print(f"wrote {path}", soft_wrap=True)

@@ -1,0 +1,215 @@
+"""The result of `identify` as its print-out, its JSON and its page show it: made once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog, page_shell
+from thrustmargin.gcs_plugin.wording.effect_sentences import effect_thing
+from thrustmargin.gcs_plugin.wording.language import chance, number, shown_unit, within
+from thrustmargin.gcs_plugin.workshop.identify import identify_words as answers
+from thrustmargin.gcs_plugin.workshop.identify.asked_words import asked_of
+from thrustmargin.gcs_plugin.workshop.identify.identify_words import answer
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer import held_out_errors
+from thrustmargin.models.identification.answer.model_update import (
+    MarginChange,
+    ModelUpdate,
+    margin_changes,
+    update_model,
+)
+from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.next_flight.next_flight import NextFlight, following_flight
+from thrustmargin.models.json_values import to_json_values
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Result:
+    """An identification and everything that its print-out, JSON and page show of it."""
+
+    found: Identification
+    update: ModelUpdate
+    tracks: Sequence[FlightTrack]  # the fitted flights, then the held-out ones
+    not_used: tuple[UnusedLog, ...]
+    unseen: tuple[held_out_errors.Unseen, ...]  # the last one is that of the errors
+    errors: tuple[held_out_errors.RotorErrors, ...]  # all rotors, then each
+    margins: tuple[MarginChange, ...]  # of each effect
+    margin: MarginChange  # of all effects, worst rotor
+    following: NextFlight | None
+    answer: tuple[str, ...]
+    model_in: str
+    model_out: str
+    mission: str  # file that the next flight is written to; empty for none
+    date: str
+
+
+def result_of(
+    found: Identification,
+    *,
+    tracks: Sequence[FlightTrack],
+    not_used: Sequence[UnusedLog] = (),
+    model_in: str = "",
+    model_out: str = "",
+    mission: str = "",
+    date: str = "",
+) -> Result:
+    """Everything that is shown of an identification; `tracks` are the flights it was given."""
+    unseen = found.unseen
+    margins, margin = margin_changes(found)
+    following = following_flight(found, tracks)
+    mission = "" if following is None else mission
+    return Result(
+        found=found,
+        update=update_model(found.model, found, date=date),
+        tracks=tracks,
+        not_used=tuple(not_used),
+        unseen=unseen,
+        errors=held_out_errors.rotor_errors(unseen[-1]),
+        margins=margins,
+        margin=margin,
+        following=following,
+        answer=answer(found, margin, following, mission),
+        model_in=model_in,
+        model_out=model_out,
+        mission=mission,
+        date=date,
+    )
+
+
+def json_text(result: Result) -> str:
+    """The schema "thrustmargin.identify/1"; after its own keys the margin, the answer in words.
+
+    `margin` is the predicted thrust margin before and after, of all effects and of each in order.
+    """
+    whole: dict[str, Any] = result.found.to_json(
+        model_in=result.model_in, model_out=result.model_out
+    )
+    whole["next_flight"] = None if result.following is None else _next_flight(result)
+    whole["margin"] = {
+        "all": _numbered(result.margin),
+        "effects": [_numbered(m) for m in result.margins],
+    }
+    whole["answer"] = list(result.answer)
+    whole["actions"] = asked_of(result.found)
+    whole["notes"] = list(result.update.notes)
+    whole["not_used"] = [{"log": n.name, "reason": n.reason} for n in result.not_used]
+    whole["date"] = result.date
+    return page_shell.json_text(whole)
+
+
+def _next_flight(result: Result) -> dict[str, Any]:
+    """Sets of effects by their names, the manoeuvre, and the mission's file if there is one."""
+    following = result.following
+    assert following is not None
+    return {
+        "separates": [[term.words for term in terms] for terms in following.separates],
+        "manoeuvre": following.manoeuvre.words,
+        "repeats": following.repeats,
+        "minutes": following.minutes,
+        "certainty": following.certainty,
+        "mission": result.mission or None,
+    }
+
+
+def _numbered(change: MarginChange) -> dict[str, Any]:
+    """With the rotor counted from 1, as everywhere outside arrays."""
+    return to_json_values(change) | {"rotor": None if change.rotor is None else change.rotor + 1}
+
+
+MOST_FLIGHTS = 4  # of which values of one flight are listed
+MOST_SETS = 5  # of effects that are listed
+
+
+def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
+    """What was found, how sure, and below each its parameters with value and interval.
+
+    A row of an effect has neither; one of a parameter has no probability. Amounts of one unit
+    are all in it or all in the smaller one.
+    """
+    rows = []
+    largest: dict[str, float] = {}
+    for one in found.found:
+        for k, p in enumerate(one.term.effect.parameters):
+            factor, unit = shown_unit(p.unit, p.name)
+            ends = np.abs(factor * np.stack([v[:, k] for v in (one.value, one.lower, one.upper)]))
+            most = float(np.nanmax(ends, initial=0.0))
+            largest[unit] = max(largest.get(unit, 0.0), most)
+    for one in found.found:
+        thing = effect_thing(one.term, found.model.airframe.rotor_names)
+        rows.append((thing, "", "", chance(one.probability)))
+        rows += [(*row, "") for row in _parameter_rows(found, one, largest)]
+    return rows
+
+
+def _parameter_rows(
+    found: Identification, one: Found, beside: Mapping[str, float]
+) -> list[tuple[str, str, str]]:
+    """Name, value with unit and interval; values of single flights where they are largest.
+
+    `beside` has the largest amount of the table in each unit.
+    """
+    parameters = one.term.effect.parameters
+    own = [k for k, p in enumerate(parameters) if p.per_flight]
+    size = np.abs(one.value[:, own[0]]) if own else np.zeros(one.value.shape[0])
+    largest = np.argsort(-size, kind="stable")[:MOST_FLIGHTS]
+    rows = []
+    for k, p in enumerate(parameters):
+        name = p.name.replace("_", " ")
+        factor, unit = shown_unit(p.unit, p.name)
+        for f in largest if p.per_flight else [one.flight]:
+            value, low, high = (float(v[f, k]) for v in (one.value, one.lower, one.upper))
+            where = f", {found.problem.names[f]}" if p.per_flight else ""
+            shown = within(
+                value, low, high, unit, factor=factor, most=6, beside=beside.get(unit, 0.0)
+            )
+            rows.append((name + where, *shown))
+    return rows
+
+
+def set_rows(found: Identification) -> list[tuple[str, float]]:
+    """Sets of effects that explain the flights, likeliest first, with their probabilities."""
+    names = found.model.airframe.rotor_names
+    return [
+        (answers.set_words(s.terms, names), s.probability) for s in found.alternatives[:MOST_SETS]
+    ]
+
+
+def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
+    """Rotor, RMSE before and after with their intervals, and the mean after."""
+    names = result.found.model.airframe.rotor_names
+    return [
+        (
+            "all" if e.rotor is None else f"{e.rotor + 1} {names[e.rotor]}",
+            answers.rmse_words(e.before, ""),
+            answers.rmse_words(e.after, ""),
+            number(e.after.bias_rpm, "", 1),
+        )
+        for e in result.errors
+    ]
+
+
+def printed_tables(result: Result) -> list[Table]:
+    """What the print-out shows below its sentences; all fit 80 columns."""
+    found = result.found
+    flights = found.problem.flights
+    by = f"by {flights} flight{'s' if flights > 1 else ''}"
+    made = []
+    if found.found:
+        rows = [("  " * (not sure) + name, *row, sure) for name, *row, sure in effect_rows(found)]
+        made.append(page_shell.grid(("found", "value", "95 %", f"sure {by}"), rows))
+    if len(found.alternatives) > 1:
+        sets = [(words, chance(p)) for words, p in set_rows(found)]
+        made.append(page_shell.grid(("explanations", f"probability {by}"), sets))
+    if found.excluded:
+        made.append(page_shell.grid(("not seen", "excluded at 95 %"), answers.excluded_rows(found)))
+    title = f"Measured minus predicted rotor speed, rpm, on {answers.where_from(found)}"
+    heads = ("rotor", "RMSE before", "RMSE after", "mean after")
+    made.append(page_shell.grid(heads, error_rows(result), title=title))
+    return made

@@ -1,0 +1,7 @@
+"""The model of an aircraft from its own flights, and the match of load and power system."""
+
+#: Subcommand -> the first words of the docstring of its function.
+COMMANDS = {
+    "match": "Match an aircraft's load with its power system",
+    "train": "Train the rotor speed model of one aircraft on its own good flights",
+}

@@ -1,0 +1,204 @@
+"""`thrustmargin train`: an aircraft's own rotor speed model from its flights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.models.errors import LogError, require
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.flight import FlightTrack
+    from thrustmargin.models.model.rotor_model import RotorModel
+
+
+SPLITS = {"both": ("samples", "flights"), "samples": ("samples",), "flights": ("flights",)}
+
+
+def train(
+    logs: Positional[tuple[Path, ...]],
+    *,
+    airframe: str | None = None,
+    reading: Reading = AS_HEARD,
+    out_model: Path = Path("my-model.safetensors"),
+    members: int = 5,
+    seed: int = 0,
+    split: Literal["both", "samples", "flights"] = "both",
+    max_epochs: int = 1000,
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+) -> int:
+    """Train the rotor speed model of one aircraft on its own good flights.
+
+    Fits the network from airspeed and tank level, and on it what belongs to every aircraft: moments
+    of turning and of the flow, load factor, drag, lift, centre of gravity, yaw trim, air. Each is
+    kept if flights left out are predicted better with it. Where they are predicted better without
+    the network, weight and thrust curve take its place. The first line says whether the model is
+    fit for use: its error on flights that the model predicting them has not seen, or why not and
+    what to do.
+    Writes the model file, with what good flights show of how they differ, and the network's loss
+    curves (.loss.svg, .loss.csv) beside it.
+    Give flights of a healthy aircraft, over the speeds and tank levels of its work: at least 3.
+    The interval is conformal from 9 flights on, below that a wider one by Student's t.
+
+    Example: thrustmargin train flights --airframe my-aircraft.toml --out-model mine.safetensors
+    (flights is the folder of your logs, my-aircraft.toml made by `thrustmargin airframe new`)
+
+    Args:
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders of
+            them.
+        airframe: Name of a shipped airframe, or an airframe file (.toml), of the aircraft; without
+            it only flights that are recognised as those of topxgun-f16-sitl are learnt from.
+        reading: How the logs are read.
+        out_model: Model file to write (--out is an older name of it).
+        members: Networks in the ensemble; their disagreement is the model's uncertainty.
+        seed: Number from which all chance is drawn; the same seed gives the same model.
+        split: Split of the table: by samples as the paper does, by flight, or both.
+        max_epochs: Most epochs for a network; early stopping usually ends it before.
+        force: Replace the model file if it is there.
+    """
+    require("train", "torch", "scipy")
+    from dataclasses import replace
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    from thrustmargin.gcs_plugin.commands.shared.inputs import (
+        SHIPPED_AIRFRAME,
+        claimed,
+        listed,
+        read_logs,
+    )
+    from thrustmargin.gcs_plugin.commands.shared.options import (
+        Output,
+        check_outputs,
+        check_range,
+        require_logs,
+    )
+    from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
+    from thrustmargin.gcs_plugin.workshop.learn.model_figures import loss_paths, write_loss_curves
+    from thrustmargin.gcs_plugin.workshop.learn.training_tables import training_tables
+    from thrustmargin.models.identification.good_flights.commissioning import commission
+    from thrustmargin.models.model.model_file import save_model
+    from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
+    from thrustmargin.models.model.training import TrainSettings
+    from thrustmargin.models.model.training import train as fit
+    from thrustmargin.models.network.network import NetConfig
+    from thrustmargin.models.physics.airframe import load_airframe
+    from thrustmargin.models.physics.flight_phases import training_rows
+
+    progress = Terminal(stderr=True)
+    logs = require_logs(logs)
+    check_outputs(
+        [
+            Output("--out-model", out_model, (".safetensors",), keep=not force),
+            *(Output("--out-model", path) for path in loss_paths(out_model)),
+        ],
+        inputs=[*logs, airframe],
+    )
+    check_range("--members", members, 3, 100)
+    check_range("--max-epochs", max_epochs, 1, 1_000_000)
+    check_range("--seed", seed, 0, 2**32 - 1)
+    given = airframe is not None
+    aircraft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
+    settings = TrainSettings(
+        splits=SPLITS[split], members=members, seed=seed, net=NetConfig(max_epochs=max_epochs)
+    )
+    unread: list[UnusedLog] = []
+    model = physics_model(aircraft)
+    read = read_logs(logs, unread, progress, model=model, given=given, reading=reading)
+    tracks = [log.track for log in claimed(read, unread, progress)]
+    if not tracks:
+        raise LogError(f"no flight can be used; {listed(unread)}")
+    tracks, unfit = _learnable(tracks, model)
+    unread += unfit
+    thermometer = learnt_thermometer(tracks, aircraft)
+    tracks = [with_air_temperature(track, thermometer) for track in tracks]
+    names, date = settings.names(), datetime.now(UTC).date().isoformat()
+    trained, written = None, [out_model]
+    learnable = any(training_rows(track).any() for track in tracks)
+    with steps(progress, total=len(names) + 1, lines=True) as step:
+
+        def on_epoch(name: str, epoch: int, loss: float) -> None:
+            step(f"{name}: epoch {epoch}, validation loss {loss:.4f}", names.index(name))
+
+        if learnable:
+            trained = fit(
+                tracks,
+                aircraft,
+                settings,
+                date=date,
+                version=version("thrustmargin"),
+                progress=on_epoch,
+            )
+        made = commission(
+            trained,
+            tracks,
+            aircraft,
+            date=date,
+            seed=seed,
+            coverage=settings.coverage,
+            progress=lambda what: step(what, len(names)),
+        )
+    made = replace(made, thermometer=thermometer)
+    save_model(made, out_model)
+    if trained is not None:
+        written += write_loss_curves(trained.curves, out_model)
+
+    console = Terminal()
+    for part in training_tables(made):
+        console.print(part)
+    for one in (*unread, *_unused(tracks)):
+        console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)
+    for path in written:
+        console.print(f"wrote {path}", soft_wrap=True)
+    return 1 if unread else 0
+
+
+def _learnable(
+    tracks: Sequence[FlightTrack], model: RotorModel
+) -> tuple[list[FlightTrack], list[UnusedLog]]:
+    """Flights without those that have some rows to learn from but too few, or speeds of other
+    rotors or seconds, which are to be named.
+
+    Raises LogError when none is left.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.inputs import listed
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
+    from thrustmargin.models.physics.flight_phases import training_rows
+
+    kept, unfit = [], []
+    for track in tracks:
+        reason = None
+        if training_rows(track, model.inputs).any():
+            reason = too_little(track, model) or wrong_speeds(track, model.airframe)
+        if reason is None:
+            kept.append(track)
+        else:
+            unfit.append(UnusedLog(name=track.name, reason=reason))
+    if not kept:
+        raise LogError(f"no flight can be used; {listed(unfit)}")
+    return kept, unfit
+
+
+def _unused(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
+    from thrustmargin.models.physics.flight_phases import training_rows
+
+    return [
+        UnusedLog(
+            name=track.name,
+            reason=LOAD_FROM_SPEEDS
+            if "tank_kg" in track.standard_errors
+            else "no row in steady flight with rotor speeds, airspeed and tank level",
+        )
+        for track in tracks
+        if not training_rows(track).any()
+    ]

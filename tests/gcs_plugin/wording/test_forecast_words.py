@@ -1,0 +1,145 @@
+"""A plan before take-off in words."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.wording.forecast_words import (
+    ASSUMED,
+    assumed_words,
+    fill_words,
+    plan_faults,
+    sortie_words,
+    survivable_words,
+    verdict,
+    weakest_words,
+)
+from thrustmargin.gcs_plugin.wording.language import VARIABLE
+from thrustmargin.mission.forecast.battery import FlightBattery
+from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
+from thrustmargin.mission.plan_items import PlanItem, plan_from_items
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
+from thrustmargin.models.model.model_file import shipped_model
+
+MODEL = shipped_model()
+CARGO = replace(MODEL, network=None, airframe=replace(MODEL.airframe, tank_volume_l=0.0))
+
+
+def made(**day):
+    given = {"fill_kg": 6.0, "flow": 0.04, "battery": FlightBattery(capacity_ah=16.0)} | day
+    return forecast(plan_of(*TWO_LINES), MODEL, TakeOff(**given))
+
+
+@pytest.mark.parametrize(
+    ("day", "starts", "has"),
+    [
+        ({}, "MAY TAKE OFF WITH 6.0 kg (6.0 L)", "limit 50 %"),
+        ({"fill_kg": 16.0}, "DO NOT TAKE OFF WITH 16.0 kg", "a lost rotor brings it down"),
+        (
+            {"battery": FlightBattery(capacity_ah=1.0)},
+            "DO NOT TAKE OFF",
+            "the battery does not last",
+        ),
+    ],
+)
+def test_the_verdict_comes_with_its_reason(day, starts, has):
+    words = verdict(made(**day))
+    assert words.startswith(starts)
+    assert has in words
+
+
+def test_motors_in_another_order_are_no_good_answer():
+    plan = forecast(plan_of(*TWO_LINES), MODEL, TakeOff(fill_kg=6.0, flow=0.04), other_order=True)
+    words = "DO NOT TAKE OFF WITH 6.0 kg (6.0 L): its motors are not in the airframe's order; "
+    assert verdict(plan) == words + "test it, propellers off"
+    assert plan.level.value == "order"
+
+
+def test_a_model_that_holds_a_weak_rotor_is_told_of_it_and_gets_no_fill():
+    loss = {"loss": Identified(value=0.12, unit="1", ci95=(0.11, 0.13))}
+    loss["torque_share"] = Identified(value=1.0, unit="1", ci95=(0.9, 1.1))
+    weak = EffectRecord(name="rotor_degradation", rotor=1, parameters=loss)
+    model = replace(MODEL, effects=(*MODEL.effects, weak))
+    plan = forecast(plan_of(*TWO_LINES), model, TakeOff(fill_kg=6.0, flow=0.04))
+    assert verdict(plan) == (
+        "DO NOT TAKE OFF WITH 6.0 kg (6.0 L): ROTOR 1, FRONT RIGHT: 12 % LESS THRUST"
+    )
+    assert fill_words(plan) == (
+        "No fill can be recommended: a rotor or motor is bad, and the limits are of sound ones."
+    )
+    heavy = forecast(plan_of(*TWO_LINES), model, TakeOff(fill_kg=16.0, flow=0.0))
+    assert survivable_words(heavy) == "Whether a lost rotor is survivable is unknown."
+    fills = largest_fills(model, 1.2, 52.0, airspeed=4.0)
+    assert math.isnan(before_take_off(fills, model).kg)
+    assert before_take_off(fills, MODEL).kg > 0.0
+
+
+def test_an_aircraft_without_a_tank_is_told_of_no_liquid():
+    bare = forecast(plan_of(*TWO_LINES), CARGO, TakeOff(fill_kg=0.0, flow=0.04))
+    assert verdict(bare).startswith("MAY TAKE OFF: ")
+    assert fill_words(bare) == "Nothing to fill: it has no tank."
+    assert len(sortie_words(bare)) == 1
+    said = " ".join((weakest_words(bare.weakest), *sortie_words(bare), *assumed_words(bare)))
+    assert not any(word in said for word in ("tank", "kg", "sprays", "()", "--flow"))
+
+
+def test_the_other_lines_say_what_they_know():
+    light, heavy = made(), made(fill_kg=16.0)
+    assert weakest_words(light.weakest).startswith("Weakest in the turn at item")
+    assert fill_words(light).startswith("Fill at most ")
+    assert survivable_words(light) == "A lost rotor is survivable all along, spinning."
+    assert "survivable from" in survivable_words(heavy)
+    assert sortie_words(light)[0].startswith("Flight ")
+    _, refills, first, second = sortie_words(made(fill_kg=1.5))
+    assert refills.startswith("2 sorties, ")
+    assert refills.endswith("refill after item 5.")
+    assert first.startswith("  sortie 1: items 1 to 5, 1.1 L, ")
+    assert second.startswith("  sortie 2: items 7 to ")
+    assert plan_faults(light) == ()
+
+
+def test_where_no_split_is_possible_no_sorties_are_named():
+    """A line takes 1.1 kg: with 0.3 kg the second is another sortie, and neither can be flown."""
+    short = made(fill_kg=0.3)
+    assert len(short.needs.sorties) > 1
+    flight, no_split = sortie_words(short)
+    assert flight.startswith("Flight ")
+    assert no_split.startswith("No split is possible: one line alone takes more than the tank")
+
+
+def test_whatever_is_assumed_has_words():
+    for outlook in (
+        made(),
+        made(wind=5.0),
+        forecast(plan_of(*TWO_LINES), MODEL, TakeOff(fill_kg=6.0)),
+    ):
+        assert set(outlook.assumed) <= set(ASSUMED)
+        assert all("{" not in words for words in assumed_words(outlook))
+
+
+def test_numbers_of_what_is_assumed_have_the_decimal_sign_of_the_language(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "de")
+    item = PlanItem(number=0, command=16, frame=3, parameters=(0, 0, 0, 0, 47.0, 8.0, 5.0))
+    plan = plan_from_items([item, replace(item, number=1)], home_first=True)
+    found = forecast(replace(plan_of(*TWO_LINES), notes=plan.notes), MODEL, TakeOff(fill_kg=6.0))
+    said = assumed_words(found)
+    assert said[0].startswith("der Start ist ohne seine Höhe über dem Meer angegeben")
+    assert any("ATC_ANG_YAW_P 4,5," in words for words in said)
+
+
+def test_an_answer_that_does_not_reach_the_whole_plan_says_so():
+    rows = [*TWO_LINES[:3], (4711, 1.0), *TWO_LINES[3:]]
+    day = TakeOff(fill_kg=6.0, flow=0.04, battery=FlightBattery(capacity_ah=16.0))
+    unclear = forecast(plan_of(*rows), MODEL, day)
+    assert verdict(unclear).startswith("MAY TAKE OFF WITH 6.0 kg (6.0 L), AS FAR AS")
+    assert "UNDERSTOOD" not in verdict(made())
+    assert plan_faults(unclear)[-1].startswith("Not reckoned: item 4")
+
+
+def test_what_the_plan_was_read_with_is_said_first():
+    plan = replace(plan_of(*TWO_LINES), notes=("home stands in",))
+    found = forecast(plan, MODEL, 6.0)
+    assert assumed_words(found)[0] == "home stands in"
