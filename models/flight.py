@@ -282,7 +282,7 @@ class FlightTrack:
 
         Raises TrackError unless time increases.
         """
-        return joined([(self, slice(first, None)), (later, slice(None))])
+        return join_tracks([(self, slice(first, None)), (later, slice(None))])
 
     def _error_of(self, channel: str) -> Floats:
         """Return the standard error of a channel in its shape; 0 where it was measured."""
@@ -295,7 +295,7 @@ class FlightTrack:
         return replace(self, standard_errors=errors, **arrays)
 
 
-def joined(parts: Sequence[tuple[FlightTrack, slice | NDArray[np.intp]]]) -> FlightTrack:
+def join_tracks(parts: Sequence[tuple[FlightTrack, slice | NDArray[np.intp]]]) -> FlightTrack:
     """Concatenate the chosen rows of the tracks as one track, with the metadata of the last.
 
     Raises TrackError unless time increases.

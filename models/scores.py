@@ -158,7 +158,7 @@ def score(
 def by_flight(terms: Floats, flight: NDArray, *, seed: int = 0, draws: int = DRAWS) -> Sums:
     """Return sums (draws, ...) of terms (T, ...) over whole flights, resampled with replacement."""
     labels, which = np.unique(flight, return_inverse=True)
-    sums = _grouped(terms, which, labels.size)
+    sums = _group_sums(terms, which, labels.size)
     equal = np.full(labels.size, 1.0 / labels.size)
     drawn = np.random.default_rng(seed).multinomial(labels.size, equal, size=draws)
     return np.tensordot(drawn.astype(np.float64), sums, axes=1)
@@ -172,7 +172,7 @@ def by_block(
     `block` (T,) numbers the rows' blocks, `block_flight` (B,) is the flight of each. Flights with
     only one block are resampled among themselves.
     """
-    sums = _grouped(terms, block, block_flight.size)
+    sums = _group_sums(terms, block, block_flight.size)
     of_flight = [np.flatnonzero(block_flight == f) for f in np.unique(block_flight)]
     groups = [mine for mine in of_flight if mine.size > 1]
     short = [mine for mine in of_flight if mine.size == 1]
@@ -227,7 +227,7 @@ def jackknife(figure: Callable[[Bools], Floats], block: NDArray) -> list[Estimat
     return [Estimate(value=value, low=value - off, high=value + off) for value, off in found]
 
 
-def _grouped(terms: Floats, which: NDArray, groups: int) -> Floats:
+def _group_sums(terms: Floats, which: NDArray, groups: int) -> Floats:
     """Sum the terms (T, ...) of each group (groups, ...)."""
     sums = np.zeros((groups, *terms.shape[1:]))
     np.add.at(sums, which, terms)

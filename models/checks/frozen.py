@@ -122,7 +122,7 @@ def frozen_channels(
                 throughout=bool(rows[known].all()),
             )
     whole = np.ones(track.time_s.size, dtype=np.bool_)
-    for channel, reason, rotors in _contradicted(track, airframe, parameters):
+    for channel, reason, rotors in _contradictions(track, airframe, parameters):
         values = getattr(track, channel)[track.flying]
         value = known_median(values[:, list(rotors)] if rotors else values)
         stand = Stand(value=value, rows=whole, throughout=True, reason=reason, rotors=rotors)
@@ -130,7 +130,7 @@ def frozen_channels(
     return found
 
 
-def _contradicted(
+def _contradictions(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> Iterator[tuple[str, Reason, tuple[int, ...]]]:
     """Yield channel, reason and rotors of each reading that other measurements contradict."""

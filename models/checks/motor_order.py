@@ -312,11 +312,11 @@ def _correlations(
     known = np.stack([np.ones_like(rate), rate, squares.sum(axis=1)], axis=1)
     basis = np.linalg.qr(known)[0]
 
-    def rest(values: Floats) -> Floats:
+    def remove_known(values: Floats) -> Floats:
         """Remove what rate, collective and constant explain."""
         return values - basis @ (basis.T @ values)
 
-    response, speeds = rest(acceleration), rest(squares)
+    response, speeds = remove_known(acceleration), remove_known(squares)
     power = response @ response
     gram, cross = speeds.T @ speeds, speeds.T @ response
     # A moment is a weighted sum of the speeds, so every assignment comes from the same sums.

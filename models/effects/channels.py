@@ -296,8 +296,8 @@ class _TrackChannels:
 
     @property
     def _hover_advance(self) -> Floats:
-        """Return N D (T,), rpm times m, of the rotors in hover: the denominator of advance
-        ratios over 60."""
+        """Return N D (T,), rpm times m, of the rotors in hover, as in the advance ratio J = w
+        60/(N D)."""
         craft = self._airframe
         hover_rpm = np.sqrt(self._mass * G0 / craft.rotor_count / craft.thrust_coefficient)
         return hover_rpm * craft.propeller_diameter

@@ -264,7 +264,7 @@ def _share_effect(
         accuracy=SAMPLED,
     )
 
-    def kept(p: Values) -> Values:
+    def scaled_values(p: Values) -> Values:
         """Return the values of the original effect with all its moments multiplied by the share."""
         return {**has[0], **{name: p["share"] * whole[name] for name in moments}}
 
@@ -272,10 +272,10 @@ def _share_effect(
         effect,
         variant="changed",
         parameters=(share,),
-        apply=lambda p, x, thrust: effect.apply(kept(p), x, thrust),
+        apply=lambda p, x, thrust: effect.apply(scaled_values(p), x, thrust),
         looks=lambda p: effect.looks(has[0]),
         change=None,
-        kept_as=kept,
+        kept_as=scaled_values,
     )
 
 

@@ -68,7 +68,7 @@ def spin_up_moment(
         return at_once
     rate, now = x.rate_shifts[2], lag_weights(lag)
 
-    def behind(k: int) -> Floats:
+    def lagged_moment(k: int) -> Floats:
         """Return the moment after the lag SPIN_UPS[k]."""
         own = float(SPIN_UPS[k])
         if lag < 0.0:  # rotor speeds are late: use the past columns of the table
@@ -83,6 +83,6 @@ def spin_up_moment(
     above = min(int(np.searchsorted(SPIN_UPS, constant)), SPIN_UPS.size - 1)
     if above == 0:
         share = constant / float(SPIN_UPS[0])
-        return (1.0 - share) * at_once + share * behind(0)
+        return (1.0 - share) * at_once + share * lagged_moment(0)
     share = float(np.log(constant / SPIN_UPS[above - 1]) / np.log(RATIO))
-    return (1.0 - share) * behind(above - 1) + share * behind(above)
+    return (1.0 - share) * lagged_moment(above - 1) + share * lagged_moment(above)

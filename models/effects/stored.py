@@ -67,10 +67,10 @@ def losses_of(records: Sequence[EffectRecord]) -> dict[int, Identified]:
 def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Placed, ...]:
     """Return the effects of a model file. Raises ModelError for an unknown effect, rotor, value
     or unit."""
-    return tuple(_placed(record, rotor_count) for record in records)
+    return tuple(_place_effect(record, rotor_count) for record in records)
 
 
-def _placed(record: EffectRecord, rotor_count: int) -> Placed:
+def _place_effect(record: EffectRecord, rotor_count: int) -> Placed:
     """Return the effect of one record. Raises ModelError as `placed_from`."""
     key = f"{record.name}:{record.variant}" if record.variant else record.name
     effect = BY_KEY.get(key)

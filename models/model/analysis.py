@@ -320,7 +320,7 @@ def analyse(
     )
 
 
-def heavier(analysis: FlightAnalysis, beyond_kg: float) -> FlightAnalysis:
+def with_load_beyond_gauge(analysis: FlightAnalysis, beyond_kg: float) -> FlightAnalysis:
     """Add `beyond_kg` to the weight of an analysis and lower its redundancy; the utilisation stays.
 
     For single rows of a flight in progress, whose `analysis_for_verdict` has found that load.

@@ -159,8 +159,8 @@ def _silent_seconds(track: FlightTrack, second: NDArray[np.int64], count: int) -
 def _lasting_use(means: Floats, silent: Bools) -> Floats:
     """Return a lower bound (S, R) of the running median of the means (S, R) over LASTING_S.
 
-    Seconds in a pause of the log, `silent` (S,), count as low use, but for a window in which all
-    known means are higher.
+    Seconds in a pause of the log, `silent` (S,), count as 0, but the result is at least the lowest
+    known mean of the window. NaN without a known mean in the window.
     """
     seen = np.isfinite(means)
     least = running_median(np.where(silent[:, None] & ~seen, 0.0, means), LASTING_S)

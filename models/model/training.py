@@ -288,15 +288,15 @@ def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) 
     """Score one network on the training, validation and test rows of its split."""
     predicted = member_speeds(fitted.network, samples.airspeed, samples.tank_kg)[0]
 
-    def of(rows: Rows) -> Score:
+    def score_rows(rows: Rows) -> Score:
         """Score the network on some rows."""
         return score(samples.rotor_speed_rpm[rows], predicted[rows], samples.flight[rows])
 
     return SplitScore(
         split=kind,
-        training=of(split.training),
-        validation=of(split.validation),
-        test=of(split.test),
+        training=score_rows(split.training),
+        validation=score_rows(split.validation),
+        test=score_rows(split.test),
         epochs=fitted.epochs,
         best_epoch=fitted.best_epoch,
         lowest_loss=fitted.lowest_loss,

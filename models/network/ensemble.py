@@ -96,14 +96,14 @@ def _combine(
     """Apply `make` to the corresponding arrays of all networks, and return the network of the
     results."""
 
-    def like(name: str) -> Any:
+    def combine_field(name: str) -> Any:
         """Apply `make` to one array of all networks."""
         arrays = [getattr(network, name) for network in networks]
         if isinstance(arrays[0], tuple):
             return tuple(make(layer) for layer in zip(*arrays, strict=True))
         return make(arrays)
 
-    return RotorNetwork(**{f.name: like(f.name) for f in fields(RotorNetwork)})
+    return RotorNetwork(**{f.name: combine_field(f.name) for f in fields(RotorNetwork)})
 
 
 def member_speeds(network: RotorNetwork, airspeed: Floats, tank_kg: Floats) -> Floats:

@@ -68,7 +68,7 @@ def lower_effectiveness() -> Quantity:
     return guess("lower_rotor_effectiveness", 0.8, "it works in the wash of the upper rotor")
 
 
-def completed(given: Mapping[str, Quantity]) -> dict[str, Quantity]:
+def complete_quantities(given: Mapping[str, Quantity]) -> dict[str, Quantity]:
     """Return all quantities of an airframe, in the order of its file.
 
     `given` must contain empty_mass, tank_volume_l, propeller_diameter, propeller_pitch,

@@ -67,14 +67,14 @@ def holdable(airframe: Airframe) -> Holdable:
     if not rotors:
         return Holdable(intact=nan, yaw_kept=np.array([nan]), yaw_uncontrolled=np.array([nan]))
 
-    def without(rotor: int, yaw_kept: bool) -> float:
+    def with_rotor_lost(rotor: int, yaw_kept: bool) -> float:
         """Return the largest level collective with one rotor lost."""
         return _largest(airframe, yaw_kept=yaw_kept, lost=rotor)
 
     return Holdable(
         intact=_largest(airframe, yaw_kept=True),
-        yaw_kept=np.array([without(i, True) for i in rotors]),
-        yaw_uncontrolled=np.array([without(i, False) for i in rotors]),
+        yaw_kept=np.array([with_rotor_lost(i, True) for i in rotors]),
+        yaw_uncontrolled=np.array([with_rotor_lost(i, False) for i in rotors]),
     )
 
 

@@ -41,12 +41,12 @@ def known_median(values: Floats) -> float:
 def _over_known(figure: Callable[[Floats], Any]) -> Callable[[Floats], float]:
     """Return a function that applies `figure` to the finite values; NaN without one."""
 
-    def of(values: Floats) -> float:
+    def figure_of_known(values: Floats) -> float:
         """Apply the figure to the finite values; NaN without one."""
         known = values[np.isfinite(values)]
         return float(figure(known)) if known.size else float("nan")
 
-    return of
+    return figure_of_known
 
 
 #: Mean, maximum and minimum of the finite values; NaN without one.

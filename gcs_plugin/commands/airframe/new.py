@@ -204,7 +204,7 @@ def new_airframe(
     Raises UsageError for a value that cannot be, AirframeError when values contradict.
     """
     from thrustmargin.models.physics.airframe import airframe_from_table, quantity_table
-    from thrustmargin.models.physics.airframe_draft import completed, lower_effectiveness
+    from thrustmargin.models.physics.airframe_draft import complete_quantities, lower_effectiveness
     from thrustmargin.models.physics.motor_layouts import motor_layouts
 
     layout_name = owner.layout or reported.layout
@@ -226,7 +226,9 @@ def new_airframe(
         "name": name,
         "title": owner.title or f"{name} ({reported.layout}, {len(rotors)} rotors)",
         "layout": reported.layout,
-        "quantities": {key: quantity_table(q) for key, q in completed(quantities).items()},
+        "quantities": {
+            key: quantity_table(q) for key, q in complete_quantities(quantities).items()
+        },
         "rotors": rotors,
     }
     return airframe_from_table(table, where=name)

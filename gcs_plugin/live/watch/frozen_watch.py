@@ -19,7 +19,7 @@ from thrustmargin.models.checks.frozen import (
     without_broken_voltage,
 )
 from thrustmargin.models.checks.voltage import VoltageSoFar
-from thrustmargin.models.flight import FlightTrack, joined
+from thrustmargin.models.flight import FlightTrack, join_tracks
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Reason
 
@@ -56,7 +56,7 @@ class FrozenWatch:
             self._last_s = float(time_s[rows[-1]])
         if self._flown and self._last_s - self._looked_s >= EVERY:
             self._looked_s = self._last_s
-            self._flown = [joined([(part, slice(None)) for part in self._flown])]
+            self._flown = [join_tracks([(part, slice(None)) for part in self._flown])]
             found = frozen_channels(self._flown[0], self._airframe, parameters)
             self._frozen = {c: stand for c, stand in found.items() if stand.rows[-1]}
         moving = [c for c, stood in self._frozen.items() if _moves(track, c, stood)]

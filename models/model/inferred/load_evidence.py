@@ -63,8 +63,8 @@ class Means(NamedTuple):
 class LoadEvidence:
     """The sums over a flight's level rows so far, and the state needed to continue them.
 
-    The six sums of each (leg, span of SPAN s) are s, and s times the last five fields of `Means`
-    but `leg`: mass, lift, sprayed, flown, error.
+    The keys are (leg, span of SPAN s). The six sums of each are the s of level flight, and the
+    integrals over time of `Means.mass`, `lift`, `sprayed`, `flown` and `error`.
     """
 
     sums: Mapping[tuple[int, int], Floats] = field(default_factory=dict)  # (leg, span) -> (6,)

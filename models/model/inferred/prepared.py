@@ -26,7 +26,7 @@ class Inferred:
     load: LoadEvidence = field(default_factory=LoadEvidence)
 
 
-def prepared(
+def fill_channels(
     track: FlightTrack,
     airframe: Airframe | None,
     parameters: Mapping[str, float],
@@ -44,13 +44,13 @@ def prepared(
     return with_load(track, airframe, outputs)
 
 
-def prepared_part(
+def fill_channels_so_far(
     track: FlightTrack,
     airframe: Airframe | None,
     parameters: Mapping[str, float],
     so_far: Inferred,
 ) -> tuple[FlightTrack, Inferred]:
-    """Fill in the channels of the next rows of a live flight, as `prepared` does for a whole
+    """Fill in the channels of the next rows of a live flight, as `fill_channels` does for a whole
     flight.
 
     No row depends on later ones, so the load differs from the one for the whole flight. Also return
