@@ -1,18 +1,19 @@
-"""The one error family. Each message says what was found, where, and what to do about it."""
+"""Define the one family of errors. Each message says what was found, where, and what to do about
+it."""
 
 from importlib.util import find_spec
 
 
 class ThrustMarginError(Exception):
-    """Base of every error that a user can cause and can repair; commands print it as one line."""
+    """An error that a user can cause and repair; commands print it as one line."""
 
 
 class AirframeError(ThrustMarginError):
-    """An airframe file is missing, incomplete, in the wrong unit, or does not fit the flight."""
+    """An airframe file is missing, incomplete, in the wrong unit, or does not match the flight."""
 
 
 class TrackError(ThrustMarginError):
-    """Arrays given as a flight do not make one: shapes disagree or time does not increase."""
+    """The arrays of a flight do not match: shapes disagree or time does not increase."""
 
 
 class LogError(ThrustMarginError):
@@ -24,7 +25,7 @@ class ModelError(ThrustMarginError):
 
 
 class DataError(ThrustMarginError):
-    """There is too little data, or none of the kind needed, for what was asked."""
+    """There is too little data for a task, or none of the required kind."""
 
 
 class PlanError(ThrustMarginError):
@@ -52,7 +53,7 @@ EXTRAS = {
 
 
 def require(task: str, *libraries: str) -> None:
-    """Raise InstallError where one of the libraries, that only some tasks need, is missing."""
+    """Raise InstallError where one of the optional libraries of a task is not installed."""
     for library in libraries:
         if find_spec(library) is None:
             raise InstallError(

@@ -1,11 +1,10 @@
-"""FlightTrack: the one table of a flight that live, replay, report and fitting share.
+"""Define FlightTrack, the one table of a flight that live, replay, report and fitting share.
 
 Frames: `_ned` is north, east, down from `origin`; `_frd` is forward, right, down of the body.
-Attitude is roll, pitch, yaw of the body against NED (aerospace order Z-Y-X).
-Every channel is an array with one row a time; NaN where it was not reported or is stale.
-`sources` remembers for each channel where it came from, as data.
-A channel that was inferred from others, not measured, has its standard error in `standard_errors`,
-in the channel's own shape and unit.
+Attitude is roll, pitch, yaw of the body against NED (aerospace order Z-Y-X). Every channel is an
+array with one row for each time; NaN where it was not reported or is stale. `sources` has the
+source of each channel, as data. A channel that was inferred from others, not measured, has its
+standard error in `standard_errors`, in the channel's own shape and unit.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ Bools = NDArray[np.bool_]
 
 #: A pause of the log longer than this many usual steps is not counted as time of the row before.
 LONGEST_STEP = 2.5
-#: s that a row can usually stand for: of a table with one row an hour little is known.
+#: s that a row can represent at most, for tables with very few rows.
 LONGEST_ROW = 5.0
 
 
@@ -39,23 +38,24 @@ class TrackChannel:
     """One float channel of a FlightTrack: its shape, its unit, and how reports become rows."""
 
     unit: str  # as shown to people
-    max_age: float  # s after which a report is used for nothing
+    max_age: float  # s after which a report is not used any more
     low: float  # a number outside low..high cannot be true; ranges are wide and catch damage only
     high: float
     axes: tuple[str, ...] = ()  # names of its columns; () for a plain (T,) array
     per_rotor: bool = False  # (T, R)
     kind: Literal["linear", "angle", "state"] = "linear"  # a state is held, never interpolated
-    direct: bool = False  # its rows are those of one signal, whichever source is best
-    averaged: bool = False  # vibration reaches it: faster reports are averaged over a row
+    direct: bool = False  # its rows come from one signal, that of the best source
+    averaged: bool = False  # affected by vibration: faster reports are averaged over a row
 
     def shape(self, rows: int, rotor_count: int) -> tuple[int, ...]:
-        """(T,), (T, 3) or (T, R) of an array of so many rows and rotors."""
+        """Return the shape, (T,), (T, n) or (T, R), for a number of rows and rotors."""
         if self.per_rotor:
             return (rows, rotor_count)
         return (rows, len(self.axes)) if self.axes else (rows,)
 
     def column_names(self, name: str, rotor_count: int) -> list[str]:
-        """Names of its columns where each is one number: `name`, `name_n`, `name_1` and so on."""
+        """Return the names of its columns of single numbers: `name`, `name_n`, `name_1` and so
+        on."""
         if self.per_rotor:
             return [f"{name}_{k + 1}" for k in range(rotor_count)]
         return [f"{name}_{axis}" for axis in self.axes] or [name]
@@ -99,56 +99,58 @@ _ROWS = ("time_s", *TRACK_CHANNELS, "flying")  # fields of a FlightTrack with on
 
 @lru_cache(maxsize=64)
 def _shapes(rows: int, rotor_count: int) -> Mapping[str, tuple[int, ...]]:
-    """Shape of every channel."""
+    """Return the shape of every channel, by name."""
     return {name: column.shape(rows, rotor_count) for name, column in TRACK_CHANNELS.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """Where NED zero is: geodetic WGS84 latitude and longitude in degrees, altitude in m AMSL."""
+    """The place of NED zero: geodetic WGS84 latitude and longitude in degrees, altitude in m
+    AMSL."""
 
     latitude_deg: float
     longitude_deg: float
     altitude: float
 
     def geodetic(self, ned: Floats) -> Floats:
-        """(..., 3) latitude, longitude and altitude of places (..., 3) in m from here."""
+        """Convert places (..., 3) in m from here to latitude, longitude (degrees) and altitude
+        (m)."""
         here = self.latitude_deg, self.longitude_deg, self.altitude
         north, east, down = np.moveaxis(ned, -1, 0)
         return np.stack(pymap3d.ned2geodetic(north, east, down, *here), axis=-1)
 
     def ned(self, geodetic: Floats) -> Floats:
-        """(..., 3) m from here of places (..., 3): latitude, longitude, altitude."""
+        """Convert latitude, longitude (degrees) and altitude (m) (..., 3) to m from here, NED."""
         here = self.latitude_deg, self.longitude_deg, self.altitude
         latitude, longitude, altitude = np.moveaxis(geodetic, -1, 0)
         return np.stack(pymap3d.geodetic2ned(latitude, longitude, altitude, *here), axis=-1)
 
 
-#: Unix times that the date of a flight can have, 2000 to 2100; a clock that nobody set has others.
+#: Unix times that the date of a flight can have, 2000 to 2100; an unset clock has others.
 DATES = (946_684_800.0, 4_102_444_800.0)
 
 
 def known_date(unix_s: float | None) -> float | None:
-    """The Unix time, s; None where it is not known, or no flight can be then."""
+    """Return the Unix time, s; None where it is unknown or outside DATES."""
     return unix_s if unix_s is not None and DATES[0] <= unix_s < DATES[1] else None
 
 
 class FlyingBy(StrEnum):
     """What decided which rows of a flight are off the ground."""
 
-    GIVEN = "given"  # with the flight, by whoever made it
+    GIVEN = "given"  # with the flight, by its author
     LANDED_STATE = "landed state"  # of the autopilot
     ROTOR_SPEEDS = "rotor speeds"
     MOTOR_OUTPUTS = "motor outputs"
     HEIGHT = "height"
-    #: No row flies, for one of these reasons.
+    #: No row flies, for one of the following reasons.
     DISARMED = "disarmed"
     IDLE_OUTPUTS = "idle outputs"
     CONSTANT_OUTPUTS = "constant outputs"
     SLOW_ROTORS = "slow rotors"  # they never carry half of the empty weight
     NEVER_ROSE = "never rose"  # motors ran up in the log, and it was never higher than before
     HELD = "held"  # on a bench or in hands, with its motors on
-    NOT_KNOWN = "not known"  # nothing in it says
+    NOT_KNOWN = "not known"  # nothing in the flight shows it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
@@ -159,15 +161,15 @@ class FlightTrack:
     """
 
     name: str
-    time_s: Floats  # (T,) s since the flight's start, which a live window begins after
+    time_s: Floats  # (T,) s since the flight's start; a live window begins later
     position_ned: Floats  # (T, 3) m
     velocity_ned: Floats  # (T, 3) m/s over ground
     attitude: Floats  # (T, 3) rad: roll, pitch, yaw
-    asked_attitude: Floats  # (T, 2) rad: roll, pitch that the autopilot wants
+    asked_attitude: Floats  # (T, 2) rad: commanded roll, pitch
     angular_rate_frd: Floats  # (T, 3) rad/s
     specific_force_frd: Floats  # (T, 3) m/s², (0, 0, -g) at rest
     airspeed: Floats  # (T,) m/s
-    wind_ned: Floats  # (T, 3) m/s, the way the air moves
+    wind_ned: Floats  # (T, 3) m/s, velocity of the air
     tank_kg: Floats  # (T,) kg of liquid
     rotor_speed_rpm: Floats  # (T, R) measured, in the autopilot's motor order
     throttle: Floats  # (T, R) motor output, 0 idle to 1 full
@@ -190,7 +192,7 @@ class FlightTrack:
         time_s = self.time_s
         if time_s.ndim != 1:
             raise TrackError(f"{self.name}: time_s has shape {time_s.shape}; it must be (T,)")
-        # Of times that increase only the first and the last can be infinite.
+        # In increasing times only the first and the last can be infinite.
         grows = np.count_nonzero(time_s[1:] > time_s[:-1]) == max(time_s.size - 1, 0)
         if not grows or not np.isfinite(time_s[:: max(time_s.size - 1, 1)]).all():
             raise TrackError(f"{self.name}: time_s must be finite and increase from row to row")
@@ -214,7 +216,7 @@ class FlightTrack:
 
     @classmethod
     def of(cls, *, name: str, time_s: Floats, rotor_count: int, **given: object) -> Self:
-        """A track with the channels in `given` and NaN in all others (`flying`: all True).
+        """Build a track with the channels in `given` and NaN in all others (`flying`: all True).
 
         `rotor_count` 0 is for a flight that reports nothing of its rotors. Raises as FlightTrack.
         """
@@ -235,18 +237,20 @@ class FlightTrack:
 
     @property
     def rotor_count(self) -> int:
+        """Return the number of rotors, R."""
         return self.rotor_speed_rpm.shape[1]
 
     @property
     def duration(self) -> float:
-        """Seconds from the first row to the last; 0 for fewer than two rows."""
+        """Return the seconds from the first row to the last; 0 for fewer than two rows."""
         return float(self.time_s[-1] - self.time_s[0]) if self.time_s.size > 1 else 0.0
 
     @property
     def row_seconds(self) -> Floats:
-        """(T,) s that each row stands for: the step to the next, without the log's pauses.
+        """Return the s (T,) that each row represents: the step to the next, without the log's
+        pauses.
 
-        The last one stands for none, so that no part of a log is longer than the whole.
+        The last one is 0, so that the parts of a log add up to the whole.
         """
         if self.time_s.size < 2:
             return np.zeros(self.time_s.size)
@@ -256,44 +260,45 @@ class FlightTrack:
 
     @property
     def flying_s(self) -> float:
-        """s off the ground: each row counts until the next, pauses of the log do not."""
+        """Return the s off the ground, without pauses of the log."""
         return float(self.row_seconds[self.flying].sum())
 
     def reports(self, channel: str) -> bool:
-        """True when the channel has at least one number."""
+        """Return whether the channel has at least one number."""
         return bool(np.any(np.isfinite(getattr(self, channel))))
 
     def source(self, channel: str) -> Provenance:
-        """Where a channel comes from; of kind ABSENT where nothing reported it."""
+        """Return the source of a channel; of kind ABSENT where nothing reported it."""
         return self.sources.get(channel, NOT_REPORTED)
 
     def measured(self, channel: str) -> Floats:
-        """The channel in its shape; NaN where it was inferred, which confirms nothing."""
+        """Return the channel with NaN where it was inferred instead of measured."""
         values, error = getattr(self, channel), self.standard_errors.get(channel)
         return values if error is None else np.where(error > 0.0, np.nan, values)
 
     def followed_by(self, later: FlightTrack, first: int = 0) -> FlightTrack:
-        """Rows from `first` on and those of `later` as one track, described as the later.
+        """Return the rows from `first` on and those of `later` as one track, with the metadata of
+        `later`.
 
-        Raises TrackError unless time goes on.
+        Raises TrackError unless time increases.
         """
-        return joined([(self, slice(first, None)), (later, slice(None))])
+        return join_tracks([(self, slice(first, None)), (later, slice(None))])
 
     def _error_of(self, channel: str) -> Floats:
-        """Standard error of a channel in its shape; 0 where it was measured."""
+        """Return the standard error of a channel in its shape; 0 where it was measured."""
         return self.standard_errors.get(channel, np.zeros_like(getattr(self, channel)))
 
     def rows(self, which: slice | Bools | NDArray[np.intp]) -> Self:
-        """The same track with only the rows chosen by a slice, mask or index array."""
+        """Return the track with only the rows chosen by a slice, mask or index array."""
         arrays = {name: getattr(self, name)[which] for name in _ROWS}
         errors = {channel: error[which] for channel, error in self.standard_errors.items()}
         return replace(self, standard_errors=errors, **arrays)
 
 
-def joined(parts: Sequence[tuple[FlightTrack, slice | NDArray[np.intp]]]) -> FlightTrack:
-    """The chosen rows of each track in order as one track, described as the last.
+def join_tracks(parts: Sequence[tuple[FlightTrack, slice | NDArray[np.intp]]]) -> FlightTrack:
+    """Concatenate the chosen rows of the tracks as one track, with the metadata of the last.
 
-    Raises TrackError unless time goes on.
+    Raises TrackError unless time increases.
     """
     arrays = {
         name: np.concatenate([getattr(track, name)[rows] for track, rows in parts])
@@ -307,8 +312,10 @@ def joined(parts: Sequence[tuple[FlightTrack, slice | NDArray[np.intp]]]) -> Fli
 
 
 def body_axes(attitude: Floats) -> tuple[Floats, Floats, Floats]:
-    """NED unit vectors (T, 3) of the body's axes forward, right, down, from roll, pitch, yaw (T, 3)
-    rad."""
+    """Return the NED unit vectors (T, 3) of the body axes forward, right, down.
+
+    `attitude` (T, 3) is roll, pitch, yaw, rad.
+    """
     roll, pitch, yaw = attitude.T
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     cy, sy = np.cos(yaw), np.sin(yaw)
@@ -319,5 +326,6 @@ def body_axes(attitude: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def down_axis(attitude: Floats) -> Floats:
-    """(T, 3) NED unit vectors of the body's down axis, from roll, pitch, yaw (T, 3) rad."""
+    """Return the NED unit vectors (T, 3) of the body's down axis, from roll, pitch, yaw (T, 3)
+    rad."""
     return body_axes(attitude)[2]

@@ -1,4 +1,4 @@
-"""Frozen dataclasses of numbers, text and tuples as JSON values and back."""
+"""Convert frozen dataclasses of numbers, text and tuples to JSON values and back."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from thrustmargin.models.errors import ModelError
 
 
 def to_json_values(value: Any) -> Any:
-    """Lists, dicts, text and numbers; NaN becomes None, because JSON has no NaN."""
+    """Convert a value to lists, dicts, text and numbers; NaN becomes None, because JSON has no
+    NaN."""
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, float):
@@ -30,7 +31,7 @@ def to_json_values(value: Any) -> Any:
 
 
 def from_json_values(kind: Any, data: Any, where: str) -> Any:
-    """The inverse of `to_json_values` for a type; None becomes NaN where a number is due.
+    """Convert JSON values back to the type `kind`; None becomes NaN where a number is required.
 
     Raises ValueError that names the place, from `where` on, when data is missing, unknown or of
     another type.
@@ -56,6 +57,7 @@ def from_json_values(kind: Any, data: Any, where: str) -> Any:
 
 
 def _scalar(kind: Any, data: Any, where: str) -> Any:
+    """Convert a number, text or enum. Raises ValueError for another type."""
     if kind is float and data is None:
         return math.nan
     if issubclass(kind, StrEnum):
@@ -72,6 +74,7 @@ def _scalar(kind: Any, data: Any, where: str) -> Any:
 
 
 def _dataclass(kind: Any, data: dict[str, Any], where: str) -> Any:
+    """Build a dataclass from its fields. Raises ValueError for missing, unknown or wrong ones."""
     expected = {f.name: f for f in fields(kind) if f.init}
     for name, field in expected.items():
         if name not in data and field.default is field.default_factory is MISSING:
@@ -88,4 +91,5 @@ def _dataclass(kind: Any, data: dict[str, Any], where: str) -> Any:
 
 @cache
 def _kinds(kind: type) -> dict[str, Any]:
+    """Return the types of a dataclass's fields, by name."""
     return get_type_hints(kind)

@@ -1,7 +1,8 @@
-"""Where a number comes from, as data: what sent it, what it is, and what was turned down for it.
+"""Record the source of a number as data: what sent it, its meaning, and the sources rejected for
+it.
 
-Whatever decides anything reads these fields. `words` is for people, and `remarks` are text in it
-that nothing reads: another text, or a log of another name, changes no number.
+Decisions read these fields. `words` is for people, and `remarks` are text for people that no code
+reads: another text, or another name of a log, changes no number.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Self
 
 
 class SourceKind(StrEnum):
-    """What a fact comes from."""
+    """The kind of source of a fact."""
 
     ABSENT = "not reported"
     MESSAGE = "message"  # of MAVLink or DataFlash
@@ -29,7 +30,7 @@ class SourceKind(StrEnum):
 
 
 class Meaning(StrEnum):
-    """What the numbers of a channel are, where its name says more or less than that."""
+    """The meaning of a channel's numbers, where it differs from the channel's name."""
 
     AS_NAMED = "as named"
     GROUND_SPEED = "ground speed"  # an airspeed: no sensor of it, and no wind
@@ -41,7 +42,7 @@ class Meaning(StrEnum):
     HOVER_THRUST = "hover thrust"  # a load made from it
 
 
-#: What people should know of a channel that is not what it is called.
+#: Words for people on a channel whose meaning differs from its name.
 _MEANINGS: Mapping[Meaning, str] = MappingProxyType(
     {
         Meaning.GROUND_SPEED: "ground speed: no airspeed and no wind reported",
@@ -63,7 +64,7 @@ _NAMED_BEFORE: Mapping[SourceKind, str] = MappingProxyType(
 
 
 class Reason(StrEnum):
-    """Why a source was not used."""
+    """The reason why a source was not used."""
 
     LESS_PREFERRED = "another is preferred"
     COVERS_LESS = "covers less of the flight"
@@ -79,7 +80,7 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """Where one channel or one fact comes from."""
+    """The source of one channel or one fact."""
 
     kind: SourceKind
     name: str = ""  # of the message, topic, column, parameter or option
@@ -87,20 +88,21 @@ class Provenance:
     instance: str = ""  # battery or sensor id
     unit: str = ""  # as sent; empty where it is that of the channel
     meaning: Meaning = Meaning.AS_NAMED
-    assumed: bool = False  # something that it needed was not known, and is assumed
-    parts: tuple[Provenance, ...] = ()  # that it was made from
+    assumed: bool = False  # an input that it needed was unknown and is assumed
+    parts: tuple[Provenance, ...] = ()  # sources that it was made from
     rejected: tuple[Rejected, ...] = ()
-    numbers: tuple[tuple[str, float], ...] = ()  # that it was made with, by name
-    remarks: tuple[str, ...] = ()  # for people; nothing reads them
+    numbers: tuple[tuple[str, float], ...] = ()  # numbers that it was made with, by name
+    remarks: tuple[str, ...] = ()  # for people; no code reads them
 
     @property
     def reported(self) -> bool:
-        """Whether vehicle or table say it: it is no setting, and nobody made it from others."""
+        """Return whether vehicle or table report it, so that it is neither a setting nor
+        inferred."""
         return self.kind in (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 
     @property
     def words(self) -> str:
-        """The source for people, as `BATTERY_STATUS voltages of id 0`."""
+        """Return the source for people, as `BATTERY_STATUS voltages of id 0`."""
         remarks = "; ".join(self.remarks)
         if self.kind is SourceKind.ABSENT:
             return "not in the log"
@@ -124,17 +126,17 @@ class Provenance:
         return f"{named} ({'; '.join(known)})" if known else named
 
     def remarked(self, *remarks: str) -> Self:
-        """The same with more for people to know."""
+        """Return the source with more remarks for people."""
         return replace(self, remarks=(*self.remarks, *remarks))
 
     def of_instance(self, instance: int | None) -> Provenance:
-        """The same, of one battery or sensor."""
+        """Return the source with the id of one battery or sensor; unchanged for None."""
         return self if instance is None else _of_instance(self, instance)
 
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """A source that is there and was not used."""
+    """A source that exists and was not used, with the reason."""
 
     source: Provenance
     reason: Reason
@@ -143,11 +145,12 @@ class Rejected:
 NOT_REPORTED = Provenance(kind=SourceKind.ABSENT)
 
 
-@lru_cache(maxsize=1024)  # live, each message asks for it anew
+@lru_cache(maxsize=1024)  # each live message needs it
 def _of_instance(source: Provenance, instance: int) -> Provenance:
+    """Return the source with an id; cached for live use."""
     return replace(source, instance=str(instance))
 
 
 def stated(remark: str) -> Provenance:
-    """What the user states, with the amount for people."""
+    """Return the source of a value that the user states, with the amount for people."""
     return Provenance(kind=SourceKind.STATED, remarks=(remark,))

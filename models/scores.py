@@ -1,12 +1,12 @@
-"""How well predicted rotor speeds agree with measured ones, and how sure that is.
+"""Compute how well predicted rotor speeds agree with measured ones, with intervals.
 
     e = y - y_hat     RMSE = sqrt(mean e²)     bias = mean e     R² = 1 - sum e² / sum (y - mean y)²
 
-Every figure follows from sums over rows, so a resampled flight is only other sums. R² is against
-the mean of the same rows: flights with like tank levels get a lower R² for the same error in rpm.
+Every figure follows from sums over rows, so resampling only needs other sums. R² is relative to the
+mean of the same rows: flights with similar tank levels get a lower R² for the same error in rpm.
 
-Rows of one flight follow each other, so their number says little about how sure a figure is. Three
-resampling schemes say it, by what is to be generalised to: other flights (`by_flight`), other days
+Rows of one flight are correlated, so their number does not determine the uncertainty. There are
+three resampling schemes, by the intended generalisation: to other flights (`by_flight`), other days
 of the same flights (`by_block`, cluster bootstrap), and the rest of one flight (`by_moving_block`,
 Kuensch 1989).
 """
@@ -26,7 +26,7 @@ from thrustmargin.models.flight import Bools, Floats
 
 CONFIDENCE = 0.95
 DRAWS = 2000
-#: With fewer blocks than this the spread of one flight cannot be known.
+#: Fewest blocks of a flight from which its spread can be estimated.
 FEWEST_BLOCKS = 5
 #: Columns of the sums: rows, errors, squares, measured about its mean, its squares, rows inside
 #: the interval of the prediction, rows that have one.
@@ -37,7 +37,7 @@ Sums = Floats  # (..., 7)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Agreement on one set of rows; NaN where it has none."""
+    """Agreement on one set of rows; NaN where undefined."""
 
     rows: int
     flights: int
@@ -48,18 +48,18 @@ class Score:
 
     @property
     def r2(self) -> float:
-        """Overall R²: the mean over rotors."""
+        """Return the overall R²: the mean over rotors."""
         return float(np.mean(self.r2_per_rotor))
 
     @property
     def rmse_rpm(self) -> float:
-        """Root mean square error over all rotors, rpm."""
+        """Return the root mean square error over all rotors, rpm."""
         return float(np.sqrt(np.mean(np.square(self.rmse_per_rotor_rpm))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """A figure with its 95 % interval; the ends are NaN where the flight is too short for one."""
+    """A figure with its 95 % interval; the ends are NaN where there is too little data for one."""
 
     value: float
     low: float
@@ -67,7 +67,7 @@ class Estimate:
 
     @property
     def bounded(self) -> bool:
-        """Whether the interval is known: without one nothing is known to differ."""
+        """Return whether the interval is known; without one no difference can be significant."""
         return math.isfinite(self.low) and math.isfinite(self.high)
 
 
@@ -79,10 +79,11 @@ def error_terms(
     upper: Floats | None = None,
     rows: Bools | None = None,
 ) -> Sums:
-    """(T, R, 7) terms of speeds (T, R) rpm whose sums give every figure; 0 where one is missing.
+    """Return terms (T, R, 7) of speeds (T, R) rpm whose sums give every figure; 0 where one is
+    missing.
 
-    Measured speed is taken about each rotor's own mean, so that squares do not cancel digits.
-    `rows` (T,) are those that count; `lower` and `upper` (T, R) the ends of the intervals.
+    Measured speed is taken relative to each rotor's own mean, so that squares do not cancel digits.
+    `rows` (T,) flags the rows that count; `lower` and `upper` (T, R) are the ends of the intervals.
     """
     good = np.isfinite(measured) & np.isfinite(predicted)
     if rows is not None:
@@ -99,40 +100,42 @@ def error_terms(
 
 
 def rmse(s: Sums) -> Floats:
-    """Root mean square error."""
+    """Return the root mean square error."""
     return np.sqrt(_over(s[..., EE], s[..., N]))
 
 
 def bias(s: Sums) -> Floats:
-    """Mean of measured minus predicted."""
+    """Return the mean of measured minus predicted."""
     return _over(s[..., E], s[..., N])
 
 
 def r2(s: Sums) -> Floats:
-    """Coefficient of determination; NaN for a speed that does not vary."""
+    """Return the coefficient of determination; NaN for a speed that does not vary."""
     return 1.0 - _over(s[..., EE], s[..., YY] - _over(s[..., Y] ** 2, s[..., N]))
 
 
 def mean_r2(s: Sums) -> Floats:
-    """Mean over the rotors (last but one axis) of those that have an R²."""
+    """Return the mean R² over the rotors (last but one axis) that have one."""
     each = r2(s)
     known = np.isfinite(each)
     return _over(np.where(known, each, 0.0).sum(axis=-1), known.sum(axis=-1))
 
 
 def coverage(s: Sums) -> Floats:
-    """Share of the rows with an interval whose measurement is inside."""
+    """Return the share of rows whose measurement is inside their interval, of those with an
+    interval."""
     return _over(s[..., INSIDE], s[..., BOUNDED])
 
 
 def _over(top: Floats, bottom: Floats) -> Floats:
+    """Divide; NaN where the denominator is not positive."""
     return np.divide(top, bottom, out=np.full(np.shape(top), np.nan), where=np.asarray(bottom) > 0)
 
 
 def score(
     measured_rpm: Floats, predicted_rpm: Floats, flight: NDArray, *, seed: int | None = None
 ) -> Score:
-    """Score of predictions (N, R) against measurements (N, R) of rows of `flight` (N,).
+    """Score predictions (N, R) against measurements (N, R), rpm, of rows of `flight` (N,).
 
     With a `seed` the overall R² has its interval, from 3 flights on.
     """
@@ -153,9 +156,9 @@ def score(
 
 
 def by_flight(terms: Floats, flight: NDArray, *, seed: int = 0, draws: int = DRAWS) -> Sums:
-    """Sums (draws, ...) of terms (T, ...) with whole flights drawn anew, with replacement."""
+    """Return sums (draws, ...) of terms (T, ...) over whole flights, resampled with replacement."""
     labels, which = np.unique(flight, return_inverse=True)
-    sums = _grouped(terms, which, labels.size)
+    sums = _group_sums(terms, which, labels.size)
     equal = np.full(labels.size, 1.0 / labels.size)
     drawn = np.random.default_rng(seed).multinomial(labels.size, equal, size=draws)
     return np.tensordot(drawn.astype(np.float64), sums, axes=1)
@@ -164,12 +167,12 @@ def by_flight(terms: Floats, flight: NDArray, *, seed: int = 0, draws: int = DRA
 def by_block(
     terms: Floats, block: NDArray, block_flight: NDArray, *, seed: int = 0, draws: int = 400
 ) -> Sums:
-    """Sums (draws, ...) of terms (T, ...) with blocks drawn anew within their flights.
+    """Return sums (draws, ...) of terms (T, ...) over blocks, resampled within their flights.
 
-    `block` (T,) numbers the rows' blocks, `block_flight` (B,) has the flight of each. Flights too
-    short for a second block are drawn among themselves.
+    `block` (T,) numbers the rows' blocks, `block_flight` (B,) is the flight of each. Flights with
+    only one block are resampled among themselves.
     """
-    sums = _grouped(terms, block, block_flight.size)
+    sums = _group_sums(terms, block, block_flight.size)
     of_flight = [np.flatnonzero(block_flight == f) for f in np.unique(block_flight)]
     groups = [mine for mine in of_flight if mine.size > 1]
     short = [mine for mine in of_flight if mine.size == 1]
@@ -187,10 +190,11 @@ def by_block(
 def by_moving_block(
     terms: Floats, time_s: Floats, *, block_s: float, seed: int = 0, draws: int = DRAWS
 ) -> tuple[Sums, int]:
-    """Sums (draws, ...) of terms (T, ...) of one flight put together from stretches of `block_s`.
+    """Return sums (draws, ...) of terms (T, ...) of one flight, resampled in stretches of `block_s`
+    s.
 
-    A block starts at any row that leaves room for it. Also returns how many blocks make a flight;
-    with fewer than FEWEST_BLOCKS nothing is drawn and the sums are NaN.
+    A block starts at any row that leaves room for it. Also return the number of blocks in the
+    flight; with fewer than FEWEST_BLOCKS the sums are NaN.
     """
     blocks = int((time_s[-1] - time_s[0]) // block_s)
     if blocks < FEWEST_BLOCKS:
@@ -206,10 +210,11 @@ def by_moving_block(
 
 
 def jackknife(figure: Callable[[Bools], Floats], block: NDArray) -> list[Estimate]:
-    """Figures of all rows with their 95 % intervals, by leaving out each block in turn.
+    """Return the figures of all rows with their 95 % intervals, by omitting each block in turn.
 
-    `figure` makes them of the rows (n,) that its mask keeps, `block` (n,) numbers their blocks. The
-    spread within blocks may be of any kind. Tukey 1958, Student's t. NaN ends for fewer than two.
+    `figure` computes them from the rows (n,) in its mask, `block` (n,) numbers the rows' blocks.
+    The scatter within blocks may be of any kind. Tukey 1958, Student's t. NaN ends for fewer than
+    two blocks.
     """
     names = np.unique(block)
     values = figure(np.ones(block.size, dtype=np.bool_))
@@ -222,32 +227,32 @@ def jackknife(figure: Callable[[Bools], Floats], block: NDArray) -> list[Estimat
     return [Estimate(value=value, low=value - off, high=value + off) for value, off in found]
 
 
-def _grouped(terms: Floats, which: NDArray, groups: int) -> Floats:
-    """(groups, ...) sums of the terms of each group."""
+def _group_sums(terms: Floats, which: NDArray, groups: int) -> Floats:
+    """Sum the terms (T, ...) of each group (groups, ...)."""
     sums = np.zeros((groups, *terms.shape[1:]))
     np.add.at(sums, which, terms)
     return sums
 
 
 def percentiles(drawn: Floats) -> tuple[float, float]:
-    """95 % interval of a figure from its values (D,) on resampled rows."""
+    """Return the 95 % interval of a figure from its resampled values (D,)."""
     low, high = np.quantile(drawn, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
     return float(low), float(high)
 
 
 def estimate(figure: Callable[[Sums], Floats], whole: Sums, drawn: Sums, blocks: int) -> Estimate:
-    """A figure of the sums `whole` with the interval that the sums `drawn` from blocks give it.
+    """Return a figure of the sums `whole` with its interval by the resampled sums `drawn`.
 
-    With few blocks percentiles are too narrow (about 80 % of intervals made to hold 95 % do), so
-    the interval is the figure +- Student's t with one degree of freedom less than blocks: RMSE on a
-    log scale, R² by log(1 - R²), coverage cut to 0..1.
+    With few blocks percentiles are too narrow (about 80 % of nominal 95 % intervals cover), so the
+    interval is the figure +- Student's t with one degree of freedom less than blocks: RMSE on a log
+    scale, R² by log(1 - R²), coverage clipped to 0..1.
     """
     there, back = _SCALES.get(figure, _PLAIN)
     value, values = float(figure(whole)), figure(drawn)
     values = values[np.isfinite(values)]
     if blocks < FEWEST_BLOCKS or not np.isfinite(value) or values.size < 2:
         return Estimate(value=value, low=float("nan"), high=float("nan"))
-    # The spread of means over blocks drawn from few is too small by the same factor as a variance.
+    # A bootstrap of few blocks is too narrow by the factor of a biased variance.
     error = float(np.std(there(values))) * np.sqrt(blocks / (blocks - 1.0))
     reach = t_quantile(blocks - 1, 0.5 + CONFIDENCE / 2) * error
     ends = sorted(float(back(there(value) + side * reach)) for side in (-1.0, 1.0))
@@ -267,9 +272,9 @@ _SCALES: dict[Callable[[Sums], Floats], _Scale] = {
 
 @lru_cache(maxsize=256)
 def t_quantile(degrees: int, level: float) -> float:
-    """What Student's t with so many degrees of freedom stays below with probability `level`.
+    """Return the quantile of Student's t with `degrees` of freedom at probability `level`.
 
-    NaN without a degree of freedom; `level` is below 1 and at least a half. `scipy.special` takes
+    NaN without a degree of freedom; `level` is at least a half and below 1. `scipy.special` takes
     longer to import than a flight takes to read and analyse.
     """
     if degrees < 1:
@@ -284,7 +289,8 @@ def t_quantile(degrees: int, level: float) -> float:
 
 
 def _within(t: float, degrees: int) -> float:
-    """Probability of at most t on either side: Abramowitz and Stegun 26.7.3 and 26.7.4."""
+    """Return the probability of at most t on either side: Abramowitz and Stegun 26.7.3 and
+    26.7.4."""
     square = degrees / (degrees + t * t)  # of the cosine of atan(t / sqrt(degrees))
     odd = degrees % 2
     total, term = 0.0, math.sqrt(square) if odd else 1.0

@@ -1,7 +1,7 @@
-"""Units of logs, tables and benches: how many of ours one of theirs is. No other file scales them.
+"""Define the units of logs, tables and benches, as factors to our own. No other file scales units.
 
-Ours are SI but for rpm, and where a whole chain of messages keeps another: pulses in µs, charge in
-mAh, shares of a tank or a battery in %, liquid in ml; latitude and longitude stay degrees.
+Ours are SI except rpm, and where a whole chain of messages keeps another unit: pulses in µs, charge
+in mAh, shares of a tank or a battery in %, liquid in ml; latitude and longitude stay in degrees.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ G0 = 9.80665  # m/s², standard gravity
 
 
 class Scale(NamedTuple):
-    """Our value is `factor` times theirs, and `offset`."""
+    """A conversion: our value is `factor` times theirs, plus `offset`."""
 
     factor: float = 1.0
     offset: float = 0.0
 
 
 def _names(ours: str, *same: str, **factors: float) -> dict[str, Scale]:
+    """Return the scales of a unit's own names and of other units by their factors."""
     return {name: Scale() for name in (ours, *same)} | {n: Scale(f) for n, f in factors.items()}
 
 
@@ -58,7 +59,7 @@ UNITS: Mapping[str, Mapping[str, Scale]] = MappingProxyType(
         "": {},
     }
 )
-#: Of a name alone: where it is of several quantities, that of the first above.
+#: Name of a unit -> its scale; for a name of several quantities, that of the first in UNITS.
 SCALES: Mapping[str, Scale] = MappingProxyType(
     {name: scale for units in [*UNITS.values()][::-1] for name, scale in units.items()}
 )

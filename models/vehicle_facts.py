@@ -1,4 +1,5 @@
-"""What a vehicle says it is: its kind, its number of rotors, its battery; and what says each."""
+"""Define the facts that a vehicle reports on itself, with their evidence: kind, number of
+rotors, battery."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from typing import Literal
 
 from thrustmargin.models.provenance import NOT_REPORTED, Provenance
 
-#: V of one lithium cell in use: tired, or of 3.6 V; and of 4.35 V full, by a gauge 3 % off.
+#: V of one lithium cell in use: from a worn one, or of 3.6 V, to 4.35 V full on a gauge 3 % off.
 CELL_IN_USE = (2.9, 4.5)
 
 VehicleKind = Literal[
@@ -27,7 +28,7 @@ VehicleKind = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedBattery:
-    """What the battery that is flown on states of itself; 0 where it does not."""
+    """The facts that a battery in use reports on itself; 0 where it does not."""
 
     cells: int = 0  # in series, of lithium polymer or ion
     nominal_voltage: float = 0.0  # V
@@ -36,7 +37,8 @@ class StatedBattery:
 
     @property
     def words(self) -> str:
-        """As "14 cells, 51.8 V, 16000 mAh by BATTERY_INFO cells_in_series of id 0"."""
+        """Return the facts for people, as "14 cells, 51.8 V, 16000 mAh by BATTERY_INFO
+        cells_in_series of id 0"."""
         facts = (
             (self.cells, f"{self.cells} cells"),
             (self.nominal_voltage, f"{self.nominal_voltage:.4g} V"),
@@ -46,28 +48,29 @@ class StatedBattery:
 
 
 def can_be_cells(cells: int, volts: float) -> bool:
-    """Whether a battery of so many cells can have this voltage; True where it is not known."""
+    """Return whether a battery of `cells` cells can have this voltage; True where it is unknown."""
     return not (volts < CELL_IN_USE[0] * cells or volts > CELL_IN_USE[1] * cells)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleFacts:
-    """Kind and number of rotors that lift it; evidence in words, as "FRAME_CLASS 1"."""
+    """The kind of vehicle and its number of lifting rotors, with evidence in words, as
+    "FRAME_CLASS 1"."""
 
     kind: VehicleKind = "unknown"
     evidence: str = ""  # for the kind
     rotor_count: int = 0  # 0: not reported
     rotor_evidence: str = ""  # for the number of rotors
-    rotor_conflict: str = ""  # another number, and what says that one, as "6 by MAV_TYPE 13"
+    rotor_conflict: str = ""  # a contradicting number and its source, as "6 by MAV_TYPE 13"
     battery: StatedBattery = field(default_factory=StatedBattery)
 
     @property
     def has_lifting_rotors(self) -> bool:
-        """False where it is known to be no multirotor; an unknown kind may be one."""
+        """Return False for a vehicle known to be no multirotor; an unknown kind may be one."""
         return self.kind in ("multirotor", "quadplane", "unknown")
 
     def refusal(self, name: str) -> str:
-        """Why no thrust margin can be had of the vehicle `name`, in words; empty for none."""
+        """Return why vehicle `name` cannot have a thrust margin, in words; empty if it can."""
         article = "an" if self.kind[0] in "aeiou" else "a"
         is_a = f"{name}: this is {article} {self.kind} (by {self.evidence})"
         if not self.has_lifting_rotors:
@@ -78,7 +81,7 @@ class VehicleFacts:
 
     @property
     def words(self) -> str:
-        """Kind and number of rotors with their evidence, for people."""
+        """Return kind and number of rotors with their evidence, for people."""
         kind = (
             f"{self.kind} by {self.evidence}" if self.evidence else "kind of vehicle: not reported"
         )

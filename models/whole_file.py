@@ -1,6 +1,6 @@
-"""Files that are read and written whole.
+"""Read and write files as a whole.
 
-What is written is a draft beside the file, put in its place when it is finished.
+Output goes to a draft beside the file, which replaces the file when it is complete.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ _DRAFT = re.compile(r"\..+\.([0-9]{1,10})-[0-9a-f]{8}\.part", re.DOTALL)
 
 
 def regular(path: Path) -> Path:
-    """The path itself, of a file whose end can be reached.
+    """Return the path, if it is a regular file.
 
-    Raises OSError when it is missing or a folder, a pipe or a device, which may never end.
+    Raises OSError for a missing file, and for a folder, pipe or device, which may never end.
     """
     try:
         path.stat()
-    except ValueError as error:  # a name with a zero byte, as a damaged file may hold
+    except ValueError as error:  # a name with a zero byte, from a damaged file
         raise OSError(errno.EINVAL, "its name is none that a file can have", str(path)) from error
     if not path.is_file():
         what = "it is a folder" if path.is_dir() else "it is a pipe or a device; copy it to a file"
@@ -33,7 +33,8 @@ def regular(path: Path) -> Path:
 
 
 def not_utf8(name: str, error: UnicodeDecodeError) -> str:
-    """Where a text file is no UTF-8, as tables that a spreadsheet saved in its own encoding."""
+    """Return the message on the first byte of a text file that is not UTF-8, as from a
+    spreadsheet."""
     line = error.object[: error.start].count(b"\n") + 1
     return (
         f"{name} line {line}: byte {error.object[error.start]:#04x} is not UTF-8; save it as CSV "
@@ -42,17 +43,18 @@ def not_utf8(name: str, error: UnicodeDecodeError) -> str:
 
 
 def _computer() -> str:
-    """Return letters for this computer: on a shared disk another one has the same process ids."""
+    """Return letters that identify this computer, because others on a shared disk have the same
+    process ids."""
     return sha256(platform.node().encode()).hexdigest()[:8]
 
 
 def _remove_stale(folder: Path) -> None:
     """Remove drafts in `folder` whose program, of this computer, no longer runs.
 
-    Only a kill that cannot be heard leaves one. A process id that another program has by now keeps
-    its draft for a later run; so does a folder that cannot be read.
+    Only a kill without warning leaves one. A draft whose process id was reused stays for a later
+    run; a folder that cannot be read is left alone.
     """
-    if os.name != "posix":  # elsewhere asking for a process would end it
+    if os.name != "posix":  # on other systems os.kill would end the process
         return
     with suppress(OSError):
         for draft in folder.glob(f".*-{_computer()}.part"):
@@ -62,6 +64,7 @@ def _remove_stale(folder: Path) -> None:
 
 
 def _runs(process: int) -> bool:
+    """Return whether a process runs; True if that cannot be decided."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
@@ -73,13 +76,13 @@ def _runs(process: int) -> bool:
 
 @contextmanager
 def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
-    """Yields the path of a draft to write; it replaces `path` only when the block ends well.
+    """Yield the path of a draft to write; it replaces `path` only when the block ends well.
 
     The draft is beside it, or in the folder `drafts` of the same disk.
 
-    On any error, Ctrl-C included, the draft is removed and what stood at `path` stays as it was.
-    The draft of a program of this computer that was killed is removed by the next that writes here.
-    Raises OSError when the folder is missing or cannot be written, or `path` is no file.
+    On any error, Ctrl-C included, the draft is removed and the file at `path` stays unchanged. The
+    draft of a killed program of this computer is removed by the next that writes here. Raises
+    OSError when the folder is missing or cannot be written, or `path` is no file.
     """
     if path.exists():
         regular(path)
@@ -92,14 +95,14 @@ def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
             os.fsync(written.fileno())
         os.replace(draft, path)
         if os.name == "posix":
-            # The new name is on the disk only when its folder is.
+            # The new name is durable only after its folder is synced.
             entry = os.open(path.parent, os.O_RDONLY)
             try:
                 os.fsync(entry)
             finally:
                 os.close(entry)
     except OSError as error:
-        # A full disk does not say of which file, a folder that is read-only names the draft.
+        # A full disk names no file, a read-only folder the draft: report the file itself.
         if error.filename in (None, str(draft), draft):
             raise OSError(error.errno, error.strerror or str(error), str(path)) from error
         raise

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.checks.frozen import without_frozen
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
-from thrustmargin.models.model.inferred.prepared import prepared
+from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -58,7 +58,7 @@ def claimed_flights(
         (
             log
             if claim.basis == "not known" or claim.withheld
-            else with_track(log, prepared(log.track, craft, log.parameters)),
+            else with_track(log, fill_channels(log.track, craft, log.parameters)),
             claim,
         )
         for log, claim in zip(logs, claims, strict=True)

@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.wording.flight_words import (
     loss_words,
     recovered_words,
 )
-from thrustmargin.models.checks.loss_of_control import loss_of_control, recovered
+from thrustmargin.models.checks.loss_of_control import loss_of_control, recovered_signs
 
 
 class Severity(StrEnum):
@@ -67,7 +67,7 @@ def loss_findings(log: FlightLog) -> list[Finding]:
     """That control was lost, or nearly, with the signs of it."""
     kinds = (
         ("control", Severity.GRAVE, loss_of_control(log.track), loss_words),
-        ("recovered", Severity.WARNING, recovered(log.track), recovered_words),
+        ("recovered", Severity.WARNING, recovered_signs(log.track), recovered_words),
     )
     return [
         Finding(

@@ -14,9 +14,9 @@ from thrustmargin.gcs_plugin.wording.flight_words import GROUNDED_BY
 from thrustmargin.models.checks.held import (
     RISEN,
     HeldSoFar,
-    held_so_far,
+    drop_held,
+    flag_held,
     may_hover,
-    without_held,
 )
 from thrustmargin.models.flight import Bools, Floats, FlyingBy, Origin
 from thrustmargin.models.physics.airframe import Airframe
@@ -136,7 +136,7 @@ def _airborne(
         flying = _clear_of_ground(said, height)
         if said.any() and not flying.any():
             return _grounded(clock_s, FlyingBy.NEVER_ROSE)
-        flying &= without_held(said, stretches(said), clock_s, body)
+        flying &= drop_held(said, stretches(said), clock_s, body)
         if said.any() and not flying.any():
             return _grounded(clock_s, FlyingBy.HELD)
         words = f"{landed.source.words}, and {CLEAR:g} m clear of it"
@@ -161,7 +161,7 @@ def _airborne(
         cruise = float(np.nanpercentile(lifting, 75))
         flying = on & (thrust > IDLE_SHARE * cruise) & (thrust > 0.0)
         body = _body(channels, may_hover(squares, speeds.shape[1], airframe))
-        free = without_held(flying, stretches(on), clock_s, body)
+        free = drop_held(flying, stretches(on), clock_s, body)
         if flying.any() and not free.any():
             return _grounded(clock_s, FlyingBy.HELD)
         words = f"{by} above {IDLE_SHARE:g} of the thrust in cruise (no landed state)"
@@ -282,7 +282,7 @@ def airborne_so_far(
         body = _body(channels, may_hover(squares, speeds.shape[1], airframe))
     else:
         body = _body(channels, squares, output)
-    down, now = held_so_far(
+    down, now = flag_held(
         before,
         clock_s,
         flying.astype(np.bool_),

@@ -45,7 +45,7 @@ from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.model.advice import stands, stopped_episodes
+from thrustmargin.models.model.advice import explained_by_stop, stopped_episodes
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode, fault_history
@@ -268,7 +268,7 @@ class ReplayView(ViewPage):
         last = int(np.searchsorted(self._fault_times, at_s, side="right")) - 1
         stopped = [e.fault for e in self._stopped if e.holds(at_s)]
         found = self._faults[last][1] if last >= 0 else ()
-        faults = (*stopped, *(f for f in found if not stands(f, self._stopped, at_s)))
+        faults = (*stopped, *(f for f in found if not explained_by_stop(f, self._stopped, at_s)))
         names = {"propeller": "rotor", "motor": "motor", "stopped": "stopped"}
         return VehicleSummary(
             number=1,

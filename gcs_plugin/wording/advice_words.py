@@ -65,7 +65,7 @@ def headline(advice: Advice) -> str:
     first = [level for level in (FlightLevel.DAMAGED, FlightLevel.LOST) if level in advice.levels]
     which = [FlightLevel.ORDER] if FlightLevel.ORDER in advice.levels[1:] else []
     words = "; ".join(_first_line(advice, one) for one in (*(first or advice.levels[:1]), *which))
-    if advice.seen_whole or FlightLevel.LOST in first or advice.level is FlightLevel.UNKNOWN:
+    if advice.complete or FlightLevel.LOST in first or advice.level is FlightLevel.UNKNOWN:
         return words
     if unseen := _UNSEEN.get((advice.begun_before, advice.ends_in_flight)):
         return f"{words}{say(unseen)}"
@@ -231,7 +231,7 @@ def action(advice: Advice) -> str:
     """What to do next, the gravest part first, for this air and this battery; empty where nothing
     is known."""
     first = []
-    land = advice.goes_on and advice.level in LAND_FIRST
+    land = advice.in_progress and advice.level in LAND_FIRST
     if land:
         first.append(actions.LAND.text)
     if FlightLevel.LOST in advice.levels:
@@ -268,7 +268,7 @@ def action(advice: Advice) -> str:
         carried = number(advice.fill.start_kg, "kg")
         load = f"{load}; {say('carry less than the {kg} of this flight', kg=carried)}"
     if not first:
-        done = say("nothing" if advice.seen_whole else "record the whole flight next time")
+        done = say("nothing" if advice.complete else "record the whole flight next time")
         done = say("see how the flight ended") if advice.ends_in_flight else done
         if advice.fill.kg <= 0.0 and advice.fill.nothing_fits is None:
             # It flew below the limit with a load: what says that it could not is asked first.
@@ -375,7 +375,7 @@ def one_rotor_out(advice: Advice) -> str:
     words = "the weight can be held all flight, {spins} ({held} or more)"
     if part:
         words = "the weight can be held for {long}, {spins} ({held} or more)"
-    elif not advice.seen_whole:
+    elif not advice.complete:
         words = "the weight can be held for as long as the log goes, {spins} ({held} or more)"
     return say(words, long=duration(lost.known_s), spins=say(alarm_words.SPINS), held=held) + known
 

@@ -1,1 +1,2 @@
-"""Can the measured numbers be believed: motor order, unit of speed, readings that are none."""
+"""Checks of measured values: motor order, units, clocks, frozen or broken instruments, airframe
+match."""

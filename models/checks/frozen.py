@@ -1,14 +1,14 @@
-"""Find the instruments whose readings cannot be true, and leave them out of a flight.
+"""Find instruments whose readings cannot be true, and drop the readings from a flight.
 
-Each is compared with something else that was measured in the same flight, in two ways.
+Each instrument is compared with other measurements of the same flight, in two ways.
 
-A reading stands still, to the last digit, while what it measures must move: a battery under load
-never keeps its voltage; a tank does not keep its level while the aircraft becomes lighter by the
-thrust of its rotors; an aircraft that tilts does not keep its airspeed. Of a voltage and an
-airspeed the rows in which it stands are left out; a gauge that stuck once is not believed before
-or after either.
+A frozen reading stays the same to the last digit while its quantity must change: a battery under
+load never keeps its voltage; a tank does not keep its level while the thrust shows that the
+aircraft becomes lighter; an aircraft that tilts does not keep its airspeed. Of voltage and airspeed
+only the frozen rows are dropped; of a tank gauge all rows, because a gauge that stuck once is not
+trusted before or after either.
 
-A reading moves, but not as what it measures: `instruments.py`. It is left out of the whole flight.
+A reading that changes, but not as its quantity does (`instruments.py`), is dropped in all rows.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
 
 LEAST_S = 60.0  # s in flight of one and the same reading
-#: s for which a reading stays at most, on average, that is fine enough to show a change.
+#: s between changes, on average, above which a reading is too coarse to call it frozen.
 FINE_S = 6.0
 #: Channels that can be frozen -> what measures them.
 INSTRUMENTS = {
@@ -46,50 +46,55 @@ INSTRUMENTS = {
     "temperature": "barometer",
     "rotor_speed_rpm": "rotor speed sensors",
 }
-#: rad between which an aircraft tilts, but for the SELDOM most to either side, that surely changed
-#: its speed; a hover shakes by less.
+#: rad, range of tilt (without the share SELDOM at either end) that surely changes the speed;
+#: a hover shakes by less.
 TILTED, SELDOM = 0.1, 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stand:
-    """A reading that an instrument kept too long."""
+    """A faulty instrument reading: its value, rows and reason."""
 
     value: float  # in the unit of its channel
-    rows: Bools  # (T,) in which it is left out
-    throughout: bool  # it never moved in flight
+    rows: Bools  # (T,) in which it is dropped
+    throughout: bool  # it never changed in flight
     reason: Reason = Reason.FROZEN
-    rotors: tuple[int, ...] = ()  # from 0, whose readings are meant; empty: the channel is of none
+    rotors: tuple[int, ...] = ()  # rotors concerned, from 0; empty for other channels
 
 
 def without_frozen(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> FlightTrack:
-    """The track of T rows with NaN where an instrument is frozen, or its voltage broke, and a note
+    """Set NaN where an instrument is frozen, faulty or the voltage broke down, and add a note
     that says so."""
     track, _ = without_broken_voltage(track)
-    return left_out(track, frozen(track, airframe, parameters))
+    return drop_readings(track, frozen_channels(track, airframe, parameters))
 
 
 def without_broken_voltage(
     track: FlightTrack, so_far: VoltageSoFar | None = None
 ) -> tuple[FlightTrack, VoltageSoFar]:
-    """The same of a broken voltage alone; `so_far` is of the rows before those of the track."""
+    """Set NaN where the voltage broke down; `so_far` and the second result are the state between
+    parts of a flight."""
     broke, found = broken_voltage(track, so_far)
     if not broke.any():
         return track, found
     least = float(np.nanmin(track.voltage[broke]))
     stand = Stand(value=least, rows=broke, throughout=False, reason=Reason.BROKEN)
-    return left_out(track, {"voltage": stand}), found
+    return drop_readings(track, {"voltage": stand}), found
 
 
-def frozen(
+def frozen_channels(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> dict[str, Stand]:
-    """Channels whose instrument stood still in flight -> the last time that it did."""
+    """Find the channels whose instrument was frozen or faulty in flight, each with its last such
+    run.
+
+    `parameters` are the autopilot's, by name.
+    """
     found = {}
     flown = track.flying & np.isfinite(track.voltage)
-    for rows in _stands(track, "voltage"):
+    for rows in _frozen_runs(track, "voltage"):
         throughout, else_s = bool(rows[flown].all()), track.row_seconds[flown & ~rows].sum()
         moves = np.count_nonzero(np.diff(track.voltage[flown & ~rows]))
         if throughout or else_s < FINE_S * moves:
@@ -97,7 +102,7 @@ def frozen(
             found["voltage"] = Stand(
                 value=float(track.voltage[rows][0]), rows=left, throughout=throughout
             )
-    for rows in _stands(track, "tank_kg"):
+    for rows in _frozen_runs(track, "tank_kg"):
         if _grew_lighter(track, rows, airframe, parameters):
             known = track.flying & np.isfinite(track.tank_kg)
             found["tank_kg"] = Stand(
@@ -105,7 +110,7 @@ def frozen(
                 rows=np.ones_like(rows),
                 throughout=bool(rows[known].all()),
             )
-    for rows in _stands(track, "airspeed"):
+    for rows in _frozen_runs(track, "airspeed"):
         tilt = track.attitude[rows, :2]
         tilt = tilt[np.isfinite(tilt).all(axis=1)]
         ends = np.quantile(tilt, [SELDOM, 1.0 - SELDOM], axis=0) if tilt.size else np.zeros((2, 2))
@@ -117,7 +122,7 @@ def frozen(
                 throughout=bool(rows[known].all()),
             )
     whole = np.ones(track.time_s.size, dtype=np.bool_)
-    for channel, reason, rotors in _contradicted(track, airframe, parameters):
+    for channel, reason, rotors in _contradictions(track, airframe, parameters):
         values = getattr(track, channel)[track.flying]
         value = known_median(values[:, list(rotors)] if rotors else values)
         stand = Stand(value=value, rows=whole, throughout=True, reason=reason, rotors=rotors)
@@ -125,10 +130,10 @@ def frozen(
     return found
 
 
-def _contradicted(
+def _contradictions(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> Iterator[tuple[str, Reason, tuple[int, ...]]]:
-    """Yield channel, reason and rotors of each reading that does not move as what it measures."""
+    """Yield channel, reason and rotors of each reading that other measurements contradict."""
     if rotors := copied_rotors(track):
         yield "rotor_speed_rpm", Reason.COPIED, rotors
     if voltage_without_sag(track):
@@ -140,8 +145,9 @@ def _contradicted(
         yield "temperature", Reason.IMPOSSIBLE, ()
 
 
-def left_out(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrack:
-    """The track with NaN in the channels that stand, and why."""
+def drop_readings(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrack:
+    """Set NaN in the rows of faulty readings, by channel, and note the reason in source and
+    notes."""
     if not frozen:
         return track
     channels, sources, notes = {}, {}, []
@@ -156,14 +162,16 @@ def left_out(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrack:
         sources[channel] = replace(source, rejected=(*source.rejected, gone))
         if not np.isfinite(channels[channel]).any():
             sources[channel] = Provenance(kind=SourceKind.ABSENT, rejected=(gone,))
-        notes.append(f"{INSTRUMENTS[channel]} {_did(channel, stand)}: no measurement, and left out")
+        notes.append(
+            f"{INSTRUMENTS[channel]} {_fault_words(channel, stand)}: no measurement, and left out"
+        )
     return replace(
         track, **channels, sources={**track.sources, **sources}, notes=(*track.notes, *notes)
     )
 
 
-def _did(channel: str, stand: Stand) -> str:
-    """Describe what a reading did that makes it no measurement."""
+def _fault_words(channel: str, stand: Stand) -> str:
+    """Describe the fault of a reading, for people."""
     value = f"{stand.value:.4g} {TRACK_CHANNELS[channel].unit}"
     if stand.reason is Reason.BROKEN:
         return f"{stand.reason}, to {value}"
@@ -176,8 +184,9 @@ def _did(channel: str, stand: Stand) -> str:
     return f"stood at {value} {lasted}"
 
 
-def _stands(track: FlightTrack, channel: str) -> list[Bools]:
-    """For each time in flight that a reported channel had one value for LEAST_S, its rows (T,)."""
+def _frozen_runs(track: FlightTrack, channel: str) -> list[Bools]:
+    """List the rows (T,) of each run in flight in which a reported channel kept one value for
+    LEAST_S or more."""
     values = getattr(track, channel)
     known = np.flatnonzero(track.flying & np.isfinite(values))
     if not track.source(channel).reported or known.size < FEWEST_ROWS:
@@ -193,6 +202,7 @@ def _stands(track: FlightTrack, channel: str) -> list[Bools]:
 def _grew_lighter(
     track: FlightTrack, rows: Bools, airframe: Airframe, parameters: Mapping[str, float]
 ) -> bool:
-    """Whether thrust in the last quarter of the rows (T,) is less than in the first by LIGHTER."""
+    """Return whether the mass by thrust falls by more than LIGHTER from the first to the last
+    quarter of `rows` (T,)."""
     known = (m[rows & np.isfinite(m)] for m in lifted_masses(track, airframe, parameters))
     return any(share_lighter(m) > LIGHTER for m in known if m.size >= 4 * FEWEST_ROWS)

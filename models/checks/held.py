@@ -1,20 +1,19 @@
-"""Does an aircraft fly, or is it held, on a bench or in hands? What flies does what is asked of it.
+"""Decide whether an aircraft with its motors on flies, or is held on a bench or in hands.
 
-Over BLOCK seconds of flight the mean acceleration is that of its thrust T and its tilt, but for
-what wind and speed take:
-    upwards  T cos(tilt) / m - g        level  g tan(tilt), to the side that it leans to
-What is held low and slow does neither. So it is held where, never HANDS above where it was first
-and never faster than RUN,
-- its tilt stands still for CALM seconds as nothing in the air does, where it rose by less than
-  RISEN; where it rose by more, as on the ground; or
-- it leans to and fro, by LEANS more than its speed over ground answers to; or
-- its thrust, steady for a block, is LIFTS times that of another that carries, NEAR seconds away,
-  and no accelerometer is there to be asked.
-In flight the first would make it rise, and no tank empties so soon. Where height, tilt or speed
-is unknown, that says nothing.
+Over BLOCK seconds of flight the mean acceleration follows from thrust T and tilt, except for
+wind and drag:
+    upwards  T cos(tilt) / m - g        level  g tan(tilt), towards the lower side
+A held aircraft does neither. So it counts as held if, never HANDS above its first height and never
+faster than RUN,
+- its tilt stays within TILTED for CALM seconds (within CLAMPED if it rose by RISEN); or
+- it leans to and fro, and its ground speed lacks LEANS of the acceleration that follows; or
+- its steady thrust over a block is LIFTS times that of another block that could carry it, at
+  most NEAR seconds away, and there is no accelerometer: the larger thrust would make it rise, and
+  no tank empties so soon.
+A test without its height, tilt or speed does not count.
 
-The accelerometer decides before all of these, for what is carried by its thrust feels that thrust
-and nothing else:
+The accelerometer decides before all of these, because an aircraft carried by its thrust feels that
+thrust and nothing else:
 - it is held where one-second means about the axis of thrust stay within FELT while thrust changes
   by LIFTS, or those about all axes while ASKED of tilt is asked for and not done;
 - it is held where, half of the time, attitude and accelerometer together would make it fall or
@@ -43,8 +42,8 @@ RISEN = 1.0
 TILTED, CLAMPED = np.radians(0.5), np.radians(0.1)
 #: Rows from which a tilt that never changes is that of an instrument that stands still.
 FEWEST_ROWS = 20
-STOOD = 5.0  # s out of flight after which it is looked at anew
-MOST_ROWS = 1200  # that a listener keeps
+STOOD = 5.0  # s out of flight after which the test starts anew
+MOST_ROWS = 1200  # kept between live updates
 BLOCK = 3.0  # s: over which bodies follow their thrust, and wind evens out
 FEWEST_BLOCKS = 4
 CALM = 20.0  # s
@@ -55,7 +54,7 @@ WALK = 2.0  # m/s over ground up to which it can be carried, and drag is small
 LEANS = 2.5
 LIFTS = 1.5
 NEAR = 60.0  # s
-CARRIES = 0.5  # of the largest thrust of a block: with less it is on its legs
+CARRIES = 0.5  # share of the largest block thrust: with less it stands on its legs
 #: Share of the empty weight in thrust with which it may hover: the ground and the wind help.
 HOVERS = 0.8
 STEADY = 0.35  # of a block's mean, between its 10th and 90th percentile: no step within it
@@ -69,12 +68,12 @@ ASKED = np.radians(20.0)  # tilt asked for that a body in the air would take
 FALLS, SUSTAINED = 5.0, 2.0
 
 
-def held(time_s: Floats, body: Floats) -> bool:
-    """Whether an aircraft with its motors on, of T rows, is held.
+def is_held(time_s: Floats, body: Floats) -> bool:
+    """Return whether an aircraft with its motors on is held, on a bench or in hands, over T rows.
 
-    `body` (T, 15): height m, roll, pitch and yaw rad, velocity north, east and down m/s, what
-    thrust goes with: mean squared speed and mean output, of any unit, specific force m/s² about
-    three axes, and roll and pitch that are asked for, rad; NaN where unknown.
+    `body` (T, 15): height m, roll, pitch and yaw rad, velocity north, east and down m/s, two
+    measures of thrust (mean squared rotor speed and mean output, in any unit), specific force m/s²
+    along three body axes, and commanded roll and pitch, rad; NaN where unknown.
     """
     height, attitude, velocity_ned, thrusts = body[:, 0], body[:, 1:4], body[:, 4:7], body[:, 7:9].T
     if feels_nothing(time_s, body):
@@ -93,17 +92,17 @@ def held(time_s: Floats, body: Floats) -> bool:
     whole = [s for s in slices if time_s[s.stop - 1] - time_s[s.start] >= 0.8 * BLOCK]
     if len(whole) < FEWEST_BLOCKS:
         return False
-    if _leans(time_s, attitude, velocity_ned, whole):
+    if _speed_ignores_lean(time_s, attitude, velocity_ned, whole):
         return True
     if _felt_seconds(time_s, body) >= FEWEST_SECONDS:
         return False
-    return any(_lifts(time_s, attitude, thrust, whole) for thrust in thrusts)
+    return any(_thrust_too_uneven(time_s, attitude, thrust, whole) for thrust in thrusts)
 
 
 def feels_nothing(time_s: Floats, body: Floats) -> bool:
-    """Return whether the accelerometer of T rows shows that no thrust carries it.
+    """Return whether the accelerometer of T rows shows that thrust does not carry the aircraft.
 
-    `body` (T, 15) as of `held`. False where fewer than FEWEST_SECONDS of it are known.
+    `body` (T, 15) as of `is_held`. False with fewer than FEWEST_SECONDS of accelerometer data.
     """
     if time_s.size == 0:
         return False
@@ -127,7 +126,7 @@ def feels_nothing(time_s: Floats, body: Floats) -> bool:
 
 
 def _felt_seconds(time_s: Floats, body: Floats) -> int:
-    """Return in how many seconds the accelerometer of T rows says something."""
+    """Return the number of seconds, of T rows, that have accelerometer data."""
     known = np.isfinite(body[:, 9:12]).all(axis=1)
     return int(np.unique(np.floor(time_s[known])).size)
 
@@ -135,10 +134,10 @@ def _felt_seconds(time_s: Floats, body: Floats) -> int:
 def attitude_denied(
     time_s: Floats, attitude: Floats, force_frd: Floats, barometer: Floats
 ) -> Bools:
-    """Return (T,) where attitude and specific force cannot both be true.
+    """Flag the rows (T,) where attitude and specific force cannot both be true.
 
-    With both the aircraft would fall or rise by FALLS m/s² for SUSTAINED s and more, and its
-    barometric height stands.
+    Together they would mean a fall or rise at FALLS m/s² for SUSTAINED s or more, while the
+    barometric height stays within RISEN.
 
     `attitude` (T, 3) rad, `force_frd` (T, 3) m/s², `barometer` (T,) m. False where one is unknown.
     """
@@ -155,8 +154,10 @@ def attitude_denied(
 
 
 def body_axes_down(attitude: Floats) -> Floats:
-    """Return (T, 3) the component down of the body's axes forward, right, down, at roll, pitch, yaw
-    (T, 3) rad."""
+    """Return the downward components (T, 3) of the body axes forward, right, down.
+
+    `attitude` (T, 3) is roll, pitch, yaw, rad.
+    """
     return np.stack([axis[:, 2] for axis in body_axes(attitude)], axis=1)
 
 
@@ -166,6 +167,7 @@ def _means(seconds: NDArray[np.intp], values: Floats) -> Floats:
 
 
 def _mean_by(seconds: NDArray[np.intp], values: Floats) -> Floats:
+    """Return the means (S,) of the known values (T,) of each second; NaN where none is."""
     known = np.isfinite(values)
     count = np.bincount(seconds[known], minlength=seconds[-1] + 1)
     total = np.bincount(seconds[known], values[known], minlength=seconds[-1] + 1)
@@ -173,34 +175,38 @@ def _mean_by(seconds: NDArray[np.intp], values: Floats) -> Floats:
 
 
 def _spread(values: Floats) -> Floats:
-    """Return the distance (K,) of the 5th and 95th percentile of the known rows of (S, K)."""
+    """Return the distance (K,) between the 5th and 95th percentile of the rows (S, K) that are
+    known; 0 if too few."""
     known = values[np.isfinite(values).all(axis=1)]
     if len(known) < FEWEST_SECONDS:
         return np.zeros(values.shape[1])
     return np.diff(np.percentile(known, (5, 95), axis=0), axis=0)[0]
 
 
-def without_held(
+def drop_held(
     flying: Bools, runs: Iterable[tuple[int, int]], time_s: Floats, body: Floats
 ) -> Bools:
-    """The rows that fly (T,), without those runs, (first, end), from the ground on that are held.
+    """Remove runs that start on the ground and are held from the rows (T,) that seem to fly.
 
-    `body` (T, 15) as of `held`.
+    `runs` are (first, end) rows; `body` (T, 15) as of `is_held`.
     """
     result = flying.copy()
-    if feels_nothing(time_s[flying], body[flying]):  # of runs that are each too short to tell
+    if feels_nothing(time_s[flying], body[flying]):  # all runs together, as each may be too short
         return np.zeros_like(flying)
     for first, end in runs:
         rows = first + np.flatnonzero(flying[first:end])
         from_ground = rows.size and (first > 0 or body[rows[0], 0] <= RISEN)
-        if from_ground and held(time_s[rows], body[rows]):
+        if from_ground and is_held(time_s[rows], body[rows]):
             result[rows] = False
     return result
 
 
 def may_hover(squares: Floats, rotors: int, airframe: Airframe | None) -> Floats:
-    """(T,) mean squared speeds, rpm², with which it may hover; NaN of the others, and where nobody
-    knows what it weighs."""
+    """Keep the mean squared speeds (T,), rpm², of `rotors` rotors that suffice for hovering; NaN
+    for others.
+
+    All NaN without an airframe, whose weight is needed.
+    """
     if airframe is None:
         return np.full(squares.size, np.nan)
     thrust = airframe.thrust_coefficient * rotors * squares
@@ -209,7 +215,11 @@ def may_hover(squares: Floats, rotors: int, airframe: Airframe | None) -> Floats
 
 
 def _stands_still(attitude: Floats, low: bool) -> bool:
-    """Whether roll and pitch of (n, 3) are alive and still moved less than what flies."""
+    """Return whether roll and pitch of (n, 3) change less than in any flight, though they are not
+    frozen.
+
+    `low`: the aircraft did not rise, so that the larger limit applies.
+    """
     known = attitude[np.isfinite(attitude).all(axis=1), :2]
     if len(known) < FEWEST_ROWS or np.all(np.ptp(known, axis=0) == 0.0):
         return False
@@ -217,8 +227,11 @@ def _stands_still(attitude: Floats, low: bool) -> bool:
     return bool(np.all(moved < (TILTED if low else CLAMPED)))
 
 
-def _leans(time_s: Floats, attitude: Floats, velocity_ned: Floats, blocks: list[slice]) -> bool:
-    """Whether it leans to and fro at a walk, and its speed does not follow."""
+def _speed_ignores_lean(
+    time_s: Floats, attitude: Floats, velocity_ned: Floats, blocks: list[slice]
+) -> bool:
+    """Return whether the aircraft, at walking speed, leans to and fro without the acceleration
+    that follows."""
     down = down_axis(attitude)  # of the body, in north, east, down
     upright = down[:, 2] > np.cos(TURNED)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -236,8 +249,11 @@ def _leans(time_s: Floats, attitude: Floats, velocity_ned: Floats, blocks: list[
     return bool(np.any(np.diff(np.percentile(missing, (10, 90), axis=0), axis=0) > LEANS))
 
 
-def _lifts(time_s: Floats, attitude: Floats, thrust: Floats, blocks: list[slice]) -> bool:
-    """Whether steady thrusts differ so that one of them cannot be its weight."""
+def _thrust_too_uneven(
+    time_s: Floats, attitude: Floats, thrust: Floats, blocks: list[slice]
+) -> bool:
+    """Return whether steady thrusts within NEAR s differ so much that one of them cannot be the
+    weight."""
     upwards = thrust * np.cos(attitude[:, 0]) * np.cos(attitude[:, 1])
     steady = []
     for rows in blocks:
@@ -257,25 +273,27 @@ def _lifts(time_s: Floats, attitude: Floats, thrust: Floats, blocks: list[slice]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldSoFar:
-    """What a listener keeps of an aircraft to know whether it is held."""
+    """The state between live updates that decides whether an aircraft is held."""
 
     ground: float = np.nan  # m, the last height with its motors off
-    seen_down: bool = False  # it has been heard on the ground
-    risen: bool = False  # it was clear of the ground since
-    flies: bool = False  # higher or faster than hands go, or never heard on the ground
+    seen_down: bool = False  # it was observed on the ground
+    risen: bool = False  # it has left the ground since
+    flies: bool = False  # higher or faster than hands go, or never observed on the ground
     held: bool = False
     down_s: float = np.nan  # since when it does not fly; NaN while it does
     first: float = np.nan  # m, the ground, or the height of the first row that seemed to fly
     rows: Floats = field(default_factory=lambda: np.empty((0, 16)))  # time and body of such rows
 
 
-def held_so_far(
+def flag_held(
     before: HeldSoFar, time_s: Floats, flying: Bools, off: Bools, body: Floats, *, clear: float
 ) -> tuple[Bools, HeldSoFar]:
-    """(T,) rows that are held, or not off the ground yet, by what came up to each; what is carried.
+    """Flag rows (T,) where the aircraft is held or has not yet left the ground, from past rows
+    only.
 
-    `flying` by all else, `off`: the motors are off, `body` (T, 15) as of `held`. Off the ground it
-    is `clear` m above where its motors were off.
+    Also return the state for the next call. `flying` is by all other tests; `off`: motors off;
+    `body` (T, 15) as in `is_held`. It has left the ground `clear` m above its last height with
+    motors off.
     """
     found, now = np.zeros(time_s.size, dtype=np.bool_), before
     for k in range(time_s.size):
@@ -296,7 +314,7 @@ def held_so_far(
 
 
 def _seems_to_fly(now: HeldSoFar, at_s: float, body: Floats, clear: float) -> HeldSoFar:
-    """What is known after one more row that seems to fly, of what may be held as yet."""
+    """Update the state by one row that seems to fly, of an aircraft that may still be held."""
     height, speed = float(body[0]), float(np.hypot(body[4], body[5]))
     risen = now.risen or not height <= now.ground + clear
     if not risen:
@@ -307,7 +325,7 @@ def _seems_to_fly(now: HeldSoFar, at_s: float, body: Floats, clear: float) -> He
         return replace(HeldSoFar(ground=now.ground, seen_down=True), risen=True, flies=True)
     rows = np.vstack([now.rows[-MOST_ROWS:], np.append(at_s, body)])
     if now.rows.size and np.floor(at_s) > np.floor(now.rows[-1, 0]):  # once a second is enough
-        seen = held(now.rows[:, 0], now.rows[:, 1:])
+        seen = is_held(now.rows[:, 0], now.rows[:, 1:])
     else:
         seen = now.held
     return replace(now, risen=True, held=seen, down_s=np.nan, first=first, rows=rows)

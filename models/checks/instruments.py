@@ -1,4 +1,4 @@
-"""Compare the readings of instruments with what other channels of the same flight show of them.
+"""Compare instrument readings with other channels of the same flight.
 
 | reading | compared with | not a measurement where |
 |---|---|---|
@@ -38,13 +38,13 @@ MEAN_S = 5.0  # s of the means, in which trembling averages out
 #: Share of its mass by which an aircraft of constant load cannot become lighter: lift of forward
 #: flight and a battery that gets warm are less.
 LIGHTER = 0.08
-STUCK = 0.25  # of the mass that left by thrust: a gauge that moved less did not see it
+STUCK = 0.25  # share of the mass lost by thrust: a gauge that moved less was stuck
 BLOCK_S, FEWEST_BLOCKS = 10.0, 8
 APART = 4  # blocks
 #: Gain of mass by thrust on the gauge, over the ratio of the two masses: 0.96 to 1.12 in recorded
 #: flights. A thrust curve or an empty mass that is off moves numerator and denominator alike.
 POSSIBLE_GAIN = (0.75, 1.35)
-LARGEST_ERROR = 0.15  # standard error of a gain from which on it shows nothing
+LARGEST_ERROR = 0.15  # standard error from which a gain is not used
 #: Squared correlation of a gauge with a wrong gain: the line is straight. A rotor that fails on the
 #: way makes a step (0.48 and 0.86 where one did; 0.84 and more in sound flights).
 STRAIGHT = 0.9
@@ -57,16 +57,16 @@ DRIFT = 60.0
 FASTEST = 30.0  # m/s over RATE_S; no aircraft that carries a tank climbs or falls so
 RATE_S = 3.0
 
-PUMP_S = 30.0  # s of spraying from which on it must show
+PUMP_S = 30.0  # s of spraying that are needed
 
-SAMPLES, VALUES = 100, 20  # equal ones, and different ones among them, that are no chance
+SAMPLES, VALUES = 100, 20  # equal samples, and different values among them, that exclude chance
 EQUAL = 0.99  # share of the samples
 
 
 def voltage_without_sag(track: FlightTrack) -> bool:
-    """Return whether the battery voltage stays level in flight, but for trembling.
+    """Return whether the battery voltage stays constant in flight, except for trembling.
 
-    False with less than LEAST_S of it in flight: then nothing is shown.
+    False with less than LEAST_S of voltage in flight.
     """
     rows = track.flying & np.isfinite(track.voltage)
     if track.row_seconds[rows].sum() < LEAST_S or not track.source("voltage").reported:
@@ -78,8 +78,10 @@ def voltage_without_sag(track: FlightTrack) -> bool:
 def lifted_masses(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> list[Floats]:
-    """Return the masses (T,) kg that rotor speeds and motor outputs lift; empty for another number
-    of rotors."""
+    """Return the masses (T,) kg that the thrust of rotor speeds, and of motor outputs, would carry.
+
+    Empty if the airframe has another number of rotors.
+    """
     if track.rotor_count != airframe.rotor_count:
         return []
     curve = output_curve(parameters, track.source("throttle"))
@@ -88,7 +90,7 @@ def lifted_masses(
 
 
 def share_lighter(mass: Floats) -> float:
-    """Return the share that masses (n,) fall by from their first quarter to their last."""
+    """Return the share by which masses (n,) fall from their first quarter to their last."""
     quarter = mass.size // 4
     return 1.0 - float(np.median(mass[-quarter:]) / np.median(mass[:quarter]))
 
@@ -96,12 +98,12 @@ def share_lighter(mass: Floats) -> float:
 def gauge_unfollowed(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> bool:
-    """Return whether the tank level changes other than the mass that thrust shows.
+    """Return whether the tank level does not follow the mass by thrust.
 
-    One estimate by thrust is enough for a gauge that hardly moves while the aircraft becomes
-    lighter; all that there are must agree on a gauge that falls while the aircraft does not, and on
-    a gain that is wrong, for a wrong rotor speed makes these as well. Motor outputs show no gain
-    without the battery's voltage.
+    One estimate by thrust suffices for a gauge that hardly moves while the aircraft becomes
+    lighter. All available ones must agree on a gauge that falls while the aircraft does not, and on
+    a wrong gain, because wrong rotor speeds look alike. Motor outputs give no gain without the
+    battery's voltage.
     """
     gauge = track.measured("tank_kg")
     if not track.source("tank_kg").reported:
@@ -134,16 +136,20 @@ def gauge_unfollowed(
 
 
 def _local_gain(mass: Floats, level: Floats) -> float:
-    """Return the median gain of masses on levels, both (B,) kg, over APART blocks at a time: what
-    happens once, as the loss of a rotor, is in few of them. NaN where no level changes."""
+    """Return the median gain of masses on levels, both (B,) kg, over APART blocks at a time.
+
+    An event such as the loss of a rotor is in few of them. NaN where no level changes.
+    """
     changed = level[APART:] - level[:-APART]
     moved = changed != 0.0
     return known_median((mass[APART:] - mass[:-APART])[moved] / changed[moved])
 
 
 def _gain(mass: Floats, level: Floats) -> tuple[float, float, float]:
-    """Return the slope of masses on levels, both (B,) kg, its standard error and their squared
-    correlation; NaN, infinity and 0 of levels that are all the same."""
+    """Return slope, standard error and squared correlation of masses on levels, both (B,) kg.
+
+    NaN, infinity and 0 if all levels are equal.
+    """
     about, off = level - level.mean(), mass - mass.mean()
     squares = float(about @ about)
     if not squares > 0.0:
@@ -156,7 +162,7 @@ def _gain(mass: Floats, level: Floats) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sprayed:
-    """What left the aircraft while its pump ran, by thrust."""
+    """The mass that left the aircraft while its pump ran, by thrust."""
 
     pump_s: float  # s in flight with the pump on
     least_kg: float  # ends of the 99 % interval
@@ -166,7 +172,7 @@ class Sprayed:
 def sprayed_by_thrust(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> Sprayed | None:
-    """Return what left the aircraft over the seconds of spraying, by the thrust that it needed.
+    """Return the mass that left the aircraft while it sprayed, by the thrust that it needed.
 
     By rotor speeds, else by motor outputs. None with less than PUMP_S of spraying in flight, or
     where thrust is known for too little of it.
@@ -197,8 +203,8 @@ def sprayed_by_thrust(
 def barometer_fault(track: FlightTrack) -> bool:
     """Return whether pressure or temperature cannot be those of the air at the aircraft.
 
-    That is: a temperature beyond what the sensors are made for; a pressure altitude that is 500 m
-    from the altitude, moves by 60 m against it in flight, or changes by 30 m/s over 3 s.
+    That is a temperature outside the sensors' range, or a pressure altitude that is 500 m from the
+    altitude, moves by 60 m against it in flight, or changes by 30 m/s over 3 s.
     """
     air = track.temperature[np.isfinite(track.temperature)]
     if air.size and not SENSOR_RANGE[0] < np.median(air) < SENSOR_RANGE[1]:
@@ -219,10 +225,10 @@ def barometer_fault(track: FlightTrack) -> bool:
 
 
 def copied_rotors(track: FlightTrack) -> tuple[int, ...]:
-    """Return the rotors, from 0, whose speeds equal one another's in every sample; empty if none.
+    """Return the rotors, from 0, whose speeds are equal in nearly every sample; empty if none.
 
-    Which of them was measured is not known. Where outputs are known, rotors that are driven alike
-    may well turn alike.
+    Which of them was measured is not known. Rotors with equal motor outputs are excluded, since
+    they may turn alike.
     """
     speeds = track.measured("rotor_speed_rpm")[track.flying]
     outputs = track.throttle[track.flying]

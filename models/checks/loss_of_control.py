@@ -1,6 +1,7 @@
-"""Whether and when an aircraft lost control: turned over, spun, fell or hit, and did not recover.
+"""Decide whether and when an aircraft lost control: turned over, spun, fell or hit the ground.
 
-A flip or a dive that ends in calm flight was flown on purpose. What no calm flight follows was not.
+A flip or a dive that calm flight follows was flown on purpose; one that calm flight does not follow
+was a loss of control.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ CALM_TILT, CALM_RATE, CALM_S = np.radians(40.0), 2.5, 3.0
 #: s after the last row in flight that still belong to it: motors stop before it hits.
 AFTER_S = 2.0
 SMOOTHED_S = 1.0  # s before the first sign to which it may reach
-#: s before the loss in which an output at its end led to it, and the share that is the end
+#: s before the loss in which full output is a sign of it, and the share that is full
 LED_S, FULL_OUTPUT = 5.0, 0.98
 
 
 class LossKind(StrEnum):
-    """How a loss of control showed."""
+    """The kind of sign by which a loss of control shows."""
 
     SATURATED = "saturated"  # value: largest share of a motor's output
     NOT_AS_ASKED = "not as asked"  # value: largest angle off the attitude that was asked for, rad
@@ -50,14 +51,15 @@ class LossKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LossOfControl:
-    """One sign of a loss of control, when it began, and its size in the unit of its kind."""
+    """One sign of a loss of control: its kind, when it began, and its size in the unit of its
+    kind."""
 
     kind: LossKind
     time_s: float
     value: float
 
 
-#: s that a sign must last: a row or two may be damaged
+#: s that a sign must last: single rows may be damaged
 LASTS_S: Mapping[LossKind, float] = {
     LossKind.NOT_AS_ASKED: OFF_S,
     LossKind.TURNED_OVER: 0.3,
@@ -69,33 +71,37 @@ LASTS_S: Mapping[LossKind, float] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Movements:
-    """How T rows of an aircraft move: what may be a loss of control, and what is calm flight."""
+    """Which of T rows show signs of a loss of control, and which show calm flight."""
 
     calm: Bools  # (T,)
     signs: Mapping[LossKind, tuple[Bools, Floats]]  # (T,) whether it shows, and its size
 
 
 def loss_of_control(track: FlightTrack) -> tuple[LossOfControl, ...]:
-    """The signs of a loss from which the flight did not come back, in order of time.
+    """Return the signs of a loss of control without recovery, in order of time.
 
-    Empty where it did, or where neither attitude, rates nor specific force tell.
+    Empty if the flight recovered, or without attitude, rates and specific force.
     """
-    signs_found = _firsts(_signs(track)[1])
+    signs_found = _first_of_each_kind(_signs(track)[1])
     if not signs_found:
         return ()
-    return tuple(sorted([*_led(track, signs_found[0].time_s), *signs_found], key=_when))
+    return tuple(
+        sorted([*_saturation_before(track, signs_found[0].time_s), *signs_found], key=_sign_time)
+    )
 
 
-def recovered(track: FlightTrack) -> tuple[LossOfControl, ...]:
-    """The signs that calm flight followed, and a jolt alone, which is a hard landing: the first of
-    each kind, in order of time."""
-    return _firsts(_signs(track)[0])
+def recovered_signs(track: FlightTrack) -> tuple[LossOfControl, ...]:
+    """Return the first sign of each kind that calm flight followed, in order of time.
+
+    They include a jolt alone, which is a hard landing.
+    """
+    return _first_of_each_kind(_signs(track)[0])
 
 
-@lru_cache(maxsize=1)  # of one flight five ask
+@lru_cache(maxsize=1)  # five callers need it for one flight
 def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]]:
-    """All signs that lasted: those that it came back from, and those of a loss."""
-    watched, driven = _watched(track), _driven(track)
+    """Return all signs that lasted: those that the flight recovered from, and those of a loss."""
+    watched, driven = _in_or_after_flight(track), _motors_above_idle(track)
     if not (watched | driven).any():
         return [], []
     seen = movements(track)
@@ -114,21 +120,23 @@ def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]
     return [sign for sign in found if sign.time_s < last_calm], late
 
 
-def _firsts(found: list[LossOfControl]) -> tuple[LossOfControl, ...]:
-    """The first of each kind, in order of time."""
-    firsts = [min((f for f in found if f.kind is k), key=_when, default=None) for k in LossKind]
-    return tuple(sorted((sign for sign in firsts if sign is not None), key=_when))
+def _first_of_each_kind(found: list[LossOfControl]) -> tuple[LossOfControl, ...]:
+    """Return the first sign of each kind, in order of time."""
+    firsts = [
+        min((f for f in found if f.kind is k), key=_sign_time, default=None) for k in LossKind
+    ]
+    return tuple(sorted((sign for sign in firsts if sign is not None), key=_sign_time))
 
 
 def movements(track: FlightTrack) -> Movements:
-    """The rows at which each sign shows, however short, and those of calm flight."""
+    """Flag the rows at which each sign shows, however briefly, and those of calm flight."""
     down = down_axis(track.attitude)
     tilt = np.arccos(np.clip(down[:, 2], -1.0, 1.0))
     rate = np.linalg.norm(track.angular_rate_frd, axis=1)
     force = np.linalg.norm(track.specific_force_frd, axis=1)
     sink = track.velocity_ned[:, 2]
-    fell = ~_height_denies(track, sink)
-    # As asked for with the heading that it has.
+    fell = ~_height_contradicts(track, sink)
+    # The commanded attitude has no heading: use the actual one.
     asked = down_axis(np.column_stack([track.asked_attitude, track.attitude[:, 2]]))
     off = np.arccos(np.clip(np.sum(asked * down, axis=1), -1.0, 1.0))
     denied = attitude_denied(
@@ -156,11 +164,12 @@ def movements(track: FlightTrack) -> Movements:
     )
 
 
-def _height_denies(track: FlightTrack, sink: Floats) -> Bools:
-    """Return (T,) where a height falls by less than half of what a sink rate (T,) m/s says, or by
-    no more than FALL_SPEED: an estimated rate drifts when an accelerometer is off.
+def _height_contradicts(track: FlightTrack, sink: Floats) -> Bools:
+    """Flag the rows (T,) where height falls too little for a sink rate (T,) m/s.
 
-    Height by barometer, else above ground, over HEIGHT_S about the row; False where unknown.
+    That is by less than half of the rate, or by FALL_SPEED or less: an estimated rate drifts if an
+    accelerometer is off. Height is by barometer, else above ground, over HEIGHT_S about the row;
+    False where unknown.
     """
     heights = (pressure_altitude(track.pressure), track.height_agl)
     known = [h for h in heights if np.isfinite(h).any()]
@@ -178,10 +187,10 @@ def _height_denies(track: FlightTrack, sink: Floats) -> Bools:
     return suspect & (fell < np.maximum(0.5 * np.nan_to_num(sink), FALL_SPEED))
 
 
-def losing(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
-    """How it moves, and the rows (T,) at which each sign has lasted its time by then.
+def signs_so_far(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
+    """Return the movements, and for each sign the rows (T,) at which it has lasted long enough.
 
-    For a flight that goes on: what calm flight follows is seen later. A jolt alone is none.
+    For a flight in progress, in which later calm flight is not yet known. A jolt alone is no sign.
     """
     seen = movements(track)
     lasted: dict[LossKind, Bools] = {}
@@ -195,21 +204,22 @@ def losing(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
 
 
 def before_loss(track: FlightTrack, losses: tuple[LossOfControl, ...]) -> FlightTrack:
-    """The track in whose flight only the rows before the first sign of a loss count.
+    """Return the track with `flying` only before the first sign of a loss.
 
-    Not the last second: what is smoothed over it, as a model's turning moments, is of the loss.
+    The last second is excluded too, because smoothed channels already contain the loss.
     """
     if not losses:
         return track
     return replace(track, flying=track.flying & (track.time_s < losses[0].time_s - SMOOTHED_S))
 
 
-def _when(sign: LossOfControl) -> float:
+def _sign_time(sign: LossOfControl) -> float:
+    """Return the time of a sign, s."""
     return sign.time_s
 
 
-def _watched(track: FlightTrack) -> Bools:
-    """(T,) rows in flight and those of AFTER_S after it."""
+def _in_or_after_flight(track: FlightTrack) -> Bools:
+    """Flag rows (T,) in flight and within AFTER_S after it."""
     flown = track.time_s[track.flying]
     if not flown.size:
         return track.flying
@@ -217,31 +227,33 @@ def _watched(track: FlightTrack) -> Bools:
     return (last >= 0) & (track.time_s - flown[np.maximum(last, 0)] <= AFTER_S)
 
 
-def _driven(track: FlightTrack) -> Bools:
-    """(T,) rows, on the ground too, in which the motors of an armed aircraft do more than idle."""
+def _motors_above_idle(track: FlightTrack) -> Bools:
+    """Flag rows (T,), on the ground too, in which the motors of an armed aircraft do more than
+    idle."""
     off = track.flying_by in (FlyingBy.DISARMED, FlyingBy.CONSTANT_OUTPUTS, FlyingBy.HELD)
     total = np.nan_to_num(track.throttle).sum(axis=1)
     return (total > DRIVEN * track.rotor_count) & (not off)
 
 
 def _after_fall(track: FlightTrack, sink: Floats) -> Bools:
-    """(T,) True within a second after a fast sink."""
+    """Flag rows (T,) within a second after a sink (T,) m/s above FALL_SPEED."""
     fast = track.time_s[np.nan_to_num(sink) > FALL_SPEED]
     last = np.searchsorted(fast, track.time_s, side="right") - 1
     return (last >= 0) & (track.time_s - np.append(fast, np.inf)[last] <= 1.0)
 
 
 def _last_of_calm(time_s: Floats, calm: Bools) -> float:
-    """When the last calm flight of CALM_S or more began; -inf without one.
+    """Return when the last calm flight of CALM_S or more began; -inf without one.
 
-    What came before it was recovered from.
+    Signs before it were recovered from.
     """
     lasting = [a for a, end in _runs(calm) if time_s[end - 1] - time_s[a] >= CALM_S]
     return float(time_s[lasting[-1]]) if lasting else -np.inf
 
 
-def _led(track: FlightTrack, when: float) -> list[LossOfControl]:
-    """A motor at full output in the seconds before the loss, from its first row on."""
+def _saturation_before(track: FlightTrack, when: float) -> list[LossOfControl]:
+    """Return the sign of a motor at full output within LED_S before `when`, from its first row;
+    empty without."""
     near = (track.time_s >= when - LED_S) & (track.time_s <= when) & track.flying
     output = np.where(near[:, None], np.nan_to_num(track.throttle), 0.0).max(axis=1, initial=0.0)
     full = np.flatnonzero(output >= FULL_OUTPUT)
@@ -252,6 +264,6 @@ def _led(track: FlightTrack, when: float) -> list[LossOfControl]:
 
 
 def _runs(rows: Bools) -> list[tuple[int, int]]:
-    """(first, end) of each stretch of True."""
+    """List (first, end) of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in list(pairwise(edges))[::2]]

@@ -1,10 +1,10 @@
-"""Do position and velocity, angles and body rates speak of the same seconds?
+"""Check that positions and velocities, angles and body rates have consistent units of time.
 
-A table says its units only by its headings: time in milliseconds, angles in degrees or a velocity
-in feet a second would make every delay, smoothing and turn wrong without a word. What moves is
+A table states its units only in its headings: time in milliseconds, angles in degrees or a velocity
+in feet a second would corrupt every delay, smoothing and turn unnoticed. Each quantity's change is
 compared with its rate times the seconds between rows: both regressions, of one on the other, bound
 the true ratio however much noise either has. Source: Frisch 1934, bounds of a slope with errors in
-both variables. Airspeed is compared so with velocity less wind.
+both variables. Airspeed is compared with velocity less wind likewise.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.smoothing import known_median
 
-#: of what the rate says, that is no matter of noise or lag: knots and feet are 1.9 and 3.3 off
+#: ratios that noise or lag may explain: knots and feet are 1.9 and 3.3 off
 POSSIBLE = (0.6, 1.7)
-#: the same of roll and pitch, which shake faster than most tables have rows: degrees are 57 off
+#: likewise for roll and pitch, which shake faster than most tables sample: degrees are 57 off
 POSSIBLE_TILT = (0.1, 10.0)
 FEWEST_STEPS = 20
 LONGEST = 3.0  # times the usual step: beyond it is a pause
-#: squared correlation below which steps show nothing: what rounding and noise do to small ones
+#: squared correlation below which steps are not used: rounding and noise dominate
 LEAST_SHARED = 0.05
-#: and below which going the other way may be a slow channel's doing
+#: squared correlation below which a negative slope may be due to a slow channel
 LEAST_OPPOSITE = 0.5
 #: Squared correlation, the one bound over the other, of what a wrong clock shows: it leaves all of
 #: it, where a table in wrong units may be coarse as well.
@@ -35,19 +35,19 @@ Bounds = tuple[float, float]
 
 
 def motion_units(track: FlightTrack, *, by_table: bool = True) -> str | None:
-    """Return why the rates of a flight cannot be those of its positions, or its airspeed that of
-    its velocity and wind, and what to check; else None.
+    """Return why the units of a flight's rates or airspeed cannot be right, and what to check; else
+    None.
 
-    `by_table`: whoever wrote the table chose the units. Else it is the log of an autopilot, whose
-    clock is at fault, and airspeed is not asked for: a tube may be blocked.
+    `by_table`: the author of a table chose the units. Else it is an autopilot's log, whose clock is
+    at fault, and airspeed is not checked: a pitot tube may be blocked.
     """
     wrong = {
         name: bounds
         for name, bounds, possible in (
-            ("position", moved(track), POSSIBLE),
-            ("height", risen(track), POSSIBLE),
-            ("heading", turned(track), POSSIBLE),
-            ("tilt", tilted(track), POSSIBLE_TILT),
+            ("position", position_ratio(track), POSSIBLE),
+            ("height", height_ratio(track), POSSIBLE),
+            ("heading", heading_ratio(track), POSSIBLE),
+            ("tilt", tilt_ratio(track), POSSIBLE_TILT),
         )
         if bounds is not None
         and not (bounds[0] <= possible[1] and bounds[1] >= possible[0])
@@ -74,16 +74,19 @@ def motion_units(track: FlightTrack, *, by_table: bool = True) -> str | None:
 
 
 def _air_units(track: FlightTrack) -> str | None:
-    bounds = through_air(track)
+    """Return why the unit of airspeed cannot be that of velocity less wind; else None."""
+    bounds = airspeed_ratio(track)
     if bounds is None or (bounds[0] <= POSSIBLE[1] and bounds[1] >= POSSIBLE[0]):
         return None
     factor = float(f"{np.sqrt(bounds[0] * bounds[1]):.2g}")
     return f"airspeed changes {factor:g} times as much as velocity less wind: all must be in m/s"
 
 
-def through_air(track: FlightTrack) -> Bounds | None:
-    """Least and largest of airspeed over the size of velocity less wind, by how both change in
-    flight; None where either is not reported or they do not go together."""
+def airspeed_ratio(track: FlightTrack) -> Bounds | None:
+    """Bound the ratio of airspeed to the size of velocity less wind, by their changes in flight.
+
+    None where either is not reported or they do not correlate.
+    """
     relative = np.linalg.norm(track.velocity_ned - track.wind_ned, axis=1)
     known = track.flying & np.isfinite(relative) & np.isfinite(track.airspeed)
     if int(known.sum()) < FEWEST_STEPS:
@@ -95,34 +98,36 @@ def through_air(track: FlightTrack) -> Bounds | None:
     return float(both / squares), float(changes / both)
 
 
-def moved(track: FlightTrack) -> Bounds | None:
-    """Least and largest of horizontal movement over velocity times seconds; None if not shown."""
-    return _ratio(
+def position_ratio(track: FlightTrack) -> Bounds | None:
+    """Bound the ratio of horizontal movement to velocity times seconds; None if not shown."""
+    return _slope_bounds(
         track.time_s, np.diff(track.position_ned[:, :2], axis=0), track.velocity_ned[:, :2]
     )
 
 
-def risen(track: FlightTrack) -> Bounds | None:
-    """The same of vertical movement."""
-    return _ratio(
+def height_ratio(track: FlightTrack) -> Bounds | None:
+    """Bound the ratio of vertical movement to vertical velocity times seconds; None if not
+    shown."""
+    return _slope_bounds(
         track.time_s, np.diff(track.position_ned[:, 2:], axis=0), track.velocity_ned[:, 2:]
     )
 
 
-def tilted(track: FlightTrack) -> Bounds | None:
-    """Return the same of the change of roll and pitch over their rates times seconds."""
-    change = _way_round(np.diff(track.attitude[:, :2], axis=0))
-    return _ratio(track.time_s, change, angle_rates(track)[:, :2])
+def tilt_ratio(track: FlightTrack) -> Bounds | None:
+    """Bound the ratio of changes of roll and pitch to their rates times seconds; None if not
+    shown."""
+    change = _shorter_way(np.diff(track.attitude[:, :2], axis=0))
+    return _slope_bounds(track.time_s, change, angle_rates(track)[:, :2])
 
 
-def turned(track: FlightTrack) -> Bounds | None:
-    """Return the same of the change of heading over its rate times seconds."""
-    change = _way_round(np.diff(track.attitude[:, 2:], axis=0))
-    return _ratio(track.time_s, change, angle_rates(track)[:, 2:])
+def heading_ratio(track: FlightTrack) -> Bounds | None:
+    """Bound the ratio of changes of heading to its rate times seconds; None if not shown."""
+    change = _shorter_way(np.diff(track.attitude[:, 2:], axis=0))
+    return _slope_bounds(track.time_s, change, angle_rates(track)[:, 2:])
 
 
 def angle_rates(track: FlightTrack) -> Floats:
-    """Return the rates (T, 3) rad/s of roll, pitch and yaw that the body rates make.
+    """Return the rates (T, 3) rad/s of roll, pitch and yaw that follow from the body rates.
 
     In a bank the nose turns by the pitch rate as well. Source: kinematic equations of Euler angles
     in the order yaw, pitch, roll (Stevens and Lewis, Aircraft Control and Simulation, 1.4). NaN at
@@ -142,13 +147,16 @@ def angle_rates(track: FlightTrack) -> Floats:
     )
 
 
-def _way_round(change: Floats) -> Floats:
-    """Changes of an angle the shorter way, -pi to pi rad."""
+def _shorter_way(change: Floats) -> Floats:
+    """Wrap changes of an angle to -pi to pi rad."""
     return (change + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def _ratio(time_s: Floats, change: Floats, rate: Floats) -> Bounds | None:
-    """Of changes (T - 1, K) over rates (T, K) times the seconds between rows (T,)."""
+def _slope_bounds(time_s: Floats, change: Floats, rate: Floats) -> Bounds | None:
+    """Bound the slope of changes (T - 1, K) over rates (T, K) times the seconds between rows (T,).
+
+    None with too few steps or too low a correlation.
+    """
     step = np.diff(time_s)
     if step.size < FEWEST_STEPS:
         return None

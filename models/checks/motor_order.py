@@ -1,16 +1,17 @@
-"""Is rotor speed 1 really that of motor 1? The body's response against the airframe's layout.
+"""Test whether each reported rotor speed belongs to the motor that the airframe says.
 
-Euler's equation about one axis, with the moment of the rotors' thrusts (the mixer's rows):
+The body's response is compared with the airframe's layout by Euler's equation about one axis, with
+the moment of the rotors' thrusts (the mixer's rows):
     dw/dt = g m + d w + e S + c,     m = sum_i b_i N_i^2,     S = sum_i N_i^2
 w [rad/s] is the body rate, N [rpm] the measured rotor speeds, b the mixer's row of that axis. The
-gain g > 0 stands for thrust coefficient over inertia, d for damping, e and c for an off-centre
-load; all are taken without their running mean, for trim is slow. Each way to assign the reported
-speeds to the airframe's places gives other moments m; how well they explain dw/dt, beyond the
-last three terms, is that assignment's likelihood (Gaussian residuals, sample size reduced for
-autocorrelation after Bartlett 1946, gain not negative), once with the airframe's spins and once
-with every spin reversed. A free arm for every rotor is another layout; it pays for its R numbers
-(Schwarz 1978). A moment accelerates at every pace, so another order or layout must show in means
-over SLOW_ROWS too: what shakes faster than the rows follow each other may go with any.
+gain g > 0 is thrust coefficient over inertia, d damping, e and c an off-centre load; the running
+mean is subtracted from all signals, because trim is slow. Each assignment of the reported speeds to
+the airframe's places gives other moments m; how well they explain dw/dt, beyond the last three
+terms, is the assignment's likelihood (Gaussian residuals, sample size reduced for autocorrelation
+after Bartlett 1946, gain not negative), once with the airframe's spins and once with all spins
+reversed. A free arm for every rotor represents another layout; it is penalised for its R parameters
+(Schwarz 1978). A moment accelerates at every frequency, so another order or layout must show in
+means over SLOW_ROWS too: vibration faster than the sampling may correlate with any.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from thrustmargin.models.physics.smoothing import running_mean
 
 #: How much more likely the best assignment must be than the next one, and than chance: e^10.
 DECISIVE = 10.0
-#: Correlation of roll and of pitch from which they do answer to the rotors, wherever those are.
+#: Correlation of roll and of pitch from which they respond to the rotors, wherever those are.
 ANSWERS = 0.5
 #: Rows needed before a verdict is given.
 FEWEST_ROWS = 100
@@ -42,9 +43,9 @@ LATE_S = np.arange(1, 13) / 10
 #: roll and pitch that must be left there: it grows where the order is right, as noise is less.
 SLOW_ROWS, SLOW_SHARE = 5, 0.8
 #: Correlation of roll and of pitch acceleration with themselves one difference (two rows) later,
-#: below which the rows do not show how it turns; flights have 0.2 to 0.9.
+#: below which the rows are too sparse to resolve rotation; flights have 0.2 to 0.9.
 RESOLVED = 0.1
-TURNED = 0.1  # rad within which all rotors are turned by one angle
+TURNED = 0.1  # rad within which all rotors are rotated by one angle
 #: By which moments, per share of their largest, of one assignment are those of another.
 ALIKE = 1e-6
 #: s; a row this far from its neighbours is not differentiated.
@@ -55,7 +56,7 @@ _TREND_ROWS = 51
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorOrder:
-    """What the response says about the order of the rotor speeds."""
+    """The result of the test of motor order."""
 
     verdict: Literal["agrees", "differs", "other layout", "unclear"]
     words: str
@@ -73,8 +74,8 @@ class MotorOrder:
 def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     """Compare roll, pitch and yaw response in flight with the airframe's motor order and spin.
 
-    Needs measured rotor speeds of all R rotors and body rates; says "unclear" when there are too
-    few of them or too little manoeuvring to distinguish the orders.
+    Needs measured speeds of all R rotors and body rates. The verdict is "unclear" with too few rows
+    or too little manoeuvring to distinguish the orders.
     """
     nan = float("nan")
     same = tuple(range(airframe.rotor_count))
@@ -92,20 +93,26 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     places = np.array(list(_assignments(airframe.rotor_count)))
     arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
     likelihood, correlation = _likelihood(track, places, arms)
-    order = _decided(airframe, places, likelihood, correlation, rows)
+    order = _decide(airframe, places, likelihood, correlation, rows)
     if order.verdict != "agrees":
-        # Speeds that are reported late answer before they ask, in the order of other motors.
+        # Speeds reported late can fit another order of motors: try delays.
         for late in LATE_S:
-            other, at_delay = _likelihood(_earlier(track, late), places, arms)
+            other, at_delay = _likelihood(_shift_speeds(track, late), places, arms)
             if other[0, 0] > likelihood[0, 0]:
                 correlation = at_delay
             likelihood = np.maximum(likelihood, other)
-        order = _decided(airframe, places, likelihood, correlation, rows)
-        seen = _resolved(track) or not _turned(airframe, order.places)
-        if order.verdict == "differs" and not (seen and _holds_slowly(track, order.places, arms)):
+        order = _decide(airframe, places, likelihood, correlation, rows)
+        seen = _is_resolved(track) or not _is_rotated_layout(airframe, order.places)
+        if order.verdict == "differs" and not (
+            seen and _persists_in_means(track, order.places, arms)
+        ):
             words = f"cannot tell: it shakes faster than the {rows} rows show"
             order = replace(order, verdict="unclear", words=words, places=same)
-    if order.verdict in ("agrees", "unclear") and _resolved(track) and _half_turned(track, arms):
+    if (
+        order.verdict in ("agrees", "unclear")
+        and _is_resolved(track)
+        and _is_half_rotated(track, arms)
+    ):
         words = (
             "roll and pitch answer as if every rotor sat half way to its neighbour of airframe "
             f"{airframe.name} ({airframe.layout}): its arms are turned, as plus is against X"
@@ -113,10 +120,10 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
         return replace(order, verdict="other layout", words=words, places=same)
     if (
         order.verdict == "unclear"
-        and _resolved(track)
+        and _is_resolved(track)
         and all(
-            _answers_to_others(samples, axis, arms[axis])
-            for samples in (_samples(track), _slow(_samples(track)))
+            _fits_free_arms(samples, axis, arms[axis])
+            for samples in (_samples(track), _slow_means(_samples(track)))
             for axis in range(2)
         )
     ):
@@ -131,8 +138,11 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
 def _likelihood(
     track: FlightTrack, places: np.ndarray, arms: Floats
 ) -> tuple[Floats, tuple[float, float, float]]:
-    """(2, P) log-likelihood of the assignments, with the airframe's spins and with all reversed;
-    the correlation of each axis with the airframe's own order."""
+    """Return the log-likelihood (2, P) of the assignments, and each axis's correlation in the own
+    order.
+
+    The first row is with the airframe's spins, the second with all reversed.
+    """
     acceleration, rate, squares, step = _samples(track)
     likelihood = np.zeros((2, len(places)))
     correlation = []
@@ -148,20 +158,22 @@ def _likelihood(
     return likelihood, (correlation[0], correlation[1], correlation[2])
 
 
-def _turned(airframe: Airframe, places: tuple[int, ...]) -> bool:
-    """Whether an assignment is the layout turned as a whole: so looks a swing that goes around,
-    which its rotors answer late."""
+def _is_rotated_layout(airframe: Airframe, places: tuple[int, ...]) -> bool:
+    """Return whether an assignment is the layout rotated as a whole.
+
+    A swing around the vertical axis, to which rotors respond late, looks alike.
+    """
     x, y = airframe.rotor_position_frd[:, :2].T
     angle = np.arctan2(y, x)
     apart = np.exp(1j * (angle[list(places)] - angle))
     return bool(np.abs(apart - apart[0]).max() < TURNED)
 
 
-def _half_turned(track: FlightTrack, arms: Floats) -> bool:
-    """Return whether roll and pitch answer to the layout turned by half of its rotors' spacing.
+def _is_half_rotated(track: FlightTrack, arms: Floats) -> bool:
+    """Return whether roll and pitch respond like the layout rotated by half of its rotors' spacing.
 
-    No order of the rotors says so, and a plus that is read as X still correlates by 0.7. The lead
-    must be DECISIVE in single rows and in means over SLOW_ROWS, however late the speeds may be.
+    No order of the rotors represents this, and a plus read as X still correlates by 0.7. The lead
+    must be DECISIVE in single rows and in means over SLOW_ROWS, at every delay of the speeds.
     """
     angle = np.pi / arms.shape[1]
     turned = [
@@ -170,12 +182,14 @@ def _half_turned(track: FlightTrack, arms: Floats) -> bool:
     ]
 
     samples = _samples(track)
-    fast, slow = (max(_roll_and_pitch(of, a) for a in turned) for of in (samples, _slow(samples)))
+    fast, slow = (
+        max(_roll_and_pitch(of, a) for a in turned) for of in (samples, _slow_means(samples))
+    )
     for late in (0.0, *LATE_S):
-        own = _samples(_earlier(track, late)) if late else samples
+        own = _samples(_shift_speeds(track, late)) if late else samples
         if fast - _roll_and_pitch(own, arms) < DECISIVE:
             return False
-        if slow - _roll_and_pitch(_slow(own), arms) < DECISIVE:
+        if slow - _roll_and_pitch(_slow_means(own), arms) < DECISIVE:
             return False
     return True
 
@@ -192,19 +206,24 @@ def _roll_and_pitch(samples: tuple[Floats, Floats, Floats, Floats], arms: Floats
     return total
 
 
-def _resolved(track: FlightTrack) -> bool:
-    """Whether roll and pitch acceleration last from one difference of the rates to the next."""
+def _is_resolved(track: FlightTrack) -> bool:
+    """Return whether roll and pitch acceleration correlate from one difference of the rates to
+    the next."""
     acceleration = _samples(track)[0][:, :2]
     power = np.sum(acceleration**2, axis=0)
     return bool(np.all(np.sum(acceleration[2:] * acceleration[:-2], axis=0) > RESOLVED * power))
 
 
-def _holds_slowly(track: FlightTrack, places: tuple[int, ...], arms: Floats) -> bool:
-    """Whether roll and pitch answer to an assignment in means over SLOW_ROWS as in single rows."""
+def _persists_in_means(track: FlightTrack, places: tuple[int, ...], arms: Floats) -> bool:
+    """Return whether an assignment explains roll and pitch in means over SLOW_ROWS as well as in
+    single rows."""
     fast, slow = [], []
     for late in (0.0, *LATE_S):
-        samples = _samples(_earlier(track, late) if late else track)
-        for found, (acceleration, rate, squares, step) in ((fast, samples), (slow, _slow(samples))):
+        samples = _samples(_shift_speeds(track, late) if late else track)
+        for found, (acceleration, rate, squares, step) in (
+            (fast, samples),
+            (slow, _slow_means(samples)),
+        ):
             found.append(
                 sum(
                     float(_correlations(acceleration[:, k], rate[:, k], squares, row, step)[0][0])
@@ -214,8 +233,8 @@ def _holds_slowly(track: FlightTrack, places: tuple[int, ...], arms: Floats) -> 
     return max(slow) >= SLOW_SHARE * max(fast)
 
 
-def _earlier(track: FlightTrack, late: float) -> FlightTrack:
-    """The flight with rotor speeds as if they had been reported `late` seconds sooner."""
+def _shift_speeds(track: FlightTrack, late: float) -> FlightTrack:
+    """Shift the rotor speeds `late` seconds earlier."""
     speeds = [
         np.interp(track.time_s + late, track.time_s, column, right=np.nan)
         for column in track.rotor_speed_rpm.T
@@ -224,9 +243,11 @@ def _earlier(track: FlightTrack, late: float) -> FlightTrack:
 
 
 def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
-    """Angular acceleration (n, 3), rate (n, 3), squared speeds (n, R) in 1e6 rpm², step (n,) s.
+    """Return angular acceleration (n, 3), rate (n, 3), squared speeds (n, R) in 1e6 rpm² and step
+    (n,) s.
 
-    Acceleration is the central difference over two rows; speeds get the same smoothing.
+    Acceleration is the central difference over two rows; the speeds are smoothed alike. Trends are
+    subtracted. Empty with fewer than FEWEST_ROWS.
     """
     time_s, rate = track.time_s, track.angular_rate_frd
     squares = (track.rotor_speed_rpm / 1000.0) ** 2
@@ -238,27 +259,31 @@ def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
     use = track.flying[:-2] & track.flying[1:-1] & track.flying[2:] & (step <= 2 * _LONGEST_STEP)
     use &= np.isfinite(acceleration).all(axis=1) & np.isfinite(rate[1:-1]).all(axis=1)
     use &= np.isfinite(smooth).all(axis=1) if smooth.shape[1] else False
-    # A rotor that is asked for all it has may stand still: an output is then no speed.
+    # A rotor at full output may stand still, so a speed made from its output is not used.
     inferred = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(squares)) > 0.0
     use &= ~((track.throttle >= FULL_OUTPUT) & inferred)[1:-1].any(axis=1)
     if np.sum(use) < FEWEST_ROWS:
         use[:] = False
-    return _fast(acceleration[use]), _fast(rate[1:-1][use]), _fast(smooth[use]), step[use]
+    return _detrend(acceleration[use]), _detrend(rate[1:-1][use]), _detrend(smooth[use]), step[use]
 
 
-def _slow(samples: tuple[Floats, Floats, Floats, Floats]) -> tuple[Floats, Floats, Floats, Floats]:
-    """The same in running means over SLOW_ROWS."""
+def _slow_means(
+    samples: tuple[Floats, Floats, Floats, Floats],
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the samples as running means over SLOW_ROWS."""
     acceleration, rate, squares = (running_mean(v, SLOW_ROWS) for v in samples[:3])
     return acceleration, rate, squares, samples[3]
 
 
-def _fast(values: Floats) -> Floats:
-    """Without the running mean: trim drifts with the tank, and leaps when a propeller is hurt."""
+def _detrend(values: Floats) -> Floats:
+    """Subtract the running mean: trim drifts with the tank, and jumps when a propeller is
+    damaged."""
     return values - running_mean(values, _TREND_ROWS)
 
 
 def _assignments(rotors: int) -> Iterator[tuple[int, ...]]:
-    """Every assignment of speeds to places, the airframe's own first; fewer on large craft."""
+    """Yield assignments of speeds to places, the airframe's own first: all, or exchanges of up
+    to two pairs beyond ALL_UP_TO."""
     same = tuple(range(rotors))
     if rotors <= ALL_UP_TO:
         yield from permutations(same)
@@ -266,13 +291,14 @@ def _assignments(rotors: int) -> Iterator[tuple[int, ...]]:
     yield same
     pairs = list(combinations(same, 2))
     for first in pairs:
-        yield _exchanged(same, first)
+        yield _exchange(same, first)
     for first, second in combinations(pairs, 2):
         if not set(first) & set(second):
-            yield _exchanged(_exchanged(same, first), second)
+            yield _exchange(_exchange(same, first), second)
 
 
-def _exchanged(places: tuple[int, ...], pair: tuple[int, int]) -> tuple[int, ...]:
+def _exchange(places: tuple[int, ...], pair: tuple[int, int]) -> tuple[int, ...]:
+    """Exchange two places in an assignment."""
     changed = list(places)
     changed[pair[0]], changed[pair[1]] = changed[pair[1]], changed[pair[0]]
     return tuple(changed)
@@ -281,14 +307,16 @@ def _exchanged(places: tuple[int, ...], pair: tuple[int, int]) -> tuple[int, ...
 def _correlations(
     acceleration: Floats, rate: Floats, squares: Floats, weights: Floats, step: Floats
 ) -> tuple[Floats, Floats]:
-    """(P,) correlation of acceleration with each assignment's moment, (P,) effective samples."""
+    """Return the correlation (P,) of acceleration with each assignment's moment, and effective
+    samples (P,)."""
     known = np.stack([np.ones_like(rate), rate, squares.sum(axis=1)], axis=1)
     basis = np.linalg.qr(known)[0]
 
-    def rest(values: Floats) -> Floats:
+    def remove_known(values: Floats) -> Floats:
+        """Remove what rate, collective and constant explain."""
         return values - basis @ (basis.T @ values)
 
-    response, speeds = rest(acceleration), rest(squares)
+    response, speeds = remove_known(acceleration), remove_known(squares)
     power = response @ response
     gram, cross = speeds.T @ speeds, speeds.T @ response
     # A moment is a weighted sum of the speeds, so every assignment comes from the same sums.
@@ -304,12 +332,12 @@ def _correlations(
     return np.nan_to_num(correlated), samples
 
 
-def _answers_to_others(
+def _fits_free_arms(
     samples: tuple[Floats, Floats, Floats, Floats], axis: int, own_arms: Floats
 ) -> bool:
-    """Whether a free arm for every rotor explains an axis, which the airframe's (R,) do not.
+    """Return whether free arms for all rotors explain an axis that the airframe's arms (R,) do not.
 
-    As many independent samples as free arms say nothing, however well they are met.
+    The penalty is one independent sample for each arm.
     """
     acceleration, rate, squares, step = samples
     response, rates = acceleration[:, axis], rate[:, axis]
@@ -324,14 +352,15 @@ def _answers_to_others(
     return bool(freely > ANSWERS and own < 0.5 * freely and lead >= DECISIVE)
 
 
-def _decided(
+def _decide(
     airframe: Airframe,
     places: np.ndarray,
     likelihood: Floats,
     correlation: tuple[float, float, float],
     rows: int,
 ) -> MotorOrder:
-    # By where rotors are and how they turn: how much less a lower one of a pair makes is a guess.
+    # By places and spins alone: the lower effectiveness of coaxial rotors is a guess.
+    """Return the verdict from the log-likelihoods (2, P) of the assignments `places` (P, R)."""
     layouts = mixer(airframe)[1:][:, places]  # (3, P, R)
     layouts = np.concatenate([layouts, layouts * np.array([1.0, 1.0, -1.0])[:, None, None]], axis=1)
     flat = likelihood.ravel()
@@ -354,7 +383,7 @@ def _decided(
         words = f"yaw responds the wrong way: spins look reversed against airframe {airframe.name}"
     else:
         spins = ", with every spin reversed" if reversed_spins else ""
-        words = f"{_difference(chosen)}{spins} against airframe {airframe.name}"
+        words = f"{_difference_words(chosen)}{spins} against airframe {airframe.name}"
     return MotorOrder(
         verdict=verdict,
         words=words,
@@ -369,8 +398,11 @@ def _decided(
 def _open_pairs(
     places: np.ndarray, likelihood: Floats, layouts: Floats
 ) -> tuple[tuple[int, int], ...]:
-    """Pairs whose exchange in the airframe's order is not less likely by DECISIVE; those that sit
-    and turn alike, in `layouts` (3, P, R), are no exchange."""
+    """List pairs of rotors whose exchange is less than DECISIVE less likely than the airframe's
+    order.
+
+    Pairs with equal places and spins in `layouts` (3, P, R) are excluded.
+    """
     moved = places != places[0]
     found = []
     for k in np.flatnonzero(
@@ -382,7 +414,8 @@ def _open_pairs(
     return tuple(found)
 
 
-def _difference(places: np.ndarray) -> str:
+def _difference_words(places: np.ndarray) -> str:
+    """Describe an assignment that is not the airframe's, for people."""
     moved = np.flatnonzero(places != np.arange(places.size))
     if moved.size == 2:
         return f"motors {moved[0] + 1} and {moved[1] + 1} look swapped"

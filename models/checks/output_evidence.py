@@ -1,18 +1,19 @@
-"""What the motor outputs of a flight say of its thrust, whatever gauge and ESCs say.
+"""Estimate thrust from the motor outputs of a flight, independent of gauge and ESCs.
 
     T_i = T_full,i f(x_i)          T_full by the airframe's ceiling at the battery's voltage
 
-x motor output, f the autopilot's thrust curve (`physics.motor_output`). It is a third estimate
-beside the weight and the rotor speeds: of three that are compared two by two, each pair may agree
-within wide windows while all three together cannot be true.
+x motor output, f the autopilot's thrust curve (`physics.motor_output`). This is a third estimate
+beside weight and rotor speeds: compared two by two, all pairs may agree within wide limits while
+all three together cannot be true.
 
-    s(ln T)² = (s_f ln f)² + s_c² (+ what the airframe guesses)
+    s(ln T)² = (s_f ln f)² + s_c² (+ the variance of guessed quantities)
 
-s_f standard error of the curve's steepness, about full output; s_c of a measured ceiling. What they
-show beyond weight or speeds contradicts from SURELY of it on. From SHOWS on an interval reaches to
-it, for one that is too wide does no harm; from one on where no parameter sets the curve.
+s_f standard error of the curve's steepness, about full output; s_c of a measured ceiling. A surplus
+over weight or speeds contradicts them from SURELY standard errors on. From SHOWS on (from one on
+where no parameter sets the curve) an interval is extended to it, because too wide an interval does
+no harm.
 
-The ceiling is also too high where the battery reads more than a full one has (`full_battery.py`).
+The ceiling is also too high where the battery reads more than a full one (`voltage.py`).
 """
 
 from __future__ import annotations
@@ -38,20 +39,21 @@ CEILING_ERROR, GUESS = 0.05, 0.1
 CURVE_ERROR = 0.03  # of a thrust curve that was measured on a bench
 SURELY = 2.6  # standard errors beyond which two cannot both be true: 99 %
 NINETY = 1.645
-SHOWS = 0.5  # standard errors from which an interval reaches to what they show beyond
-_BEHIND = ("max_rotor_speed_rpm", "ceiling_voltage")  # of the ceiling
-_LIFTED = ("thrust_coefficient", "empty_mass")  # of what rotor speeds lift
+SHOWS = 0.5  # standard errors of surplus from which an interval is extended to it
+_BEHIND = ("max_rotor_speed_rpm", "ceiling_voltage")  # quantities behind the ceiling
+_LIFTED = ("thrust_coefficient", "empty_mass")  # behind the mass by rotor speeds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputEvidence:
-    """Thrust by motor outputs in flight, against weight and against rotor speeds."""
+    """Thrust by motor outputs in flight, against weight and against rotor speeds; NaN where
+    unknown."""
 
     lifted_kg: float  # median mass that the outputs would lift with `load_kg` on board; NaN unknown
-    load_kg: float  # median of what was reported on board in flight; NaN
+    load_kg: float  # median load in flight; NaN unknown
     over_speeds: float  # ln of their thrust over that of the measured rotor speeds; NaN
     error: float  # standard error of ln of their thrust
-    shows: float = float("nan")  # ln from which an interval reaches to what they show beyond
+    shows: float = float("nan")  # ln of a surplus from which an interval is extended to it
     by_speeds_kg: float = float("nan")  # median mass that the measured rotor speeds lift
     by_speeds_error: float = float("nan")  # standard error of ln of it
     #: Share by which the ceiling's thrust is too high, as the battery reads beyond a full one.
@@ -59,50 +61,57 @@ class OutputEvidence:
 
     @property
     def disagrees_with_speeds(self) -> bool:
-        """True where outputs and measured rotor speeds cannot both be true."""
+        """Return whether outputs and measured rotor speeds cannot both be true."""
         return abs(self.over_speeds) > SURELY * self.error
 
     def more_than(self, mass: float) -> float:
-        """kg that they lift beyond `mass` kg, where that is enough to show; 0."""
+        """Return the kg that the outputs lift beyond `mass` kg; 0 if that is not significant."""
         beyond = self.lifted_kg - mass
         return beyond if beyond > self.shows * self.lifted_kg else 0.0
 
     def share_beyond(self, mass: float) -> float:
-        """Thrust beyond `mass` kg that outputs or speeds (90 %) show, as a share of it, or by how
-        much the ceiling is too high if that is more."""
+        """Return the surplus of thrust over `mass` kg as a share of it; 0 if none is significant.
+
+        The largest of: by outputs, by rotor speeds (90 %), and by a ceiling that is too high.
+        """
         by_speeds = self.by_speeds_kg / mass - 1.0
         shown = by_speeds > NINETY * self.by_speeds_error
         return max(self.more_than(mass) / mass, by_speeds if shown else 0.0, self.ceiling_high)
 
     @property
     def share_beyond_speeds(self) -> float:
-        """Thrust beyond that of the measured speeds, as a share of it, where it is enough to show;
-        or by how much the ceiling is too high if that is more."""
+        """Return the surplus of output thrust over that of the measured speeds, as a share; 0 if
+        none is significant.
+
+        At least the share by which the ceiling is too high.
+        """
         shown = self.over_speeds > self.shows
         return max(float(np.expm1(self.over_speeds)) if shown else 0.0, self.ceiling_high)
 
     @property
     def share_of_speeds(self) -> float:
-        """Thrust by outputs over that of the measured speeds where it shows as less; else 1."""
+        """Return thrust by outputs over that of the measured speeds where it is significantly
+        less; else 1."""
         return float(np.exp(self.over_speeds)) if self.over_speeds < -self.shows else 1.0
 
     def surely_more_than(self, mass: float) -> bool:
-        """True where an aircraft of `mass` kg cannot need these outputs."""
+        """Return whether an aircraft of `mass` kg cannot need these outputs."""
         return bool(np.log(self.lifted_kg / mass) > SURELY * self.error)
 
 
 def output_evidence(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> OutputEvidence:
-    """The evidence of a flight's T rows; `parameters` are the autopilot's.
+    """Estimate thrust by motor outputs over a flight's T rows; `parameters` are the autopilot's.
 
-    Speeds and loads that were themselves inferred are no evidence.
+    Inferred rotor speeds are excluded.
     """
     return _evidence(track, airframe, output_curve(parameters, track.source("throttle")))
 
 
-@lru_cache(maxsize=1)  # of one flight four ask
+@lru_cache(maxsize=1)  # four callers need it for one flight
 def _evidence(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> OutputEvidence:
+    """Estimate thrust by motor outputs with the autopilot's thrust curve."""
     nan = float("nan")
     if track.rotor_count != airframe.rotor_count:
         return OutputEvidence(lifted_kg=nan, load_kg=nan, over_speeds=nan, error=nan)
@@ -111,7 +120,9 @@ def _evidence(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> Out
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.log(thrust / thrust_by_speeds(track, airframe))
         turned = _median(np.log(share)[track.flying].ravel())
-    error = np.hypot(curve.steepness_error * turned, _error(CEILING_ERROR, airframe, _BEHIND))
+    error = np.hypot(
+        curve.steepness_error * turned, _thrust_error(CEILING_ERROR, airframe, _BEHIND)
+    )
     load_kg = known_median(track.tank_kg[track.flying])
     # Where outputs or speeds are known for a part of the flight, its load is not that of the whole.
     lighter = np.nan_to_num(load_kg - track.tank_kg)
@@ -122,21 +133,23 @@ def _evidence(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> Out
         error=float(error),
         shows=float(error) * (1.0 if curve.is_assumed else SHOWS),
         by_speeds_kg=_median(lifted_mass(track, thrust_by_speeds(track, airframe)) + lighter),
-        by_speeds_error=_error(CURVE_ERROR, airframe, _LIFTED),
+        by_speeds_error=_thrust_error(CURVE_ERROR, airframe, _LIFTED),
         ceiling_high=ceiling_too_high(track.voltage, airframe),
     )
 
 
-def _error(measured: float, airframe: Airframe, behind: tuple[str, ...]) -> float:
-    """Standard error of ln thrust, with that of what the airframe guesses of it."""
+def _thrust_error(measured: float, airframe: Airframe, behind: tuple[str, ...]) -> float:
+    """Return the standard error of ln thrust: the measured part and GUESS for each guessed
+    quantity in `behind`."""
     guesses = sum(airframe.quantities[name].guessed for name in behind)
     return float(np.sqrt(measured**2 + guesses * GUESS**2))
 
 
 def thrust_by_outputs(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> Floats:
-    """(T,) N that all motor outputs make by the airframe's ceiling; NaN where one is unknown.
+    """Return the thrust (T,) N of all motor outputs by the airframe's ceiling; NaN where one is
+    unknown.
 
-    Nor where some are full and others not: a rotor that stands still is asked for all in vain.
+    Also NaN where some outputs are full and others not: a rotor that stands still gets full output.
     """
     limits = ceiling(airframe, track_air(track).density, track.voltage)
     thrust = np.sum(limits.max_thrust * curve.thrust_share(track.throttle), axis=1)
@@ -145,12 +158,12 @@ def thrust_by_outputs(track: FlightTrack, airframe: Airframe, curve: OutputCurve
 
 
 def thrust_by_speeds(track: FlightTrack, airframe: Airframe) -> Floats:
-    """(T,) N that the measured rotor speeds make; NaN where one is unknown."""
+    """Return the thrust (T,) N of the measured rotor speeds; NaN where one is unknown."""
     speeds = track.measured("rotor_speed_rpm")
     return np.sum(rotor_thrust(airframe, speeds, track_air(track).density), axis=1)
 
 
 def _median(values: Floats) -> float:
-    """Of the known ones; NaN of fewer than FEWEST_ROWS."""
+    """Return the median of the known values; NaN for fewer than FEWEST_ROWS."""
     known = values[np.isfinite(values)]
     return known_median(known) if known.size >= FEWEST_ROWS else float("nan")

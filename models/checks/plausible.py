@@ -1,9 +1,9 @@
-"""Can a flight be that of an airframe? Everything that both speak of, compared.
+"""Compare a flight with an airframe in everything that both contain, to decide whether they match.
 
-| compared | of the flight | close | fits |
+| compared | value in the flight | close | fits |
 |---|---|---|---|
-| vehicle | kind that it says it is | | a multirotor, or not reported |
-| clock | what moved and turned over its rates times seconds | | 0.6 to 1.7 (motion_units.py) |
+| vehicle | kind that it reports | | a multirotor, or not reported |
+| clock | movement and turning over their rates times seconds | | 0.6 to 1.7 (motion_units.py) |
 | motors | number of rotors that it reports | reported, and the airframe's | not reported |
 | frame | FRAME_CLASS and FRAME_TYPE | | motors in the airframe's places and order |
 | voltage | median in flight over nominal | 0.92 to 1.15 | 0.78 to 1.22 |
@@ -15,14 +15,14 @@
 | one ESC | speed of a rotor over that of the others at its output | | 0.75 to 1.33 |
 
 Without measured speeds the outputs may also not lift surely more (2.6 standard errors) than the
-gauge says, for then the gauge sets what they mean. Where no load is reported, rotor speed is close
-only if the motor outputs give it too, within 8 %.
-What does not fit contradicts, and no margin is claimed; an airframe that nobody gave is recognised
-by what is close. What is apart, but not by so much, widens the margin's interval
-(`output_evidence`): outputs that make more thrust than weight or speeds, a battery that reads more
-than a full one has. Where the tolerances come from: a lithium cell of 3.7 V flies at 3.4 to 4.25 V,
-and 2.9 V (a tired one, or of 3.6 V) to 4.5 V (of 4.35 V full, its gauge 3 % off) bound what can be
-the same number of cells. 3 kg that an empty sprayer of 21 kg does not know of raise rotor speed by
+gauge reports, because the gauge then calibrates them. Where no load is reported, rotor speed is
+close only if the motor outputs agree with it within 8 %.
+A value that does not fit contradicts, and no margin is claimed; an airframe that nobody gave is
+recognised by the close values. A value that is apart, but by less, widens the margin's interval
+(`output_evidence`): outputs with more thrust than weight or speeds, a battery that reads more than
+a full one. Origin of the tolerances: a lithium cell of 3.7 V flies at 3.4 to 4.25 V, and 2.9 V (a
+worn one, or of 3.6 V) to 4.5 V (4.35 V when full, its gauge 3 % off) bound what can be the same
+number of cells. 3 kg unknown to the gauge of an empty sprayer of 21 kg raise rotor speed by
 7 %, 8 % less thrust of every propeller by 4 %, air 20 K warmer than standard by 3.5 %: 15 %
 together; lift of forward flight and cold air lower it by 8 %. A coefficient off by a third and a
 rotor speed that a voltage fault distorts still fit. A falling or unloaded rotor passes its ceiling
@@ -62,9 +62,9 @@ Range = tuple[float, float]
 CLOSE_VOLTAGE = (0.92, 1.15)
 CLOSE_SPEED = (0.92, 1.15)
 CLOSE_OUTPUT, POSSIBLE_OUTPUT = (0.92, 1.08), (0.6, 1.7)
-#: V that a lithium cell is called by: ion 3.6, polymer 3.7, high voltage 3.85.
+#: Nominal V of a lithium cell: ion 3.6, polymer 3.7, high voltage 3.85.
 NOMINAL_CELL = (3.5, 3.9)
-#: Utilisation that no rotor holds, s and share of the flight for which it may pass for a moment.
+#: Utilisation that no rotor can keep up, and the s and share of the flight that are tolerated.
 IMPOSSIBLE_USE, MOMENT_S, MOMENT_SHARE = 1.2, 3.0, 0.05
 #: deg by which an arm may stand elsewhere; the next arm of an octocopter is 45 away.
 ARM_BEARING = 22.0
@@ -77,12 +77,12 @@ ODD_SPEED = 0.29
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """One thing that flight and airframe both speak of."""
+    """One quantity of a flight compared with the airframe, and its verdict."""
 
     check: str
     verdict: Literal["close", "fits", "apart", "contradicts", "unknown"]
-    words: str  # what was found, what the airframe says, and why it cannot be
-    brief: str = ""  # what was found, in a few words
+    words: str  # value found, value of the airframe, and why they contradict
+    brief: str = ""  # value found, in a few words
 
 
 def comparisons(
@@ -91,10 +91,10 @@ def comparisons(
     facts: VehicleFacts,
     parameters: Mapping[str, float],
 ) -> tuple[Comparison, ...]:
-    """Everything that can be compared of a flight and an airframe, as in the table above.
+    """Compare a flight with an airframe by every test in the table of this module.
 
-    What was inferred with the help of the airframe itself is no evidence, and left out.
-    `parameters` are the autopilot's.
+    Tests without data are omitted or "unknown". Values inferred with the airframe's help are
+    excluded. `parameters` are the autopilot's, by name.
     """
     found: list[Comparison | None] = [_vehicle(track, facts), _clock(track)]
     found.append(motors := _motors(track, airframe, facts))
@@ -106,19 +106,21 @@ def comparisons(
         found.append(_one_esc(track))
         found.append(_rotor_speed(track, airframe, outputs))
         found.append(voltage := _voltage(track, airframe, facts.battery))
-        if voltage.verdict != "contradicts":  # else what rests on the voltage says the same again
+        if (
+            voltage.verdict != "contradicts"
+        ):  # else the tests that use the voltage would repeat its contradiction
             found.append(_speed_limit(track, airframe))
             found.append(_output(track, airframe, outputs))
             found.append(_speeds_by_output(outputs, airframe))
-            found += [_full_battery(track, airframe), _beyond(track, airframe, outputs)]
+            found += [_full_battery(track, airframe), _surplus_thrust(track, airframe, outputs)]
     return tuple(c for c in found if c is not None)
 
 
-def recognised(found: tuple[Comparison, ...]) -> str:
-    """By what a flight is recognised as that of the airframe, in words; empty when it is not.
+def recognition(found: tuple[Comparison, ...]) -> str:
+    """List what matches the airframe, in words; empty if the flight is not recognised.
 
-    Number of rotors and voltage must be close, and rotor speed, else motor output, that which the
-    weight needs; nothing may speak against it.
+    Number of rotors, voltage, and rotor speed or else motor output must be close; nothing may
+    contradict.
     """
     by_name = {c.check: c for c in found}
     strength = by_name.get("rotor speed")
@@ -133,6 +135,7 @@ def recognised(found: tuple[Comparison, ...]) -> str:
 
 
 def _vehicle(track: FlightTrack, facts: VehicleFacts) -> Comparison | None:
+    """Compare the kind of vehicle; None if it is a multirotor or not reported."""
     if refusal := facts.refusal(track.name):
         return Comparison(check="vehicle", verdict="contradicts", words=refusal)
     if facts.kind != "quadplane":
@@ -142,12 +145,15 @@ def _vehicle(track: FlightTrack, facts: VehicleFacts) -> Comparison | None:
 
 
 def _clock(track: FlightTrack) -> Comparison | None:
-    """Compare what moved and turned in flight with its rates times the seconds of the log."""
+    """Compare movement and turning in flight with their rates times the seconds of the log; None
+    if they agree."""
     words = motion_units(track.rows(track.flying), by_table=False)
     return Comparison(check="clock", verdict="contradicts", words=words) if words else None
 
 
 def _motors(track: FlightTrack, airframe: Airframe, facts: VehicleFacts) -> Comparison:
+    """Compare the number of rotors that the vehicle reports, and that of the track, with the
+    airframe's."""
     count, how = facts.rotor_count, facts.rotor_evidence
     if not count and track.rotor_count == airframe.rotor_count:
         words = (
@@ -169,6 +175,8 @@ def _motors(track: FlightTrack, airframe: Airframe, facts: VehicleFacts) -> Comp
 
 
 def _frame(airframe: Airframe, parameters: Mapping[str, float]) -> Comparison | None:
+    """Compare the arms' bearings by FRAME_CLASS and FRAME_TYPE; None if they are unknown or of
+    another rotor count."""
     kind, shape = parameters.get("FRAME_CLASS", np.nan), parameters.get("FRAME_TYPE", np.nan)
     if not np.isfinite([kind, shape]).all():
         return None
@@ -188,10 +196,11 @@ def _frame(airframe: Airframe, parameters: Mapping[str, float]) -> Comparison | 
 
 
 def _voltage(track: FlightTrack, airframe: Airframe, battery: StatedBattery) -> Comparison:
+    """Compare median voltage in flight, or the stated cells, with the nominal voltage."""
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
     found = known_median(volts) if volts.size >= FEWEST_ROWS else np.nan
     each = airframe.nominal_voltage / battery.cells if battery.cells else np.nan
-    # What the flight's own voltage cannot be of is not believed.
+    # A stated cell count that the flight's own voltage excludes is ignored.
     if can_be_cells(battery.cells, found) and (each < NOMINAL_CELL[0] or each > NOMINAL_CELL[1]):
         words = (
             f"a battery of {battery.words}; the {airframe.nominal_voltage:.1f} V of airframe "
@@ -213,6 +222,7 @@ def _voltage(track: FlightTrack, airframe: Airframe, battery: StatedBattery) -> 
 
 
 def _full_battery(track: FlightTrack, airframe: Airframe) -> Comparison | None:
+    """Report a voltage above that of a full battery; None without."""
     if not (beyond := beyond_full(track.voltage, airframe)):
         return None
     words = (
@@ -224,8 +234,14 @@ def _full_battery(track: FlightTrack, airframe: Airframe) -> Comparison | None:
     return Comparison(check="full battery", verdict="apart", words=words)
 
 
-def _beyond(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> Comparison | None:
-    """That the interval of the margin reaches to a thrust beyond what is reported, and why."""
+def _surplus_thrust(
+    track: FlightTrack, airframe: Airframe, outputs: OutputEvidence
+) -> Comparison | None:
+    """Report surplus thrust: what motor outputs or rotor speeds show beyond rotor speeds or weight.
+
+    The verdict is "apart": the intervals of margin and fill reach to the larger surplus. None
+    without one.
+    """
     outputs = replace(outputs, ceiling_high=0.0)
     beyond, by, than = outputs.share_beyond_speeds, "motor outputs show", "the rotor speeds"
     gauge = track.measured("tank_kg")[track.flying]
@@ -245,6 +261,7 @@ def _beyond(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> 
 
 
 def _rotor_speed(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> Comparison:
+    """Compare the rotor speeds with the speed that the weight needs."""
     scale = check_speed_scale(track, airframe)
     if scale.verdict == "unknown":
         return Comparison(check="rotor speed", verdict="unknown", words=scale.words)
@@ -270,7 +287,8 @@ def _rotor_speed(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence
 
 
 def _one_esc(track: FlightTrack) -> Comparison | None:
-    """A rotor whose speed is far from what the others have at its output: no rotor is so unlike."""
+    """Report a rotor whose speed is far from the others' at its output, which no propeller
+    explains; None without."""
     speed, output = np.abs(track.rotor_speed_rpm[track.flying]), track.throttle[track.flying]
     rows = (speed > 0.0).all(axis=1) & (output > 0.0).all(axis=1)
     if track.rotor_count < 3 or np.count_nonzero(rows) < FEWEST_ROWS:
@@ -288,8 +306,9 @@ def _one_esc(track: FlightTrack) -> Comparison | None:
 
 
 def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
+    """Report rotor speeds that no rotor of the airframe can keep up; None without."""
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
-    battery = known_median(volts)  # a gauge that fails is no fast rotor
+    battery = known_median(volts)  # median: a failing voltmeter must not look like a fast rotor
     limit = ceiling(airframe, airframe.reference_density, battery).max_rotor_speed_rpm
     with np.errstate(invalid="ignore"):
         use = np.nan_to_num(utilisation(track.rotor_speed_rpm, limit))
@@ -315,7 +334,8 @@ def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
 
 
 def _output(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> Comparison | None:
-    """Thrust of the outputs, by the autopilot's curve and the airframe's ceiling, over weight."""
+    """Compare the thrust of the outputs, by the autopilot's curve and the airframe's ceiling,
+    with the weight."""
     mass = outputs.lifted_kg
     if not np.isfinite(mass):
         return None
@@ -345,7 +365,8 @@ def _output(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> 
 
 
 def _speeds_by_output(outputs: OutputEvidence, airframe: Airframe) -> Comparison | None:
-    """Thrust of the outputs over that of the rotor speeds, which no load and no air enters."""
+    """Compare the thrust of the outputs with that of the rotor speeds, independent of load and
+    air."""
     if not np.isfinite(outputs.over_speeds):
         return None
     share = float(np.exp(outputs.over_speeds))
@@ -361,6 +382,7 @@ def _speeds_by_output(outputs: OutputEvidence, airframe: Airframe) -> Comparison
 
 
 def _for_mass(track: FlightTrack, airframe: Airframe, ratio: float) -> str:
+    """Return the mass and the deviation that go with a speed ratio, for people."""
     gauge = track.measured("tank_kg")
     tank_kg = gauge[track.flying & (gauge >= 0.0)]
     if not tank_kg.size:
@@ -373,7 +395,7 @@ def _for_mass(track: FlightTrack, airframe: Airframe, ratio: float) -> str:
 def _verdict(
     low: float, high: float, close: Range, possible: Range
 ) -> Literal["close", "fits", "contradicts"]:
-    """Where a ratio known to lie between `low` and `high` may be."""
+    """Return the verdict of a ratio that is known to lie between `low` and `high`."""
     if low <= close[1] and high >= close[0]:
         return "close"
     return "fits" if low <= possible[1] and high >= possible[0] else "contradicts"

@@ -1,31 +1,26 @@
-"""Which readings of a rotor's speed are no measurement of it, and how fine the others are.
+"""Check readings of rotor speed: invalid readings, scatter and resolution, unit, and clock.
 
-A reading is none where
-- it is zero although thrust is asked of the rotor: most ESCs and simulators report 0 for "unknown".
-  A rotor that really stands still in flight reads the same, and no log alone can distinguish
-  the two; either way there is no speed from which a margin could be had;
+Invalid readings (`checked_readings`). A reading is rejected where
+- it is zero although thrust is demanded from the rotor: most ESCs and simulators report 0 for
+  "unknown". A rotor that really stands still in flight reads the same, and no log alone can
+  distinguish the two; either way there is no speed to compute a margin from;
 - it stays the same to the last bit while what drives the rotor changes: the last value, repeated;
-- it stands alone far above the readings around it, or above what a propeller can survive.
-Whether a reading counts depends on earlier ones only, so that a listener comes to the same, unless
-the whole flight is there to look ahead in.
+- it is a single value far above the readings around it, or above what a propeller can survive.
+Only earlier readings decide, so that live and recorded data give the same result, unless the whole
+flight is there to look ahead in.
 
-Slow or coarse readings are used like any others: that they are is for a reader of the result to
-know, since they look like a speed that lags or a rotor that jumps.
+Scatter and resolution (`reading_scatter`, `resolution_words`). Slow or coarse readings are used
+like any others, but reported, since they look like a speed that lags or a rotor that jumps.
 
-Is a reported rotor speed in rpm of the rotor? The thrust that the aircraft needs shows it.
+Unit (`check_speed_scale`). In flight the rotors together make m f, f the upward specific force
+[m/s²] and m the mass. With T = a (rho/rho_ref) N^2 the true speed is known to the square root of
+the mass, so a wrong factor shows: pole pairs (an ESC that reports electrical rpm), 60 (rev/s), 2
+pi/60 (rad/s), powers of ten.
 
-In flight the rotors together make m f, f the upward specific force [m/s²] and m the mass. With
-T = a (rho/rho_ref) N^2 the speed that a reported one should be is known to the square root of the
-mass, so a wrong factor shows: pole pairs (an ESC that reports electrical rpm), 60 (rev/s),
-2 pi/60 (rad/s), powers of ten.
-
-Do rotor speeds and acceleration have the same clock?
-
-What the rotors do more, the body feels at once: their squared speeds together rise and fall with
-the upward specific force. A table put together from two logs, or telemetry that queues, has one of
-the two seconds later, and manoeuvres would be explained by inertias that nothing has. Delays up to
-`LARGEST_DELAY` are a matter of the fit (effect `sensor_lag` of the rotor speeds). Beyond it the
-speeds have another clock.
+Clock (`late_speeds`). The sum of squared speeds rises and falls with the upward specific force. In
+a table put together from two logs, or in telemetry that queues, one of the two is seconds late, and
+manoeuvres would be explained by impossible inertias. Delays up to `LARGEST_DELAY` are fitted
+(effect `sensor_lag` of the rotor speeds). Beyond it the speeds have another clock.
 """
 
 from __future__ import annotations
@@ -50,10 +45,10 @@ TURNING = 30.0  # rpm; no propeller that lifts an aircraft turns slower
 HELD_S = 3.0  # s; slow ESC telemetry repeats a value for one or two
 MOVED = 0.02  # of a motor output: moves the speed by half of that, ten turns a minute and more
 STEPS = 2.0  # of the sensor that the speed should have moved by
-COARSE = 0.05  # of the speed: the step of a sensor that has not shown its own
-FLOOR = 0.2  # motor output up to which a motor may turn at its idle speed whatever is asked
-JUMP = 2.0  # times the last reading and the other rotors: not within one report
-SLOW = 1000.0  # rpm up to which a rotor idles, and a jump is one that starts
+COARSE = 0.05  # of the speed: assumed step of a sensor before its own is known
+FLOOR = 0.2  # motor output up to which a motor may stay at its idle speed
+JUMP = 2.0  # times the last reading and the other rotors: impossible within one report
+SLOW = 1000.0  # rpm up to which a rotor idles; a jump below it is a rotor that starts
 SOUND = 343.0  # m/s: no propeller of an aircraft turns with its tips at the speed of sound
 
 MEASURED, ZERO, HELD, LONE = range(4)
@@ -68,13 +63,13 @@ REASONS = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class LastReading:
-    """What is known of one sensor up to its last reading, for the next ones."""
+    """The state of one sensor up to its last reading, for the next readings."""
 
     value: float = np.nan  # rpm
-    since_s: float = np.nan  # its time, or that of the first like it
-    low: float = np.inf  # of what drove the rotor since then
+    since_s: float = np.nan  # s, time of the first reading of this value
+    low: float = np.inf  # least drive of the rotor since then
     high: float = -np.inf
-    held: bool = False  # found to be repeated
+    held: bool = False  # the value is a repetition
     step: float = np.inf  # rpm, the smallest change that the sensor has shown
 
 
@@ -88,17 +83,18 @@ def checked_readings(
     before: LastReading,
     look_ahead: bool,
 ) -> tuple[NDArray[np.uint8], LastReading]:
-    """(n,) MEASURED, ZERO, HELD or LONE of the readings of one rotor, and its last reading.
+    """Classify the readings of one rotor, (n,) MEASURED, ZERO, HELD or LONE; also return its last
+    reading.
 
     `rpm` (n,) are finite; at each reading `output` (n,) is the motor output, NaN where unknown,
-    `asked` says that it is above idle, and `others` (n,) is the median speed of the other rotors.
+    `asked` (n,) whether it is above idle, and `others` (n,) the median speed of the other rotors.
     `look_ahead`: the readings are those of the whole flight.
     """
     verdict = np.full(time_s.size, MEASURED, dtype=np.uint8)
     if time_s.size == 0:
         return verdict, before
     size = np.abs(rpm)
-    last = _held(verdict, time_s, rpm, output, others, before, look_ahead=look_ahead)
+    last = _mark_repeats(verdict, time_s, rpm, output, others, before, look_ahead=look_ahead)
     limit = JUMP * np.fmax(np.fmax(np.abs(np.append(before.value, rpm[:-1])), others), SLOW)
     if look_ahead:
         limit = np.fmax(limit, JUMP * np.append(size[1:], 0.0))
@@ -106,21 +102,23 @@ def checked_readings(
     still = size < TURNING
     verdict[still & asked] = ZERO
     if look_ahead and still.all() and (asked.any() or not np.isfinite(output).any()):
-        verdict[:] = ZERO  # on the ground, too, it says nothing
+        verdict[:] = ZERO  # such a sensor measures nothing on the ground either
     return verdict, last
 
 
 def too_fast(rpm: Floats, others: Floats, propeller_diameter: float) -> Bools:
-    """(n,) True where the tips would outrun sound while the other rotors are well below that.
+    """Flag readings (n,) with blade tips above the speed of sound while the other rotors are well
+    below.
 
-    Where all rotors are beyond, the unit of the readings or the airframe is wrong.
+    Where all rotors are above, the unit of the readings or the airframe is wrong, and none is
+    flagged.
     """
     limit = SOUND * 60.0 / (np.pi * propeller_diameter)
     with np.errstate(invalid="ignore"):
         return (np.abs(rpm) > limit) & (others < limit / JUMP)
 
 
-def _held(
+def _mark_repeats(
     verdict: NDArray[np.uint8],
     time_s: Floats,
     rpm: Floats,
@@ -130,7 +128,7 @@ def _held(
     *,
     look_ahead: bool,
 ) -> LastReading:
-    """Mark the readings that are repeated; the last run of equal ones for the next readings."""
+    """Mark repeated readings as HELD in `verdict` (n,); return the last run of equal ones."""
     drive = np.where(np.isfinite(output), np.fmax(output, FLOOR), np.fmax(others, SLOW))
     earlier = np.concatenate([[before.value], rpm[:-1]])
     changes, change = rpm != earlier, np.abs(rpm - earlier)
@@ -180,21 +178,21 @@ def _held(
     return last
 
 
-OFTEN = 0.5  # s: no manoeuvre that effects are read from is over sooner
+OFTEN = 0.5  # s: shorter than the manoeuvres that effects are identified from
 FINE = 0.004  # of the speed: less than sound rotors differ by
-LEAST_ROWS = 100  # in flight, to say anything
+LEAST_ROWS = 100  # rows in flight that are needed
 #: Share of the speed by which readings differ from those beside them in flights whose sensors are
 #: sound: manoeuvres and gusts (1.2 % at most in those recorded, of a simulated and a real quad).
 USUAL_SCATTER = 0.02
-#: From which a single reading is said to say little: 8 % of thrust. A simulated flight in gusts
-#: that its outputs do not show has 3 %.
+#: Scatter from which single readings are reported as unreliable: 8 % of thrust. A simulated flight
+#: in gusts that its outputs do not show has 3 %.
 NOTABLE = 0.04
 LEAST_READINGS = 30  # of a rotor, whose scatter is then known to 15 %
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingScatter:
-    """How far the single readings of rotor speed are from the speed, beyond what rotors do."""
+    """The scatter of single readings of rotor speed, beyond that of the rotors themselves."""
 
     share: Floats  # (R,) standard deviation of a reading, as a share of the speed; 0: not shown
     interval_s: float  # between two readings; NaN unknown
@@ -202,14 +200,16 @@ class ReadingScatter:
 
     @property
     def notable(self) -> bool:
-        """Whether single readings say little: beyond NOTABLE, or by coarse steps."""
+        """Return whether single readings are unreliable: scatter beyond NOTABLE, or coarse
+        steps."""
         most = float(self.share.max(initial=0.0))
         return most > (0.0 if self.in_steps else NOTABLE)
 
     def of_mean(self, seconds: float) -> Floats:
         """Return the standard deviation (R,) of means over `seconds`, as a share of the speed.
 
-        A mean of steps is as far off as a step: the speed may stay between two of them.
+        With coarse steps a mean is no better than a reading, since the speed may stay between two
+        steps.
         """
         if self.in_steps:
             return self.share
@@ -219,19 +219,20 @@ class ReadingScatter:
 def reading_scatter(track: FlightTrack) -> ReadingScatter:
     """Return the scatter of a flight's R rotor speeds as they were measured in flight.
 
-    By second differences of one reading and the next, which leave out a steady change; of readings
-    in coarse steps by the step. Zero within USUAL_SCATTER, or with too few readings.
+    By second differences between consecutive readings, which a steady change does not affect; for
+    coarse readings, by the step. Zero within USUAL_SCATTER, or with too few readings.
     """
     if (known := _SCATTER.get(track)) is None:
-        known = _SCATTER[track] = _scatter(track)
+        known = _SCATTER[track] = _compute_scatter(track)
     return known
 
 
-#: Of the tracks in use: what one flight shows is asked for by several parts of its analysis.
+#: Cache by track, because several parts of an analysis need it.
 _SCATTER: WeakKeyDictionary[FlightTrack, ReadingScatter] = WeakKeyDictionary()
 
 
-def _scatter(track: FlightTrack) -> ReadingScatter:
+def _compute_scatter(track: FlightTrack) -> ReadingScatter:
+    """Compute the scatter, as `reading_scatter` without its cache."""
     speeds, interval_s = track.measured("rotor_speed_rpm")[track.flying], np.nan
     in_steps = False
     share = np.zeros(track.rotor_count)
@@ -254,8 +255,8 @@ _NORMAL = 1.4826  # standard deviation of a normal distribution over its median 
 
 
 def resolution_words(track: FlightTrack) -> str:
-    """Return what is slow, coarse or scattered of the rotor speeds in flight, as a sentence; empty
-    if nothing is."""
+    """Describe slow, coarse or scattered rotor speeds in flight, as a sentence; empty if there
+    are none."""
     rows = track.flying & np.isfinite(track.rotor_speed_rpm).all(axis=1)
     rpm = track.rotor_speed_rpm[rows]
     if rpm.shape[0] < LEAST_ROWS or not rpm.shape[1]:
@@ -283,7 +284,8 @@ def resolution_words(track: FlightTrack) -> str:
 
 
 def _step(values: Floats) -> float:
-    """Return the grid, rpm, that readings (T,) are on: the least distance of two different ones."""
+    """Return the resolution, rpm, of readings (T,): the least distance of two different ones; 0
+    for equal ones."""
     apart = np.diff(np.unique(values))
     return float(apart.min()) if apart.size else 0.0
 
@@ -307,7 +309,7 @@ FEWEST_ROWS = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedScale:
-    """Reported rotor speed over the speed that the weight needs."""
+    """The ratio of the reported rotor speed to the speed that the weight needs."""
 
     verdict: Literal["rotor", "electrical", "unit", "odd", "unknown"]
     words: str
@@ -318,7 +320,10 @@ class SpeedScale:
 
 
 def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
-    """Compare the flight's rotor speeds with what its weight and the thrust curve need."""
+    """Compare the flight's rotor speeds with the speed that weight and thrust curve need.
+
+    The verdict is "unknown" with fewer than FEWEST_ROWS rows or another number of rotors.
+    """
     nan = float("nan")
     unknown = SpeedScale(
         verdict="unknown",
@@ -343,6 +348,7 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
         return replace(unknown, rows=rows)
 
     def ratio_with(tank_kg: np.ndarray | float) -> float:
+        """Return the median ratio with `tank_kg` on board."""
         return known_median(np.sqrt(lift / (airframe.empty_mass + tank_kg)))
 
     lift = lift[use]
@@ -353,12 +359,13 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
     else:
         full, empty = ratio_with(airframe.tank_capacity_kg), ratio_with(0.0)
         ratio = ratio_with(0.5 * airframe.tank_capacity_kg)
-    verdict, words = _named(ratio, full, empty, airframe)
+    verdict, words = _scale_verdict(ratio, full, empty, airframe)
     return SpeedScale(verdict=verdict, words=words, ratio=ratio, low=full, high=empty, rows=rows)
 
 
 def lifted_mass(track: FlightTrack, thrust: Floats) -> Floats:
-    """(T,) kg that `thrust` (T,) N holds in the rows in flight, as the body accelerates in them."""
+    """Return the mass (T,) kg that `thrust` (T,) N carries at the measured acceleration; NaN out
+    of flight."""
     # Thrust points up the body's axis: its specific force, without the drag of the body.
     upward = -track.specific_force_frd[:, 2]
     upward = np.where(np.isfinite(upward), upward, G0)
@@ -366,9 +373,10 @@ def lifted_mass(track: FlightTrack, thrust: Floats) -> Floats:
     return np.where(use, thrust / np.where(use, upward, np.nan), np.nan)
 
 
-def _named(
+def _scale_verdict(
     ratio: float, low: float, high: float, airframe: Airframe
 ) -> tuple[Literal["rotor", "electrical", "unit", "odd"], str]:
+    """Return the verdict on a ratio of speeds, with the ends of its range, and its words."""
     if low <= USUAL_RATIO[1] and high >= USUAL_RATIO[0]:
         return "rotor", f"rotor speeds fit the weight (ratio {ratio:.2f})"
     unit = min(OTHER_UNITS, key=lambda factor: abs(math.log(ratio / factor)))
@@ -396,14 +404,15 @@ def _named(
 
 LARGEST_DELAY = 1.4  # s, either way
 REACH = 10.0  # s, either way, that are tried
-TREND = 5.0  # s of the running mean that is taken out: the tank and climbs drift
-SMOOTH_ROWS = 3  # rows over which a body feels what its rotors do, and its noise evens out
+TREND = 5.0  # s of the running mean that is subtracted: tank and climbs drift
+SMOOTH_ROWS = 3  # rows of smoothing: the body responds within them, and noise averages out
 
 
 def late_speeds(track: FlightTrack) -> str | None:
-    """Why the rotor speeds of a flight are of other seconds than its acceleration, and what to do.
+    """Return by how much rotor speeds and acceleration have different clocks, and the remedy, in
+    words.
 
-    None where they are not, or where the flight moves too little to tell.
+    None where they agree, or with too little movement.
     """
     delay_s, correlation, likelihood = delays(track)
     if not delay_s.size:
@@ -422,10 +431,11 @@ def late_speeds(track: FlightTrack) -> str | None:
 
 
 def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
-    """Delays (D,) s of rotor speeds, correlation at each (D,), log-likelihood over none (D,).
+    """Return delays (D,) s of rotor speeds, correlation (D,) at each, and log-likelihood over none
+    (D,).
 
-    Empty where specific force or rotor speeds are not known in
-    `FEWEST_OF_ORDER` rows of the flight.
+    Empty where specific force or rotor speeds are known in fewer than FEWEST_OF_ORDER rows in
+    flight.
     """
     time_s = track.time_s
     squares = np.sum(track.rotor_speed_rpm**2, axis=1)
@@ -438,29 +448,30 @@ def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
     if not REACH / 1000.0 < step <= LARGEST_DELAY / 2.0:
         return empty, empty, empty
     grid = np.arange(time_s[known][0], time_s[known][-1], step)
-    # Rows beside pauses and landings are joined by a line; a delay that is real outweighs them.
+    # Pauses and landings are interpolated; a real delay outweighs these rows.
     together, felt = (
-        _quick(np.interp(grid, time_s[known], c[known]), step) for c in (squares, upward)
+        _band_pass(np.interp(grid, time_s[known], c[known]), step) for c in (squares, upward)
     )
     furthest = min(round(REACH / step), grid.size - FEWEST_OF_ORDER)
     if furthest < 1:
         return empty, empty, empty
     rows = np.arange(-furthest, furthest + 1)
-    found = np.array([_alike(together[max(k, 0) :], felt[max(-k, 0) :]) for k in rows])
+    found = np.array([_lagged_correlation(together[max(k, 0) :], felt[max(-k, 0) :]) for k in rows])
     return (rows * step).astype(np.float64), found[:, 0], found[:, 1]
 
 
-def _quick(values: Floats, step: float) -> Floats:
-    """Without its running mean, and smoothed."""
+def _band_pass(values: Floats, step: float) -> Floats:
+    """Subtract the running mean over TREND and smooth over SMOOTH_ROWS."""
     values = values - running_mean(values, round(TREND / step) | 1)
     return running_mean(values, SMOOTH_ROWS)
 
 
-def _alike(one: Floats, other: Floats) -> tuple[float, float]:
-    """Correlation of what two have in common from their first row on, and its log-likelihood.
+def _lagged_correlation(one: Floats, other: Floats) -> tuple[float, float]:
+    """Return the correlation of two series over their common rows, and its log-likelihood over
+    none.
 
-    Neighbours are alike: independent samples are fewer by Bartlett's rule (1935) for two
-    autoregressive series of first order.
+    Neighbours correlate, so the number of independent samples is reduced by Bartlett's rule (1935)
+    for two autoregressive series of first order.
     """
     rows = min(one.size, other.size)
     one, other = one[:rows], other[:rows]

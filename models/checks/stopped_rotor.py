@@ -1,13 +1,13 @@
-"""Did a rotor stand still in flight, or did its ESC only fall silent? By what the others carry.
+"""Decide whether a rotor without readings stopped in flight, or only its ESC fell silent.
 
-    step = ln(sum_{i != k} N_i^2/f) after - before,      all of it: ln(1 + N_k^2/sum_{i != k} N_i^2)
+    step = ln(sum_{i != k} N_i^2/f) after - before,    whole share: ln(1 + N_k^2/sum_{i != k} N_i^2)
 
-N_i rotor speeds, f specific force felt. A rotor that stops leaves its share of the weight to the
-others; one whose speed is no longer reported leaves them as they were. With six rotors or more an
-aircraft may fly on so, and all other numbers of it look sound.
+N_i rotor speeds, f specific force. A rotor that stops leaves its share of the weight to the others;
+a rotor that only stops reporting does not change them. With six rotors or more an aircraft may fly
+on after a stop, with all other figures looking sound.
 
-A yaw turn or a load that is taken up looks alike in the others, and not in the motor outputs: the
-autopilot asks more of the motor that leaves a side low than of the others, or has switched it off.
+A yaw turn or added load looks alike in the other speeds, but not in the motor outputs: the
+autopilot demands more of the motor that no longer lifts than of the others, or has switched it off.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ import numpy as np
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.atmosphere import G0
 
-#: s of flight before and after that are compared, and about the moment that are left out
+#: s of flight before and after the stop that are compared, and s around it that are excluded
 LOOK, LEFT_OUT = 4.0, 0.5
 FEWEST_ROWS = 10  # known on each side
-TAKEN_OVER = 0.6  # share of the whole step from which the others carry what it did
-#: Output over the others' mean, after over before: asked for in vain from the one on, off below the
-#: other. Outputs of a turning rotor are in between.
+TAKEN_OVER = 0.6  # share of the whole step from which the others have taken over
+#: Output over the others' mean, after over before: above IN_VAIN the autopilot demands thrust in
+#: vain, below OFF it has switched the motor off. Outputs of a turning rotor are in between.
 IN_VAIN, OFF = 1.1, 0.2
-FOLLOWED = 1.01  # mean output of the others, after over before, where outputs show what they do
+FOLLOWED = 1.01  # mean output of the others, after over before, from which outputs follow the load
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoppedRotor:
-    """A rotor from 0, and s of the flight at which it was last known to turn, and at which again;
-    infinite where it does not."""
+    """A rotor, from 0, the s of the flight at which it last turned, and at which it turned again
+    (inf if never)."""
 
     rotor: int
     time_s: float
@@ -40,11 +40,10 @@ class StoppedRotor:
 
 
 def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
-    """Rotors that stopped in flight for LOOK seconds or more, in order of time.
+    """List the rotors that stopped in flight for LOOK seconds or more, in order of time.
 
-    One that stands at the last row needs to have done so for the time that the comparison takes,
-    which is less: whoever listens cannot wait. Of T rows and R measured speeds; inferred ones are
-    no evidence.
+    A rotor without readings at the last row is listed already after the time that the comparison
+    needs, which is shorter, for live use. Inferred speeds are not used.
     """
     turning = track.measured("rotor_speed_rpm")
     squares = np.where(turning > 0.0, turning, np.nan) ** 2
@@ -60,27 +59,29 @@ def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
         later = np.append(times[1:], np.inf)
         for row in np.flatnonzero(later - times > LOOK).tolist():
             last_s, until_s = float(times[row]), float(later[row])
-            if _taken_over(track, squares[:, rotor] / felt, others, last_s) and not _turns(
-                track, rotor, last_s
-            ):
+            if _taken_over(
+                track, squares[:, rotor] / felt, others, last_s
+            ) and not _asked_as_turning(track, rotor, last_s):
                 found.append(StoppedRotor(rotor=rotor, time_s=last_s, until_s=until_s))
                 break
     return tuple(sorted(found, key=lambda one: one.time_s))
 
 
 class StoppedWatch:
-    """The same of a flight that goes on, of which it keeps the rows that a comparison needs."""
+    """The search for stopped rotors in a flight in progress; it keeps the rows that a comparison
+    needs."""
 
     def __init__(self) -> None:
+        """Start without rows."""
         self._kept: FlightTrack | None = None
 
     def add(self, track: FlightTrack) -> Bools:
-        """(N, R) of N new rows, in order: True in the last one of a rotor that stands by then."""
+        """Add N new rows, in order; flag (N, R), in the last row, each rotor that has stopped."""
         kept, found = self._kept, np.zeros(track.rotor_speed_rpm.shape, dtype=np.bool_)
         if not track.time_s.size:
             return found
         begin_s, goes_on = float(track.time_s[0]), kept and kept.rotor_count == track.rotor_count
-        if kept and goes_on and kept.time_s[-1] < begin_s:  # else it was started anew
+        if kept and goes_on and kept.time_s[-1] < begin_s:  # else a new flight began
             first = int(np.searchsorted(kept.time_s, begin_s - 2.0 * (LOOK + LEFT_OUT)))
             track = kept.followed_by(track, first)
         self._kept = track
@@ -90,7 +91,7 @@ class StoppedWatch:
 
 
 def _taken_over(track: FlightTrack, own: Floats, others: Floats, time_s: float) -> bool:
-    """Whether the others (T,) carry from `time_s` on what the rotor's own (T,) did before."""
+    """Return whether the other rotors (T,) carry the rotor's share `own` (T,) from `time_s` on."""
     rows = _sides(track, time_s)
     sides = [others[side & np.isfinite(others)] for side in rows]
     own = own[rows[0] & np.isfinite(own)]
@@ -100,9 +101,11 @@ def _taken_over(track: FlightTrack, own: Floats, others: Floats, time_s: float) 
     return bool(np.log(now / was) > TAKEN_OVER * np.log1p(float(np.median(own)) / was))
 
 
-def _turns(track: FlightTrack, rotor: int, time_s: float) -> bool:
-    """Whether the autopilot asks of a rotor after `time_s` what it asks of one that turns; False
-    where its outputs are not known, or show nothing of what the others do."""
+def _asked_as_turning(track: FlightTrack, rotor: int, time_s: float) -> bool:
+    """Return whether the outputs after `time_s` treat a rotor like one that turns.
+
+    False where outputs are unknown, or do not follow the load of the others.
+    """
     asked = track.throttle
     own, others = asked[:, rotor], np.mean(np.delete(asked, rotor, axis=1), axis=1)
     rows = [side & np.isfinite(own) & (others > 0.0) for side in _sides(track, time_s)]
@@ -114,7 +117,7 @@ def _turns(track: FlightTrack, rotor: int, time_s: float) -> bool:
 
 
 def _sides(track: FlightTrack, time_s: float) -> tuple[Bools, Bools]:
-    """The rows in flight before `time_s` and after it that are compared."""
+    """Flag the rows (T,) in flight before `time_s` that are compared, and those after it."""
     since = track.time_s - time_s
     before = track.flying & (since <= -LEFT_OUT) & (since >= -LOOK)
     return before, track.flying & (since >= LEFT_OUT) & (since <= LOOK)

@@ -1,21 +1,21 @@
-"""A sudden change of one part, against all else that moves the same signals: likelihood ratios.
+"""Detect a sudden change of one part, against other causes in the same signals, by likelihood.
 
 M signals y, means over a block of time, each with a noise that is learnt as it goes:
     y_t = c_t + n_t + b u_t      n_t = f n_(t-1) + e_t,  e_t ~ N(0, s²)
 c is a constant trim, u what is known to move the signal (a turn's rate and acceleration), b its
-coefficient. b wanders about its prior with the time constant MEMORY, so that what is not seen again
-is forgotten; c is a mean of that memory; s² and f follow the innovations of a Kalman filter.
+coefficient. b varies about its prior with the time constant MEMORY, so that old evidence
+fades; c is a mean over that memory; s² and f follow the innovations of a Kalman filter.
 
-A change that begins in block k is sought in the innovations e of a filter that has not seen blocks
-k to k + SETTLE - 1, in which rotors and controls answer to it. It adds g d to them, g the filter's
+A change that begins in block k is searched for in the innovations e of a filter without blocks
+k to k + SETTLE - 1, in which rotors and controls respond to it. It adds g d to them, g the filter's
 answer to a unit step (Willsky and Jones, IEEE TAC 21, 108 (1976)), so that two sums hold all:
     A = sum g²/v,  B = sum g e/v           v variance of an innovation
     L(d, w) = (1 + w² A)^(-1/2) exp((w² B²/2 + B d - A d²/2)/(1 + w² A))
 is the likelihood of a change N(d, w²) over that of none, and J the mean of L(0, S) over SIZES that
 of one of any size. Signals also change for reasons of their own (a gust, a load that moves), in the
-share q of the blocks that looked so in this flight, or several at once (a turn: q_all); both are
-counted for each age of a start, for what passes is seen early only. Before the flight they are one
-in SELDOM, for as much as that time is worth. So the ratio of "a part changed, by d_h in case h" is
+share q of this flight's blocks, or several at once (a turn: q_all); both are estimated for each
+age of a start, because transients show at early ages only. Their prior is one in SELDOM s, with the
+weight of that time. So the ratio of "a part changed, by d_h in case h" is
     mean over h of prod over m ((1 - q) L(d_hm, w_hm) + q J)
     over (1 - q_all) prod over m ((1 - q) + q J) + q_all prod over m (1 + J)/2
 One signal, however large, gives it no more than ln(1/q) + ln(L/J): all must agree on one part.
@@ -35,28 +35,32 @@ from thrustmargin.models.flight import Floats
 
 MEMORY = 300.0  # s; trims, inertia and noise change with load and weather over minutes
 WINDOW = 10.0  # s after its start in which a change is sought
-SETTLE = 2  # blocks after a start in which rotors and controls are still on their way
+SETTLE = 2  # blocks after a start in which rotors and controls have not settled
 #: Changes of a signal's own, each as likely: from a hundredth of the signal's unit to all of it
 SIZES = np.array([0.01, 0.03, 0.1, 0.3, 1.0])
-SELDOM = 60.0  # s, before the flight says it, from one such change to the next: a field's line
+SELDOM = 60.0  # s between such changes, as a prior: one line of a field
 SQUARES, LN_2, LN_SIZES = SIZES**2, math.log(2.0), math.log(SIZES.size)
-OUTLIER = 3.0  # standard errors beyond which an innovation teaches no more
+OUTLIER = 3.0  # standard errors at which an innovation is clipped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prior:
-    """What is known of M signals with P inputs before a flight, in the signal's unit."""
+    """The prior for M signals with P inputs before a flight, in the signals' unit."""
 
     trim: Floats  # (M,) standard deviation of the constant trim
-    noise: Floats  # (M,) of one block, for as much as one block is worth
+    noise: Floats  # (M,) standard deviation of one block, with the weight of one block
     inputs: Floats  # (M, P) standard deviation of each input's coefficient; 0: it has no effect
-    flights: int = 0  # good ones that `trim` is known from
-    alone: bool = True  # a signal may change by itself; else all do or none
+    flights: int = 0  # number of good flights behind `trim`
+    alone: bool = True  # a signal may change alone; else all change or none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Change:
-    """Of the likeliest start: ln of the ratio, and the posterior (H,) of the hypotheses."""
+    """The most probable start of a change, over all starts and hypotheses.
+
+    `log_ratio` is ln of the likelihood ratio, `share` (H,) the posterior of the hypotheses,
+    `filter` the index of the start's filter.
+    """
 
     log_ratio: float
     share: Floats
@@ -64,13 +68,14 @@ class Change:
 
 
 def log_likelihood(a: Floats, b: Floats, step: Floats, width: Floats) -> Floats:
-    """ln L of a change N(step, width²) by the sums A and B, all of one shape."""
+    """Return ln L of a change N(step, width²) from the sums A and B, all of one shape."""
     wide = 1.0 + width**2 * a
     return (0.5 * (width * b) ** 2 + b * step - 0.5 * a * step**2) / wide - 0.5 * np.log(wide)
 
 
 def log_own(a: Floats, b: Floats) -> Floats:
-    """ln J, likelihood of a change of any of SIZES by the sums A and B, all of one shape."""
+    """Return ln J, the likelihood of a change of any of SIZES, from the sums A and B of one
+    shape."""
     square = SQUARES.reshape(-1, *[1] * a.ndim)
     wide = 1.0 + square * a
     each = 0.5 * (square * b**2 / wide - np.log(wide))
@@ -78,14 +83,16 @@ def log_own(a: Floats, b: Floats) -> Floats:
 
 
 class SuddenChange:
-    """K filters of M signals with the two sums of each start. `add` a block, then ask `change`.
+    """K Kalman filters of M signals with the two sums of each start. `add` a block, then call
+    `change`.
 
-    Filter 0 sees all and knows nothing of the trim before; 1 begins with the flight and with what
-    is known of the trim; the others begin a block apart, the latest first. Arrays end in K and M,
-    so that numpy goes through a state of all filters at once: that is most of the time.
+    Filter 0 uses all blocks without a prior of the trim; filter 1 begins with the flight and the
+    prior of the trim; the others begin a block apart, the latest first. Arrays end in K and M, so
+    that numpy handles a state of all filters at once, which dominates the run time.
     """
 
     def __init__(self, prior: Prior, block: float, window: float = WINDOW) -> None:
+        """Start with the prior; `block` is the s of a block, `window` s that a start is kept."""
         signals, inputs = prior.inputs.shape
         self.noise, self.lag = prior.noise**2, np.full(signals, 0.5)  # s², f
         self._keep, self._ages = float(np.exp(-block / MEMORY)), round(window / block)
@@ -97,12 +104,12 @@ class SuddenChange:
         #: of each filter the covariance of c, n and b, their mean and what a unit step makes of it
         self._filters = np.zeros((states, states + 2, 2, signals))
         self._filters[range(states), range(states)] = variance
-        #: (.., K, M) what is kept of c, n, b and of both columns; new variance; what c, n, b act by
-        self._kept = np.ones((states + 2, 2, signals))
-        self._kept[2:states] = self._keep
-        self._fresh, self._x = np.ones((2, states, 2, signals))
-        self._fresh[2:] = (1.0 - self._keep**2) * variance[2:, :1]
-        self._given = np.ones((2, 1, signals))
+        #: (.., K, M) transition factors of c, n, b and both columns; new variance; observation
+        self._transition = np.ones((states + 2, 2, signals))
+        self._transition[2:states] = self._keep
+        self._process_noise, self._x = np.ones((2, states, 2, signals))
+        self._process_noise[2:] = (1.0 - self._keep**2) * variance[2:, :1]
+        self._measurement = np.ones((2, 1, signals))
         self._age = np.array([SETTLE, 0])
         #: (.., K, M) of each filter A, B and sum e²/v
         self._sums = np.zeros((3, 2, signals))
@@ -111,31 +118,33 @@ class SuddenChange:
         self._q = np.full((self._ages + 1, signals + 1), block / SELDOM)
         self._q[-1] = 0.5 / (1.0 + prior.flights)
         self._q[:, :-1] *= prior.alone
-        self._seen = np.full(self._ages, SELDOM / block / SETTLE)
-        self._square, self._product, self._left = before, 0.5 * before, np.zeros(signals)
+        self._rate_weight = np.full(self._ages, SELDOM / block / SETTLE)
+        self._square, self._product, self._last_residual = before, 0.5 * before, np.zeros(signals)
         self._blocks = 0
-        self._alone, self._held = prior.alone, -1
+        self._alone, self._hold_blocks = prior.alone, -1
 
     @property
     def means(self) -> Floats:
-        """(S, K, M) of c, n and b in each filter."""
+        """Return the means (S, K, M) of c, n and b in each filter."""
         return self._filters[:, -2]
 
     def add(self, values: Floats, inputs: Floats, sound: float = 1.0) -> None:
-        """One block: values (M,), inputs (M, P), or (1, P) where all have the same, and the
-        probability that no part changed."""
-        self._begin()
+        """Add one block: values (M,) and inputs (M, P), or (1, P) if all signals share them.
+
+        `sound` is the probability that no part changed.
+        """
+        self._begin_start()
         self._blocks += 1
         rate = max(1.0 / (1.0 + self._blocks), 1.0 - self._keep)
-        filters, fresh, x, states = self._filters, self._fresh, self._x, len(self._x)
-        self._kept[1], x[2:], self._given[0, 0] = self.lag, inputs.T[:, None], values
+        filters, fresh, x, states = self._filters, self._process_noise, self._x, len(self._x)
+        self._transition[1], x[2:], self._measurement[0, 0] = self.lag, inputs.T[:, None], values
         fresh[0], fresh[1] = (1.0 - self._keep) ** 2 * self.noise, self.noise
-        filters *= self._kept[:states, None] * self._kept
+        filters *= self._transition[:states, None] * self._transition
         filters.reshape(-1, *filters.shape[2:])[:: states + 3] += fresh
-        # What reaches the signal: of the covariance, then of both means, less what is given.
+        # Predicted signal: of the covariance, then of both means, less the measurement.
         seen = np.add.reduce(filters * x[:, None], axis=0)
         carried, missed = seen[:states], seen[states:]
-        missed -= self._given
+        missed -= self._measurement
         variance = np.add.reduce(carried * x, axis=0)
         trust = (self._age >= SETTLE)[:, None] / variance
         filters -= (trust * carried)[:, None] * seen
@@ -147,44 +156,47 @@ class SuddenChange:
         self.noise = self.noise * (1.0 + rate * (size - 1.0))
         self._correlate(rate)
         self._weigh()
-        self._count(sound)
+        self._update_rates(sound)
 
     def _correlate(self, rate: float) -> None:
-        """The noise's f, by what trim and inputs leave of a block and of the one before."""
+        """Update the noise's f from the residuals of this block and the last one."""
         most = OUTLIER * np.sqrt(self._square)
         left = np.minimum(np.maximum(self.means[1, 0], -most), most)
         self._square = self._square + rate * (left**2 - self._square)
-        self._product = self._product + rate * (left * self._left - self._product)
+        self._product = self._product + rate * (left * self._last_residual - self._product)
         self.lag = np.minimum(np.maximum(self._product / self._square, 0.0), 0.99)
-        self._left = left
+        self._last_residual = left
 
-    def _begin(self) -> None:
-        """A start begins as filter 0 is, the oldest ends."""
+    def _begin_start(self) -> None:
+        """Begin a new start as a copy of filter 0, and drop the oldest."""
         self._sums[:, 0] = self._filters[:, -1, 0] = 0.0
-        if self._held >= 0:
-            self._held += 1
-        if self._held <= 2 * SETTLE and self._blocks % SETTLE == 0:
-            # The latest come first, so of those after two that stay the last may be too old.
-            many = self._age.size - (self._held < 0 and self._age[-1] >= self._ages)
-            self._take([0, 1, 0, *range(2, many)])
+        if self._hold_blocks >= 0:
+            self._hold_blocks += 1
+        if self._hold_blocks <= 2 * SETTLE and self._blocks % SETTLE == 0:
+            # The latest come first, so only the last one may be too old.
+            many = self._age.size - (self._hold_blocks < 0 and self._age[-1] >= self._ages)
+            self._keep_filters([0, 1, 0, *range(2, many)])
             self._age[2] = 0
 
-    def _take(self, order: list[int]) -> None:
-        """Keep these filters, in this order."""
+    def _keep_filters(self, order: list[int]) -> None:
+        """Keep the filters of these indices, in this order."""
         if len(order) != self._age.size:
-            all_alike = self._kept, self._fresh, self._x
-            self._kept, self._fresh, self._x = (
+            all_alike = self._transition, self._process_noise, self._x
+            self._transition, self._process_noise, self._x = (
                 array[:, :1].repeat(len(order), axis=1) for array in all_alike
             )
         self._filters = self._filters.take(order, axis=2)
         self._sums, self._age = self._sums.take(order, axis=1), self._age[order]
 
     def _weigh(self) -> None:
-        """Of all starts ln of 1 - q and of q J (K, M), of what no part makes of them (K,), and the
-        shares (K, M + 1) that a change of the signal's own and a turn have of it."""
-        self._of = np.minimum(self._age[1:], self._ages) - 1
-        self._of[0] = -1
-        own, q = log_own(*self._sums[:2, 1:]), self._q.take(self._of, axis=0)
+        """Compute for all starts ln of 1 - q and of q J (K, M), and ln of the likelihood that no
+        part changed (K,).
+
+        Also the posterior shares (K, M + 1) of a signal's own change and of a turn.
+        """
+        self._rate_index = np.minimum(self._age[1:], self._ages) - 1
+        self._rate_index[0] = -1
+        own, q = log_own(*self._sums[:2, 1:]), self._q.take(self._rate_index, axis=0)
         with np.errstate(divide="ignore"):
             moved = np.log(q)
         still = np.log1p(-q)
@@ -194,29 +206,31 @@ class SuddenChange:
         still[:, -1] += np.add.reduce(either, axis=1)
         none = np.logaddexp(still[:, -1:], moved[:, -1:])
         self._shares = np.exp(moved - np.concatenate([either, none], axis=1))
-        self._still, self._moved, self._none = still[:, :-1], moved[:, :-1], none[:, 0]
+        self._log_still, self._log_moved, self._log_none = still[:, :-1], moved[:, :-1], none[:, 0]
 
-    def _count(self, sound: float) -> None:
-        """q and q_all of each age by one more block."""
-        if self._held >= 0:
+    def _update_rates(self, sound: float) -> None:
+        """Update q and q_all of each age by one more block."""
+        if self._hold_blocks >= 0:
             return
-        age, shares = self._of[1:], self._shares[1:]
-        rate = sound / np.minimum(self._seen[age], 1.0 / (1.0 - self._keep) / SETTLE)[:, None]
-        self._seen[age] += sound
+        age, shares = self._rate_index[1:], self._shares[1:]
+        rate = (
+            sound / np.minimum(self._rate_weight[age], 1.0 / (1.0 - self._keep) / SETTLE)[:, None]
+        )
+        self._rate_weight[age] += sound
         moved = shares - self._q[age]
         moved[:, :-1] *= 1.0 - shares[:, -1:]
         self._q[age] += rate * moved
 
     def change(self, steps: Floats, widths: Floats, least: float) -> Change | None:
-        """The likeliest start of a change by `steps` (H, M) +- `widths`, one of H hypotheses.
+        """Return the most probable start of a change by `steps` (H, M) +- `widths`, one of H
+        hypotheses.
 
-        None where no hypothesis whatever can have a ratio of `least`, and no start counts of which
-        that is so; what is held always has one.
+        None if no start can have a ratio of `least`, except while a change is held.
         """
         a, b, square = self._sums[:, 1:]
-        still, moved, none = self._still, self._moved, self._none
+        still, moved, none = self._log_still, self._log_moved, self._log_none
         able = np.arange(none.size)
-        if self._held < 0:
+        if self._hold_blocks < 0:
             best = still + 0.5 * b**2 / np.maximum(a, 1e-300)
             able = (np.add.reduce(np.logaddexp(best, moved), axis=1) - none >= least).nonzero()[0]
             if not able.size:
@@ -241,22 +255,22 @@ class SuddenChange:
         )
 
     def hold(self) -> None:
-        """Keep the starts that there are, so that the size of their change narrows."""
-        self._held = 0
+        """Keep the present starts, so that the size of their change becomes more certain."""
+        self._hold_blocks = 0
 
     def settle(self, which: int, step: Floats) -> None:
-        """There was a change `step` (M,) at a start: what follows is given without it."""
+        """Accept a change `step` (M,) at start `which`: later values are added without it."""
         self.means[:, which] -= self._filters[:, -1, which] * step
-        self._again(which)
+        self._restart_from(which)
 
     def release(self) -> None:
-        """What was held was no change."""
-        self._again(0)
+        """Reject the change that was held."""
+        self._restart_from(0)
 
-    def _again(self, which: int) -> None:
-        """Go on from one filter, with no start."""
-        self._take([which, which])
+    def _restart_from(self, which: int) -> None:
+        """Continue from one filter, without starts."""
+        self._keep_filters([which, which])
         self._age[:] = SETTLE, 0
         self._filters[:, -1] = self._sums[:] = 0.0
         self._q[-1] = self._q[-2]
-        self._held = -1
+        self._hold_blocks = -1

@@ -1,9 +1,9 @@
 """Check the voltmeter: a reading that breaks down, and one above that of a full battery.
 
-A rotor turns in proportion to output and voltage: d ln(speed / output) = d ln V. A voltage that
-falls by a step that the motors do not follow is a broken reading, not the battery. A voltage above
-that of a full battery shows a voltmeter that reads too much: the ceiling of rotor speed that is
-taken from it is then too high.
+A rotor turns in proportion to output and voltage: d ln(speed / output) = d ln V. A sudden fall of
+voltage without a fall of speed is a faulty reading, not the battery. A voltage above that of a full
+battery means that the voltmeter reads too high: the ceiling of rotor speed computed from it is then
+too high.
 """
 
 from __future__ import annotations
@@ -16,16 +16,19 @@ from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_means
 
-FALL = 0.75  # share of the voltage LOOK before, below which it fell at once
+FALL = 0.75  # share of the voltage LOOK s before that counts as a fall
 LOOK = 3.0  # s
-SHOWN = 0.5  # share of the fall that the motors must show
-EDGE = np.ones(11)  # rows about a broken one: between two reports a row may be made of both
+SHOWN = 0.5  # share of a true fall that the motor speeds must show
+EDGE = np.ones(11)  # rows about a faulty one: a row between two reports may mix both
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VoltageSoFar:
-    """The last rows (n, 4): time s, V, output in flight, speed rpm; that before a fall (4,), and
-    when it fell."""
+    """The state between parts of a flight.
+
+    `rows` (n, 4): time s, V, output in flight, speed rpm; `sound` (4,): the row before a fall;
+    `since_s`: when it fell.
+    """
 
     rows: Floats = field(default_factory=lambda: np.empty((0, 4)))
     sound: Floats | None = None
@@ -35,10 +38,11 @@ class VoltageSoFar:
 def broken_voltage(
     track: FlightTrack, so_far: VoltageSoFar | None = None
 ) -> tuple[Bools, VoltageSoFar]:
-    """(T,) rows in which the voltage broke; `so_far` is of the rows before them."""
+    """Flag the rows (T,) in which the voltage reading broke down; `so_far` is the state after
+    the rows before."""
     so_far = VoltageSoFar() if so_far is None else so_far
     volts = np.where(track.voltage > 0.0, track.voltage, np.nan)
-    # On the ground motors show nothing.
+    # On the ground motors do not follow the voltage.
     motors = (np.where(track.flying[:, None], track.throttle, np.nan), track.rotor_speed_rpm)
     of_motors = [known_means(values) for values in motors]
     rows = np.concatenate([so_far.rows, np.stack([track.time_s, volts, *of_motors], axis=1)])
@@ -64,16 +68,17 @@ def broken_voltage(
 
 
 POSSIBLE_VOLTAGE = (0.78, 1.22)  # over nominal, of a battery of the same cells in flight
-#: V that a lithium cell is called by -> V at which its charger ends.
+#: Nominal V of a lithium cell -> V when charged.
 FULL_CELL = {3.6: 4.2, 3.7: 4.2, 3.8: 4.35, 3.85: 4.4}
 TOLERANCE = 0.01  # share, of charger and voltmeter
-HELD_ROWS = 20  # with so much or more: a spike is none
+HELD_ROWS = 20  # rows that must reach a voltage, so that a spike does not count
 
 
 def full_voltage(airframe: Airframe) -> float:
-    """V of the airframe's battery when full: by the kind of cell whose number comes out whole.
+    """Return V of the airframe's battery when full, by the cell type that gives a whole number of
+    cells.
 
-    The voltage at which the ceiling was measured was there too.
+    At least the voltage at which the ceiling was measured; NaN without a nominal voltage.
     """
     nominal = airframe.nominal_voltage
     if not np.isfinite(nominal):
@@ -82,25 +87,28 @@ def full_voltage(airframe: Airframe) -> float:
     return max(nominal / called * FULL_CELL[called], airframe.ceiling_voltage)
 
 
-def highest(voltage: Floats, airframe: Airframe) -> Floats:
-    """The HELD_ROWS highest of (T,) V that are possible, or all of them where they are fewer."""
+def highest_voltages(voltage: Floats, airframe: Airframe) -> Floats:
+    """Return the HELD_ROWS highest of (T,) V that are possible for the airframe, or fewer if
+    there are fewer."""
     possible = (voltage > 0.0) & (voltage <= POSSIBLE_VOLTAGE[1] * airframe.nominal_voltage)
     return np.sort(voltage[possible])[-HELD_ROWS:]
 
 
 def most_voltage(voltage: Floats, airframe: Airframe) -> float:
-    """V of (T,) that a battery had for HELD_ROWS; NaN where fewer are known and possible."""
-    known = highest(voltage, airframe)
+    """Return the voltage, of (T,), that HELD_ROWS rows reach; NaN where fewer are known and
+    possible."""
+    known = highest_voltages(voltage, airframe)
     return float(known[0]) if known.size == HELD_ROWS else float("nan")
 
 
 def beyond_full(voltage: Floats, airframe: Airframe) -> float:
-    """Share by which voltages (T,) read more than the full battery has; 0 where they do not."""
+    """Return the share by which voltages (T,) exceed the full battery's; 0 within TOLERANCE."""
     share = most_voltage(voltage, airframe) / full_voltage(airframe) - 1.0
     return share if share > TOLERANCE else 0.0
 
 
 def ceiling_too_high(voltage: Floats, airframe: Airframe) -> float:
-    """Share of thrust by which voltages (T,) that read too much make the ceiling too high."""
+    """Return the share by which voltages (T,) above the full battery's raise the ceiling's
+    thrust; 0 without."""
     share = 1.0 + beyond_full(voltage, airframe)
     return float(share ** (2.0 * airframe.ceiling_voltage_exponent) - 1.0)

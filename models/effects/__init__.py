@@ -1,9 +1,9 @@
-"""The catalogue of physical effects.
+"""Catalogue of the physical effects that identification searches.
 
-An effect is added to the module of what it changes (instrument, demand, moment, thrust effects) and
-to the `EFFECTS` of that module. The catalogue lists them in the order of the kinds, then of names.
-`models.effects.compose` combines effects into rotor speeds; `identification.loop` searches this
-catalogue and nothing else.
+An effect is defined in the module of the quantity that it changes (instrument, demand, moment or
+thrust effects) and listed in that module's `EFFECTS`. The catalogue sorts them by kind, then name.
+`models.effects.compose` combines effects into rotor speeds; `identification.loop` searches only
+this catalogue.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from thrustmargin.models.physics.airframe import Airframe
 
 
 def with_known_channels(effects: Iterable[Effect]) -> list[Effect]:
-    """The effects as they are.
+    """List the effects after checking that all of their channels exist.
 
-    Raises ModelError when one asks for a channel that no flight has, and no effect makes for
-    itself: it would never be looked for, in silence.
+    Raises ModelError when an effect needs a channel that no flight has and no effect makes: the
+    effect would silently never be searched.
     """
     found = list(effects)
     known = {channel.name for channel in fields(Channels)}
@@ -57,9 +57,9 @@ BY_KEY: dict[str, Effect] = {effect.key: effect for effect in (*CATALOGUE, *UNNA
 
 
 def effects_for(airframe: Airframe, effects: Iterable[Effect] = CATALOGUE) -> tuple[Effect, ...]:
-    """The effects that an aircraft can have, with their parameters scaled to it.
+    """Return the effects that are possible on an aircraft, with parameters scaled to its size.
 
-    For an aircraft of the F16's size they are the same objects.
+    For an aircraft of the F16's size the original objects are returned.
     """
     return tuple(effect.scaled(airframe) for effect in effects if effect.possible_on(airframe))
 

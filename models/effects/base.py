@@ -1,15 +1,14 @@
-"""What an effect is: a name, parameters with bounds, the channels it needs, and one pure function.
+"""Define an effect: a name, parameters with bounds, the channels it needs, and one pure function.
 
-Apparent thrust of a rotor is a0 N². An effect changes one of four things, in this order:
+Apparent thrust of a rotor is a0 N². An effect changes one of four quantities, in this order:
 
-1. input        what the airspeed or the tank mass really was,
-2. demand       the collective thrust that the flight asks for,
-3. moments      how the rotors share it,
-4. coefficient  the thrust that a rotor makes at a speed, as a factor kappa.
+1. input the true airspeed or tank mass, 2. demand the collective thrust that the flight requires,
+3. moments how the rotors share it, 4. coefficient the thrust that a rotor makes at a speed, as a
+factor kappa.
 
-An effect owns all that other rooms ask of it: how its parameters scale with the aircraft, what it
-does to the airframe, how far around a row it looks, and the value of each channel at which it does
-nothing.
+An effect also defines everything else that other modules need from it: how its parameters scale
+with the aircraft, its change of the airframe, its time window around a row, and the neutral value
+of each channel, at which it has no influence.
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from typing import Any
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
 
-Array = Any  # of T rows
+Array = Any  # (T, ...)
 Values = Mapping[str, Array]  # parameter name -> number or (T,) array
 Look = tuple[float, float]  # s before and s after a row
 Neutral = float | Callable[[Values, Any], Array]  # a number, or (p, channels) -> array
 #: (track, airframe, state at the first row or None) -> (channel (T, ...), state at the last row)
 OwnChannel = Callable[[FlightTrack, Airframe, Any], tuple[Array, Any]]
 
-#: The aircraft for which bounds and sizes of parameters are written down: the F16 (Han et al.
+#: The aircraft for which bounds and sizes of parameters are defined: the F16 (Han et al.
 #: 2024), kg empty and m from centre to rotor.
 USUAL_MASS, USUAL_ARM = 21.1, 0.9595439
 #: Half of the 95 % interval of a torque ratio as a share of it: read off a bench or a data sheet,
@@ -39,7 +38,7 @@ SAME_SIZE = 0.01  # share by which mass or arm may differ from it and nothing is
 
 
 class Kind(StrEnum):
-    """Which of the four things an effect changes, in their order."""
+    """Which of the four quantities an effect changes, in their order."""
 
     INPUT = "input"
     DEMAND = "demand"
@@ -49,10 +48,10 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightState:
-    """What effects carry from row to row, at one row of a flight: by the name of the effect.
+    """The state of the effects at one row of a flight, by the name of the effect.
 
-    A window of rows that begins there, analysed from this state, gives what the flight in one
-    piece gives.
+    A window of rows that begins there, analysed from this state, gives the results of the whole
+    flight.
     """
 
     carried: Mapping[str, Any] = field(default_factory=dict)
@@ -60,7 +59,7 @@ class FlightState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One number of an effect: unit, value at which it does nothing, bounds and usual size.
+    """One number of an effect: unit, value at which it has no influence, bounds and usual size.
 
     Values are those of an aircraft of USUAL_MASS and USUAL_ARM.
     """
@@ -72,20 +71,21 @@ class Parameter:
     lower: float
     upper: float
     scale: float  # usual size: a weak prior and the step of the fit
-    #: standard deviation from flight to flight on a sound aircraft that has not shown its own
+    #: standard deviation between flights of a sound aircraft, as a prior
     smallest: float = 0.0
     per_flight: bool = False  # one value a flight instead of one for all
-    detail: bool = False  # shapes the effect but does not make it: may stand at a bound
-    resolution: float = 0.0  # half width that no number of rows gets an interval below
-    accuracy: float = 0.0  # the same as a share of the value: what the form itself is good for
-    of_torque: bool = False  # in proportion to the airframe's torque ratio, which is a guess
+    detail: bool = False  # of the effect's form, not its size: may be at a bound
+    resolution: float = 0.0  # least half width of an interval, however many rows
+    accuracy: float = 0.0  # likewise, as a share of the value: accuracy of the model form
+    of_torque: bool = False  # proportional to the airframe's torque ratio, which may be a guess
 
     def scaled(self, airframe: Airframe) -> Parameter:
-        """The parameter for another aircraft: a quantity goes with the aircraft's own of its unit.
+        """Return the parameter scaled to another aircraft, by the dimension of its unit.
 
-        Mass goes with mass, length with the arm, area with arm², moment of force with weight x arm,
-        moment of inertia with mass x arm², moment over turn rate with that over the time scale
-        sqrt(arm/g). What has no such unit stays. A yaw moment is as well known as the torque ratio.
+        Mass scales with mass, length with the arm, area with arm², moment of force with weight x
+        arm, moment of inertia with mass x arm², moment over turn rate with that over the time scale
+        sqrt(arm/g). Other units do not scale. The accuracy of a yaw moment is that of the torque
+        ratio.
         """
         if self.of_torque and "torque_ratio" not in airframe.guessed:
             return replace(self, of_torque=False, accuracy=KNOWN_TORQUE).scaled(airframe)
@@ -110,7 +110,7 @@ class Parameter:
 def shaping(
     name: str, unit: str, *, start: float, lower: float, upper: float, scale: float
 ) -> Parameter:
-    """A parameter that shapes an effect and has no value at which the effect is absent."""
+    """Return a parameter of an effect's form, which has no value at which the effect is absent."""
     return Parameter(
         name=name,
         unit=unit,
@@ -124,7 +124,8 @@ def shaping(
 
 
 def instrument_gain(smallest: float) -> Parameter:
-    """True over shown of an instrument, which `smallest` is off by from flight to flight."""
+    """Return the parameter for true over reported value; `smallest` is its standard deviation
+    between flights."""
     return Parameter(
         name="gain",
         unit="1",
@@ -144,6 +145,7 @@ TORQUE_SHARE = shaping("torque_share", "1", start=1.0, lower=-1.0, upper=2.0, sc
 
 
 def _at_the_row(p: Values) -> Look:
+    """Return a time window of zero length."""
     return 0.0, 0.0
 
 
@@ -160,62 +162,67 @@ class Effect:
     name: str
     kind: Kind
     parameters: tuple[Parameter, ...]
-    needs: tuple[str, ...] = ()  # channels that flights must report for it to be looked for
-    #: each channel that rows may lack -> its value in them, at which the effect does nothing
+    needs: tuple[str, ...] = ()  # channels that flights must report for a search
+    #: channel that rows may lack -> its neutral value, at which the effect has no influence
     neutral: Mapping[str, Neutral] = field(default_factory=dict)
     source: str  # where the physics comes from
     apply: Callable[..., Any]
-    torque: Callable[..., Any] | None = None  # of a coefficient: torque at a speed, as a factor
+    torque: Callable[..., Any] | None = (
+        None  # of a coefficient effect: factor of the torque at a speed
+    )
     of_one_rotor: bool = False
     variant: str = ""  # names forms of one effect
-    one_variant: bool = False  # of these forms an aircraft has one at a time
+    one_variant: bool = False  # an aircraft has at most one of the variants
     delays: bool = False  # its "lag" is how late all rotor speeds are reported
-    #: (p, x) -> size of what it changes, 1 being the least worth a name
+    #: (p, x) -> size of its influence, 1 being the least that is reported
     weight: Callable[..., Any] | None = None
     begins: bool = False  # a step in time, found by `models.identification.onset`
-    gone: bool = False  # its last flight is over: none to come has it
-    afterwards: Effect | None = None  # what it is after its step, for flights to come
-    #: p -> how far around a row its channels look
+    gone: bool = False  # ended in the past: later flights do not have it
+    afterwards: Effect | None = None  # the effect of later flights, after its step
+    #: p -> s before and after a row that its channels depend on
     looks: Callable[[Values], Look] = _at_the_row
     own_channel: OwnChannel | None = None  # `Channels.own[name]`, made for this effect alone
-    #: (p, airframe, rotor from 0) -> the aircraft as it is with the effect; None: as in its file
+    #: (p, airframe, rotor from 0) -> airframe with the effect; None: unchanged
     on_airframe: Callable[[Values, Airframe, int | None], Airframe] | None = None
     #: p -> K by which the air is warmer than the standard; an effect with it follows air density
     temperature_offset: Callable[[Values], float] | None = None
-    by_flights: bool = False  # seen only in how flights differ: not looked for in one flight
-    with_tank: bool = True  # looked for on an aircraft that carries its load in a tank
-    of_every_aircraft: bool = False  # physics that a sound one has too: no sign of anything
-    #: (itself, what a model has of it, scatter of good flights by "key.parameter") -> what of it
-    #: may be another than the model has it; None: nothing. Without this, all of it once more
+    by_flights: bool = False  # shows only between flights: not searched for in one flight
+    with_tank: bool = True  # searched for on an aircraft with a tank
+    of_every_aircraft: bool = False  # sound aircraft have it too: not a fault
+    #: (itself, its values in a model, scatter of good flights by "key.parameter") -> the effect
+    #: that describes its change since the model; None: no change is possible. If the field is None,
+    #: the whole effect is added once more
     change: Callable[[Effect, Sequence[Values], Mapping[str, float]], Effect | None] | None = None
-    #: of such a change: p -> values of the effect without variant, as a model keeps it
+    #: of such a change: p -> values of the effect without variant, for a model file
     kept_as: Callable[[Values], Values] | None = None
-    #: (p, channels) -> (T,) true where it was seen: beyond it is held, and nobody knows
+    #: (p, channels) -> (T,) true inside the range in which it was identified; held beyond
     seen: Callable[[Values, Any], Array] | None = None
 
     @property
     def of_its_flights(self) -> bool:
-        """True for what flights to come do not have: values of single flights, or a past loss."""
+        """Return whether later flights do not have the effect: values of single flights, or a
+        past loss."""
         return self.gone or any(p.per_flight for p in self.parameters)
 
     @property
     def key(self) -> str:
-        """Name with the variant, unique in the catalogue."""
+        """Return the name with the variant, unique in the catalogue."""
         return f"{self.name}:{self.variant}" if self.variant else self.name
 
     def possible_on(self, airframe: Airframe) -> bool:
-        """True when the effect is looked for on an aircraft of this kind."""
+        """Return whether the effect is searched for on an aircraft of this kind."""
         return self.with_tank if airframe.tank_capacity_kg > 0.0 else "tank_kg" not in self.needs
 
     def scaled(self, airframe: Airframe) -> Effect:
-        """The effect with its parameters for an aircraft; itself where nothing changes."""
+        """Return the effect with parameters scaled to an aircraft; the same object where none
+        changes."""
         parameters = tuple(p.scaled(airframe) for p in self.parameters)
         return self if parameters == self.parameters else replace(self, parameters=parameters)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placed:
-    """An effect with its values, on one rotor (0-based) where it is of one."""
+    """An effect with its values, on one rotor (0-based) if it acts on one."""
 
     effect: Effect
     values: Values
@@ -223,7 +230,8 @@ class Placed:
 
 
 def look_of(placed: Sequence[Placed]) -> Look:
-    """How far around a row effects look, s; a late report of rotor speeds moves all of it back."""
+    """Return the s before and after a row that effects depend on; late reports of rotor speeds
+    shift the window back."""
     late = sum(float(item.values["lag"]) for item in placed if item.effect.delays)
     looks = [item.effect.looks(item.values) for item in placed]
     back, ahead = (max(side) for side in zip((0.0, 0.0), *looks, strict=True))

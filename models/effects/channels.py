@@ -1,9 +1,8 @@
-"""Channels: what the effects read, made once from a FlightTrack.
+"""Compute the channels that effects read, from a FlightTrack.
 
-Fast channels come as shift tables, one column a delay of LAGS, so that a delay is a parameter with
-a derivative: column k holds the channel `LAGS[k]` later, which undoes a report that late.
-
-The channels of a flight: those of `effects.channels`, each worked out once, when it is read.
+Each channel is computed once, when first read. Fast channels are shift tables, one column for each
+delay of LAGS, so that a delay is a parameter with a derivative: column k is the channel `LAGS[k]`
+later, which undoes a report that is late by that much.
 """
 
 from __future__ import annotations
@@ -27,23 +26,25 @@ from thrustmargin.models.physics.forward_flight import (
 from thrustmargin.models.physics.smoothing import derivative, moving_mean, row_step
 
 LAG_STEP = 0.1  # s
-PARTS = 32  # of equal weight, by which a first-order lag is summed
-NEAR_LAG = 0.5  # s, as far as an effect looks around a row by itself
-LAGS = tuple(round(LAG_STEP * k, 1) for k in range(-18, 8))  # s; the past is there for late reports
+PARTS = 32  # number of equal weights that represent a first-order lag
+NEAR_LAG = 0.5  # s around a row that an effect depends on by itself
+LAGS = tuple(round(LAG_STEP * k, 1) for k in range(-18, 8))  # s; negative ones for late reports
 VELOCITY_SPAN = 0.3  # s over which velocity is differentiated
-ALONG_SPAN = 0.7  # s, the same for the speed along the way
-SLOW_SPAN = 2.0  # s over which the IMU's load factor is held to that of the motion
-EVEN = 0.002  # of a voltage: no sensor of a battery is finer
+ALONG_SPAN = 0.7  # s over which horizontal speed is differentiated
+SLOW_SPAN = 2.0  # s over which the IMU's mean load factor is set to that of the motion
+EVEN = 0.002  # of a voltage: resolution of battery sensors
 STEADY_SPAN = 10.0  # s, longer than what manoeuvres do to a voltage
 RATE_SPAN = 0.3  # s over which angular rate is differentiated
-FULL_SPAN_ARM = 0.9  # m; the spans hold from here up, and shrink with the root of a shorter arm
+FULL_SPAN_ARM = (
+    0.9  # m; from this arm on the spans apply, for shorter arms they shrink with its root
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Channels:
-    """Arrays of T rows, NaN where unreported; `_shifts` have (T, len(LAGS)). SI units.
+    """Channels of T rows, NaN where unreported, in SI units; `_shifts` are (T, len(LAGS)).
 
-    One that a track makes is worked out when it is first read: a model reads few of them.
+    Channels derived from a track are computed when first read, because a model reads few of them.
     """
 
     time_s: Any  # since the start of the flight
@@ -52,15 +53,15 @@ class Channels:
     airspeed_shifts: Any
     tank_kg: Any
     total_mass: Any
-    along_acceleration: Any  # m/s² of the horizontal velocity along itself
+    along_acceleration: Any  # m/s², rate of change of the horizontal speed
     velocity_north: Any
     velocity_east: Any
     density: Any  # reported or assumed
     reported_density: Any  # NaN where neither pressure nor altitude is reported
-    air_temperature: Any  # K, as the density has it
+    air_temperature: Any  # K, consistent with the density
     hover_induced_velocity: Any
     advance_ratio: Any  # of the axial inflow, w 60 / (N D), positive in climb
-    climb_ratio: Any  # what of it is climb: the rest is airspeed through tilted rotors
+    climb_ratio: Any  # its part by climb: the rest is airspeed through tilted rotors
     radius_over_height: Any
     voltage: Any
     moving_voltage: Any  # the same, NaN in a flight in which it only scatters
@@ -74,9 +75,9 @@ class Channels:
     spraying: Any  # 1 pump on, 0 off
     yaw_rate: Any
     yaw_acceleration: Any
-    own: Mapping[str, Any]  # (T, ...) what effects made for themselves, by the effect's name
-    delay: Any  # s by which the rotor speeds are reported late, which effects may set
-    density_effects: float  # how many effects follow the air, which effects may set
+    own: Mapping[str, Any]  # (T, ...) own channels of effects, by the effect's name
+    delay: Any  # s by which the rotor speeds are reported late, set by effects
+    density_effects: float  # number of effects that follow air density, set by effects
     tank_capacity_kg: float
     reference_density: float
     reference_voltage: float
@@ -84,25 +85,28 @@ class Channels:
     propeller_diameter: float
     arm: float  # m, longest of the aircraft
 
-    def __getattr__(self, name: str) -> Any:  # of what was not given
-        return getattr(self.__dict__.get("_of_track"), name)
+    def __getattr__(self, name: str) -> Any:  # for channels that were not given
+        """Compute a channel that was not given."""
+        return getattr(self.__dict__.get("_track_channels"), name)
 
     def with_changed(self, **changed: Any) -> Self:
-        """As `dataclasses.replace`, which would work out every channel."""
+        """Return a copy with some channels replaced; unlike `dataclasses.replace` it computes no
+        others."""
         made = object.__new__(type(self))
         made.__dict__.update(self.__dict__, **changed)
         return made
 
     def read(self, name: str) -> Any:
-        """A channel by its name, or what the effect of that name made for itself; None if not."""
+        """Return a channel by its name, or the own channel of the effect of that name; None
+        without."""
         return self.own.get(name, getattr(self, name, None))
 
     def rows(self, which: Any) -> Self:
-        """The same channels with only the chosen rows."""
+        """Return all channels with only the chosen rows."""
         return self.each(lambda a: a[which])
 
     def each(self, change: Callable[[Any], Any]) -> Self:
-        """The same channels, each array changed alike."""
+        """Return all channels after applying `change` to each array."""
         changed: dict[str, Any] = {}
         for f in fields(self):
             value = getattr(self, f.name)
@@ -116,7 +120,7 @@ class Channels:
 
 
 def concatenate(parts: list[Channels]) -> Channels:
-    """Channels of several flights under each other; scalars from the first."""
+    """Concatenate the channels of several flights; scalars are those of the first."""
     joined: dict[str, Any] = {}
     for f in fields(Channels):
         values = [getattr(p, f.name) for p in parts]
@@ -130,36 +134,38 @@ def concatenate(parts: list[Channels]) -> Channels:
 
 
 def shifts_look(lag: float, channel: float = 0.0) -> Look:
-    """How far a shift table read `lag` s later looks, with a channel that itself looks `channel` s
-    both ways. Rows look NEAR_LAG around them even where nothing is read there."""
+    """Return the s before and after a row that a shift table depends on, read `lag` s later.
+
+    `channel` is the window, s, of the channel itself to both sides. The result is at least
+    NEAR_LAG.
+    """
     reach = 4 * LAG_STEP  # of the weights
     return max(NEAR_LAG, reach - lag) + channel, max(NEAR_LAG, reach + lag) + channel
 
 
 def derivative_look(span: float) -> float:
-    """How far a derivative over `span` s looks, in rows of LAG_STEP."""
+    """Return the window, s to either side, of a derivative over `span` s in rows of LAG_STEP."""
     return LAG_STEP * (int(span / LAG_STEP / 2) + 2)
 
 
-#: s that the manoeuvre load looks both ways: its derivative, and the mean that holds it
+#: s to either side that the manoeuvre load depends on: its derivative and its slow mean
 LOAD_LOOK = derivative_look(VELOCITY_SPAN) + SLOW_SPAN / 2 + LAG_STEP
 
 
-@lru_cache(maxsize=1024)  # a derivative moves one value, and the weights hang on few
+@lru_cache(maxsize=1024)  # a numerical derivative changes one argument, so most calls repeat
 def lag_weights(
     lag: float,
     derivative_correction: float | None = None,
     time_constant: float = 0.0,
     since: float = np.inf,
 ) -> Floats:
-    """(len(LAGS),) weights with which a shift table gives the channel `lag` seconds later.
+    """Return the weights (len(LAGS),) that interpolate a shift table `lag` seconds later.
 
     Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. A
-    `derivative_correction` of s takes s times the second difference away, twice: 1/12 undoes to
-    third order what a derivative over two rows smooths away, -1/3 is the mean of three rows taken
-    twice. With a `time_constant` in s it is what a first-order lag makes of the channel: the mean
-    over what came before, or over the last seconds `since`, the weight of which falls
-    exponentially.
+    `derivative_correction` of s subtracts s times the second difference, twice: 1/12 undoes to
+    third order the smoothing of a derivative over two rows, -1/3 is the mean of three rows applied
+    twice. With a `time_constant` in s the result is the channel after a first-order lag: the mean
+    over the past, or over the last `since` seconds, with exponentially decreasing weights.
     """
     if time_constant > 0.0:
         share = -np.expm1(-since / time_constant)
@@ -175,15 +181,17 @@ def lag_weights(
     w = np.where(u < 1, near, np.where(u < 2, far, 0.0))
     if derivative_correction is None:
         return w
-    # A step of the grid is a step of the lag, so the neighbours are the same weights moved along.
+    # One step of the grid is one step of the lag, so the neighbours' weights are shifted ones.
     centre, side = 1.0 + 2.0 * derivative_correction, -derivative_correction
     whole = (centre**2 + 2.0 * side**2) * w[2:-2]
     return whole + 2.0 * centre * side * (w[1:-3] + w[3:-1]) + side**2 * (w[:-4] + w[4:])
 
 
 def froude_time_scale(airframe: Airframe) -> float:
-    """Time scale of manoeuvres against those of a sprayer: like pendulums, they go with the root
-    of the size (Froude)."""
+    """Return the time scale of manoeuvres relative to a sprayer's, at most 1.
+
+    Like a pendulum's, it is proportional to the square root of the size (Froude).
+    """
     return min(1.0, float(np.sqrt(airframe.arm / FULL_SPAN_ARM)))
 
 
@@ -197,17 +205,17 @@ def channels_of(
     effects: Iterable[Effect] = (),
     start: FlightState | None = None,
 ) -> Channels:
-    """Channels of all rows of a track; rows are kept, NaN where a channel is not reported.
+    """Return the channels of all rows of a track, NaN where a channel is not reported.
 
-    With `forward_flight` the load factor is that over steady flight at the airspeed, drag
-    included; without it that of the motion alone. Channels of their own are made for `effects`,
-    from the state `start` of the first row.
+    With `forward_flight` the load factor is relative to steady flight at the airspeed, drag
+    included; without it, that of the motion alone. The own channels of `effects` are computed from
+    their state `start` before the first row.
     """
     air, effects = track_air(track), list(effects)
     late = any(effect.delays for effect in effects)
     made = object.__new__(Channels)
     made.__dict__.update(
-        _of_track=_OfTrack(track, airframe, forward_flight, late=late),
+        _track_channels=_TrackChannels(track, airframe, forward_flight, late=late),
         time_s=track.time_s,
         clock_s=track.time_s + (np.nan if track.start_unix_s is None else track.start_unix_s),
         airspeed=track.airspeed,
@@ -233,8 +241,9 @@ def channels_of(
     return made
 
 
-class _OfTrack:
-    """The channels that take work, by their names in `Channels`: each is made once, when read."""
+class _TrackChannels:
+    """The channels that need computation, by their names in `Channels`; each is computed when
+    read."""
 
     def __init__(
         self,
@@ -260,7 +269,9 @@ class _OfTrack:
 
     @cached_property
     def along_acceleration(self) -> Floats:
-        return _along(self._track.time_s, self._track.velocity_ned, ALONG_SPAN * self._quick)
+        return _path_acceleration(
+            self._track.time_s, self._track.velocity_ned, ALONG_SPAN * self._quick
+        )
 
     @cached_property
     def reported_density(self) -> Floats:
@@ -285,7 +296,8 @@ class _OfTrack:
 
     @property
     def _hover_advance(self) -> Floats:
-        """(T,) m that the propellers' tips would screw forward in a minute of hover."""
+        """Return N D (T,), rpm times m, of the rotors in hover, as in the advance ratio J = w
+        60/(N D)."""
         craft = self._airframe
         hover_rpm = np.sqrt(self._mass * G0 / craft.rotor_count / craft.thrust_coefficient)
         return hover_rpm * craft.propeller_diameter
@@ -296,11 +308,11 @@ class _OfTrack:
 
     @cached_property
     def moving_voltage(self) -> Floats:
-        return _moving(self._track.time_s, self._track.voltage)
+        return _if_changing(self._track.time_s, self._track.voltage)
 
     @cached_property
     def _felt(self) -> Floats:
-        """(T,) load factor by the IMU."""
+        """Return the load factor (T,) by the IMU."""
         return np.linalg.norm(self._track.specific_force_frd, axis=1) / G0
 
     @cached_property
@@ -328,7 +340,7 @@ class _OfTrack:
 
     @cached_property
     def rate_shifts(self) -> tuple[Floats, Floats, Floats]:
-        return _three(self._table, self._track.angular_rate_frd)
+        return _shift_columns(self._table, self._track.angular_rate_frd)
 
     @cached_property
     def _turn(self) -> Floats:
@@ -336,7 +348,7 @@ class _OfTrack:
 
     @cached_property
     def acceleration_shifts(self) -> tuple[Floats, Floats, Floats]:
-        return _three(self._table, self._turn)
+        return _shift_columns(self._table, self._turn)
 
     @cached_property
     def heading(self) -> Floats:
@@ -353,7 +365,7 @@ def own_channels(
     effects: Iterable[Effect],
     start: FlightState | None = None,
 ) -> tuple[dict[str, Any], FlightState]:
-    """The channels that effects make for themselves, and what they carry at the last row."""
+    """Return the own channels of effects, by name, and their state after the last row."""
     makers = {e.name: e.own_channel for e in effects if e.own_channel is not None}
     before = {} if start is None else start.carried
     made = {name: make(track, airframe, before.get(name)) for name, make in makers.items()}
@@ -364,19 +376,20 @@ def own_channels(
 
 
 def _load_factor(time_s: Floats, velocity: Floats, span: float) -> Floats:
-    """|specific force|/g from the derivative of velocity over `span` seconds, (T,)."""
+    """Return |specific force|/g (T,) by the derivative of velocity over `span` seconds."""
     acceleration = derivative(time_s, velocity, span)
     return np.linalg.norm(acceleration - np.array([0.0, 0.0, G0]), axis=1) / G0
 
 
-def _along(time_s: Floats, velocity: Floats, span: float) -> Floats:
-    """(T,) m/s² by which the horizontal speed grows; 0 where it is unknown."""
+def _path_acceleration(time_s: Floats, velocity: Floats, span: float) -> Floats:
+    """Return the rate of change (T,) m/s² of the horizontal speed; 0 where it is unknown."""
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     return np.nan_to_num(derivative(time_s, speed, span))
 
 
-def _moving(time_s: Floats, values: Floats) -> Floats:
-    """The values (T,), or NaN where their means over STEADY_SPAN move by less than they scatter."""
+def _if_changing(time_s: Floats, values: Floats) -> Floats:
+    """Return the values (T,), or all NaN if their means over STEADY_SPAN vary less than they
+    scatter."""
     slow = moving_mean(time_s, values, STEADY_SPAN)
     known = np.isfinite(values)
     if known.any():
@@ -386,23 +399,26 @@ def _moving(time_s: Floats, values: Floats) -> Floats:
     return np.full_like(values, np.nan)
 
 
-def _three(table: Any, columns: Floats) -> tuple[Floats, Floats, Floats]:
+def _shift_columns(table: Any, columns: Floats) -> tuple[Floats, Floats, Floats]:
     return tuple(table(np.ascontiguousarray(columns.T)))
 
 
 def _along_axis(track: FlightTrack) -> Floats:
-    """(T, 3) m/s north, east, down: what each part of the speed through the air adds to that along
-    the thrust axis, positive upwards."""
+    """Return the components (T, 3) m/s of airspeed along the thrust axis, positive upwards.
+
+    They are the contributions of the north, east and down velocities; unknown wind counts as 0.
+    """
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
     return -(track.velocity_ned - wind) * down_axis(track.attitude)
 
 
 def _shift_tables(time_s: Floats, *, late: bool) -> Callable[[Floats], Floats]:
-    """Makes of channels (..., T) their values (..., T, len(LAGS)) so much later, NaN if not known.
+    """Return a function that makes of channels (..., T) their values (..., T, len(LAGS)) at all
+    lags.
 
-    That is where either neighbour is missing or far, and over the ends of the rows. Further off
-    than NEAR_LAG, where only late reports look, a channel is held over gaps and ends; unless an
-    effect asks for those (`late`) they are those of the row.
+    Values are NaN where a neighbouring row is missing or far, and beyond the ends of the rows. At
+    lags above NEAR_LAG, which only late reports need, a channel is interpolated over gaps and held
+    at the ends; unless an effect needs these (`late`), they are the values of the row itself.
     """
     if time_s.size < 2:
         return lambda values: np.repeat(values[..., None], len(LAGS), axis=-1)

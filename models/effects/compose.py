@@ -1,14 +1,14 @@
-"""Effects put together: from inputs to the speed of every rotor.
+"""Combine effects: from inputs to the speed of every rotor.
 
     N_i = sqrt(A_i / a0),  A = (D T'/T + P L) / kappa + S c
 
 D is the base model's apparent thrust of each rotor at the (corrected) airspeed and tank mass, T the
 thrust that it makes, T' the demand with its effects, L the moments with P the mixer's inverse, and
-kappa the product of the effects on all rotors. Where one rotor makes less thrust, or torque does
-not follow thrust, the autopilot adds controls c, which its mixer S shares over all rotors, until
-force and moments are those that the flight asks for. With four rotors that leaves each rotor its
-thrust; with more of them the mixer cannot make up for one rotor alone, and the one opposite gives
-way too. In rows that lack a channel an effect does nothing, by the neutral values that it owns.
+kappa the product of the effects on all rotors. If a single rotor makes less thrust, or torque is
+not proportional to thrust, the autopilot adds controls c, which its mixer S shares over all rotors,
+until force and moments are those that the flight requires. With four rotors each rotor then keeps
+its thrust; with more rotors the mixer cannot compensate on one rotor alone, and the opposite one
+changes too. In rows without one of its channels an effect has no influence, by its neutral values.
 """
 
 from __future__ import annotations
@@ -27,15 +27,17 @@ from thrustmargin.models.physics.allocation import mixer
 
 KAPPA_FLOOR = 0.05
 MOST_AIRSPEED, AIRSPEED_STEP = 20.0, 0.1  # m/s of the table of a base model
-THRUST_FLOOR = 1e-3  # N: a rotor that would have to pull down stands still instead
+THRUST_FLOOR = 1e-3  # N: a rotor never pulls down
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BaseTable:
-    """The base model's apparent thrust on a grid of airspeed and tank mass, read bilinearly.
+    """The base model's apparent thrust on a grid of airspeed and tank mass, interpolated
+    bilinearly.
 
-    `thrust` is (I, J, R) N at `airspeed_step * i` m/s and `tank_step_kg * j` kg. Controls are C
-    independent ones (four, fewer where rotors are); at their unit they ask the rotors for `shares`.
+    `thrust` is (I, J, R) N at `airspeed_step * i` m/s and `tank_step_kg * j` kg. There are C
+    independent controls (four, or R with fewer rotors); a unit control demands `shares` of the
+    rotors.
     """
 
     thrust: Any
@@ -45,12 +47,12 @@ class BaseTable:
     effectiveness: Any  # (R,) thrust over apparent thrust
     moment_shares: Any  # (R, 3) N per N m of roll, pitch, yaw: the inverse of the mixer
     shares: Any  # (R, C) the mixer: apparent thrust of each rotor, N, by control
-    thrust_control: Any  # (C, R) control that each rotor's thrust makes up, by apparent thrust
-    yaw_control: Any  # (C,) the same of a yaw moment
+    thrust_control: Any  # (C, R) control that compensates each rotor's thrust, by apparent thrust
+    yaw_control: Any  # (C,) control that compensates a yaw moment
     yaw_rows: Any  # (R,) yaw moment of each rotor's torque, by apparent thrust
 
     def look_up(self, airspeed: Array, tank_kg: Array) -> Array:
-        """Apparent thrust, (T, R) N; held at the edge of the grid, where NaN counts as 0."""
+        """Return the apparent thrust (T, R) N; constant beyond the grid, with NaN inputs as 0."""
         i, u = _cell(airspeed / self.airspeed_step, self.thrust.shape[0])
         j, v = _cell(tank_kg / self.tank_step_kg, self.thrust.shape[1])
         u, v, wide = u[:, None], v[:, None], self.thrust.shape[1]
@@ -61,7 +63,8 @@ class BaseTable:
 
 
 def _cell(x: Array, size: int) -> tuple[Array, Array]:
-    """Index of the cell that holds x and the place in it; held at the ends of the grid."""
+    """Return the index of the grid cell that contains x and the place in it, from 0 to 1;
+    clipped to the grid."""
     x = np.minimum(np.fmax(x, 0.0), size - 1.0)
     index = np.minimum(x.astype(np.intp), size - 2)
     return index, x - index
@@ -73,8 +76,8 @@ def base_table(
     *,
     thrust_coefficient: float,
 ) -> BaseTable:
-    """Tabulate a base model: `speed(airspeed (N,), tank_kg (N,)) -> (N, R)` rpm."""
-    # What has no tank carries a payload.
+    """Tabulate a base model `speed(airspeed (N,), tank_kg (N,)) -> (N, R)` rpm."""
+    # An aircraft without a tank carries a payload.
     most_kg = airframe.tank_capacity_kg or float(np.nan_to_num(airframe.empty_mass)) or 1.0
     tank_step_kg = most_kg / 80.0
     speeds = np.arange(0.0, MOST_AIRSPEED + AIRSPEED_STEP, AIRSPEED_STEP)
@@ -82,7 +85,7 @@ def base_table(
     airspeed, tank_kg = (g.ravel() for g in np.meshgrid(speeds, masses, indexing="ij"))
     thrust = thrust_coefficient * speed(airspeed, tank_kg) ** 2
     rows = mixer(airframe) * airframe.rotor_effectiveness
-    # The autopilot goes by where a rotor is and how it turns, whatever it makes.
+    # The autopilot's mixer knows place and spin of each rotor, not its effectiveness.
     _, size, columns = np.linalg.svd(mixer(airframe), full_matrices=False)
     shares = columns[size > 1e-9 * size.max(initial=0.0)].T
     control = np.linalg.pinv(rows @ shares)
@@ -101,7 +104,8 @@ def base_table(
 
 
 def coefficient(placed: Sequence[Placed], x: Channels, rotors: int) -> Array:
-    """kappa of all rotors, (T, R) or (T, 1): the product of the coefficient effects."""
+    """Return kappa, (T, R) or (T, 1): the product of the coefficient effects, at least
+    KAPPA_FLOOR."""
     every = [item for item in placed if item.effect.kind is Kind.COEFFICIENT]
     kappa = _product(every, x, rotors, lambda item: item.effect.apply)
     return np.maximum(kappa, KAPPA_FLOOR)
@@ -110,7 +114,8 @@ def coefficient(placed: Sequence[Placed], x: Channels, rotors: int) -> Array:
 def _product(
     placed: Sequence[Placed], x: Channels, rotors: int, factor: Callable[[Placed], Any]
 ) -> Array:
-    """The product over effects of `factor(item)(p, x)`, on the rotors they are of."""
+    """Multiply `factor(item)(p, x)` over effects, each on the rotors that it acts on; (T, R) or
+    (T, 1)."""
     product = np.ones_like(x.time_s)[:, None]
     for item in placed:
         value = factor(item)(item.values, x)[:, None]
@@ -121,15 +126,15 @@ def _product(
 
 
 def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> Array:
-    """a0 N² of every rotor with the effects in place, (T, R) N."""
-    x = corrected(placed, x)
+    """Return a0 N² (T, R) N of every rotor with the effects."""
+    x = correct_inputs(placed, x)
     thrust = base.look_up(x.airspeed, x.tank_kg)
     demand = total = thrust @ base.effectiveness
     for item in placed:
         if item.effect.kind is Kind.DEMAND:
             demand = item.effect.apply(item.values, x, demand)
     if demand is not total:
-        demand = np.maximum(demand, THRUST_FLOOR)  # as a report of a fall at more than g has it
+        demand = np.maximum(demand, THRUST_FLOOR)  # negative if a fall at more than g is reported
         thrust = thrust * (demand / total)[:, None]
     for item in placed:
         if item.effect.kind is Kind.MOMENTS:
@@ -138,13 +143,15 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> A
     every = coefficient([i for i in placed if i.rotor is None], x, thrust.shape[1])
     apart = [item for item in placed if item.effect.torque is not None]
     if apart:
-        thrust = _rebalanced(base, apart, x, thrust)
+        thrust = _rebalance(base, apart, x, thrust)
     return np.maximum(thrust / every, THRUST_FLOOR)
 
 
-def corrected(placed: Sequence[Placed], x: Channels) -> Channels:
-    """The channels with what airspeed and tank mass really were: all later effects go with these,
-    as lift and drag in a wind that no channel reports do."""
+def correct_inputs(placed: Sequence[Placed], x: Channels) -> Channels:
+    """Return the channels with airspeed, tank mass and total mass corrected by the input effects.
+
+    All later effects use them, as the lift and drag in a wind that no channel reports.
+    """
     airspeed, tank_kg = x.airspeed, x.tank_kg
     follow = sum(item.effect.temperature_offset is not None for item in placed)
     late = sum(item.values["lag"] for item in placed if item.effect.delays)
@@ -158,13 +165,15 @@ def corrected(placed: Sequence[Placed], x: Channels) -> Channels:
     return x.with_changed(airspeed=airspeed, tank_kg=tank_kg, total_mass=mass)
 
 
-def _rebalanced(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Array) -> Array:
-    """Apparent thrust (T, R) that gives the force and moments of `thrust` where single rotors make
-    less of it, or torque does not follow it. What all rotors lose alike is for the caller.
+def _rebalance(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Array) -> Array:
+    """Return the apparent thrust (T, R) that restores the force and moments of `thrust`.
 
-    Controls c must make up for what each of K causes takes: I + U V_t of them arrives, U (C, K) the
-    controls that a cause takes from, V_t (K, C) its answer to c, and U g_t is lacking. So
-    c = -U (I + V_t U)^-1 g_t (Woodbury), K being the bad rotors and torque.
+    Needed if single rotors make less thrust, or torque is not proportional to it. A loss that all
+    rotors share is left to the caller.
+
+    Controls c must compensate the loss of each of K causes: I + U V_t of them arrives, U (C, K) the
+    controls that a cause reduces, V_t (K, C) its response to c, and U g_t is lacking. So c = -U (I
+    + V_t U)^-1 g_t (Woodbury); the causes are the bad rotors and torque.
     """
     rotors = thrust.shape[1]
     bad = sorted({item.rotor for item in apart if item.rotor is not None})
@@ -177,12 +186,15 @@ def _rebalanced(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: A
     lost = alone[:, bad] - 1.0 if bad else np.empty((thrust.shape[0], 0))
     both = np.concatenate([lost[:, :, None] * answer[bad], (twist @ answer)[:, None]], axis=1)
     taken = np.concatenate([lost * thrust[:, bad], np.sum(twist * thrust, 1)[:, None]], axis=1)
-    return thrust - _solved(np.eye(len(bad) + 1) + both, taken) @ answer.T
+    return thrust - _solve(np.eye(len(bad) + 1) + both, taken) @ answer.T
 
 
-def _solved(systems: Array, right: Array) -> Array:
-    """(T, C) of systems (T, C, C) near one: elimination of all rows at once, without pivots, in a
-    quarter of the time of LAPACK's on each."""
+def _solve(systems: Array, right: Array) -> Array:
+    """Solve (T, C, C) systems near one for right sides (T, C), by elimination over all rows at
+    once.
+
+    Without pivots, in a quarter of the time of LAPACK's on each.
+    """
     both = np.concatenate([systems, right[:, :, None]], axis=2).transpose(1, 2, 0).copy()
     for k in range(both.shape[0]):
         row = both[k] / both[k, k]
@@ -192,32 +204,34 @@ def _solved(systems: Array, right: Array) -> Array:
 
 
 def rotor_speed_rpm(base: BaseTable, placed: Sequence[Placed], x: Channels) -> Array:
-    """Speed of every rotor with the effects in place, (T, R) rpm."""
+    """Return the speed (T, R) rpm of every rotor with the effects."""
     return np.sqrt(apparent_thrust(base, placed, x) / base.thrust_coefficient)
 
 
-def tolerant(item: Placed) -> Placed:
-    """The effect for numpy channels with gaps, in which it does nothing."""
+def with_neutral_gaps(item: Placed) -> Placed:
+    """Return the effect in a form that has no influence where numpy channels have gaps."""
     effect = item.effect
     if not effect.neutral:
         return item
 
     def apply(p, x, *given):
-        return effect.apply(p, filled(effect, p, x), *given)
+        """Apply the effect with gaps filled."""
+        return effect.apply(p, fill_neutral(effect, p, x), *given)
 
     def torque(p, x):
+        """Return the torque factor with gaps filled."""
         assert effect.torque is not None
-        return effect.torque(p, filled(effect, p, x))
+        return effect.torque(p, fill_neutral(effect, p, x))
 
     whole = replace(effect, apply=apply, torque=torque if effect.torque else None)
     return replace(item, effect=whole)
 
 
-def filled(effect: Effect, p: Values, x: Channels) -> Channels:
-    """The channels with the effect's neutral values in place of missing ones.
+def fill_neutral(effect: Effect, p: Values, x: Channels) -> Channels:
+    """Return the channels with the effect's neutral values in place of missing ones.
 
-    A row that lacks one plain channel has the neutral values of all; of a table of delays only the
-    missing delays are filled.
+    A row without one of the plain channels gets the neutral values of all of them; in a table of
+    delays only the missing delays are filled.
     """
     gap = np.zeros(x.time_s.shape, dtype=np.bool_)
     for name in effect.neutral:
@@ -237,8 +251,8 @@ def filled(effect: Effect, p: Values, x: Channels) -> Channels:
     return x.with_changed(own=own, **changed)
 
 
-def unseen(placed: Sequence[Placed], x: Channels) -> Bools:
-    """(T,) rows beyond what an effect was seen in."""
+def outside_identified(placed: Sequence[Placed], x: Channels) -> Bools:
+    """Flag the rows (T,) outside the range in which an effect was identified."""
     out = np.zeros(x.time_s.shape, dtype=np.bool_)
     for item in placed:
         if item.effect.seen is not None:
@@ -246,12 +260,13 @@ def unseen(placed: Sequence[Placed], x: Channels) -> Bools:
     return out
 
 
-def lacking(placed: Sequence[Placed], x: Channels) -> Bools:
-    """(T,) rows that lack a channel of an effect, near the row or, of late reports, anywhere."""
+def lacks_channel(placed: Sequence[Placed], x: Channels) -> Bools:
+    """Flag the rows (T,) without a channel of an effect, near the row or, with late reports, at
+    any lag."""
     near = np.flatnonzero(np.abs(LAGS) <= NEAR_LAG)
     late = any(item.effect.delays for item in placed)
     looked_at = slice(None) if late else slice(near[0], near[-1] + 1)
-    total = np.zeros(x.time_s.shape)  # of many numbers: what is not finite in one is not in it
+    total = np.zeros(x.time_s.shape)  # a sum is finite only if all its terms are
     for name in {name for item in placed for name in item.effect.neutral}:
         value = x.read(name)
         for part in value if isinstance(value, tuple) else (value,):

@@ -1,14 +1,14 @@
 """Effects on the total thrust that the rotors must make.
 
 Extra mass, load factor, parasite drag and a slung load. A load on a cable swings, so its pull is
-not its share of the aircraft's own load factor. The load hangs at distance l in direction q (a
-unit vector) below the hook. The hook's specific force f (what an accelerometer reads, turned into
-room axes) drives it, whatever the load's mass m:
+not its share of the aircraft's own load factor. The load hangs at distance l in direction q (a unit
+vector) below the hook. The hook's specific force f (what an accelerometer reads, turned into NED
+axes) drives it, whatever the load's mass m:
 
     l q'' = -(f - (f.q) q) - l |q'|² q - 2 zeta sqrt(g l) q'      tension = m (l |q'|² - f.q)
 
 Source: spherical pendulum on a moving hook in Newtonian mechanics (for multirotors: Sreenath, Lee
-and Kumar 2013). The log gives f, so every cable length gives one history of the tension. A table
+and Kumar 2013). The log contains f, so every cable length gives one history of the tension. A table
 of lengths, interpolated between its columns, makes the length a parameter with a derivative.
 """
 
@@ -50,7 +50,8 @@ EXTRA_MASS = Effect(
 )
 
 
-def _loaded(p, x: Channels, thrust):
+def _with_load_factor(p, x: Channels, thrust):
+    """Scale the thrust (T,) N by the load factor, a blend of motion and IMU."""
     weights = lag_weights(p["lag"] - x.delay, p["derivative_correction"])
     kinematic = x.load_factor_shifts @ weights
     felt = x.manoeuvre_load_shifts @ weights
@@ -82,7 +83,7 @@ LOAD_FACTOR = Effect(
     source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts; "
     "the derivative correction gives back what reports a few times a second smooth away, or "
     "smooths their noise",
-    apply=_loaded,
+    apply=_with_load_factor,
     change=lambda effect, has, scatter: None,  # Newton's law is the same on every day
     looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),
 )
@@ -90,7 +91,8 @@ LOAD_FACTOR = Effect(
 _WEIGHT = (EXTRA_MASS, LOAD_FACTOR)
 
 
-def _dragged(p, x: Channels, thrust):
+def _with_drag(p, x: Channels, thrust):
+    """Return the thrust (T,) N with parasite drag and its work while speeding up."""
     area = p["drag_area"]
     pressure = 0.5 * x.density * x.airspeed**2
     pushed = 2.0 * pressure * area * thrust / G0 * x.along_acceleration
@@ -107,7 +109,7 @@ PARASITE_DRAG = Effect(
             name="drag_area",
             unit="m^2",
             start=0.5,
-            lower=-1.0,  # no more than the model itself can have of it
+            lower=-1.0,  # the base model may already contain so much
             upper=6.0,
             scale=1.0,
             smallest=0.05,  # hoses, wet covers, and wind that nobody reports
@@ -118,7 +120,7 @@ PARASITE_DRAG = Effect(
     of_every_aircraft=True,
     source="thrust carries weight, drag and acceleration: |m (a - g) - D|, D = rho CdA V^2 / 2, so "
     "its square has D^2 and, while speeding up along the way, 2 D m a",
-    apply=_dragged,
+    apply=_with_drag,
     looks=lambda p: (derivative_look(ALONG_SPAN), derivative_look(ALONG_SPAN)),
 )
 
@@ -129,27 +131,27 @@ SHORTEST = 4.0  # arms of the aircraft
 RATIO = 1.035  # of neighbouring lengths
 LENGTHS = 82  # the longest is 16 times the shortest
 DAMPING = 0.03  # zeta, share of critical: assumed, the air drag of a load and its cable
-MOST_PULL = 4.0  # weights of the load; beyond it a swing is not one
-FINEST = 0.2  # rad of swing phase a step
-FORGOTTEN = 10.0  # s without a row, after which the load is taken to hang at rest again
-BRACKETS = 7  # pieces of the range of lengths, each searched from its middle
+MOST_PULL = 4.0  # weights of the load; a larger pull is not credible
+FINEST = 0.2  # rad of swing phase for each step, at most
+FORGOTTEN = 10.0  # s without a row, after which the load is assumed at rest
+BRACKETS = 7  # parts of the range of lengths, each searched from its middle
 OVERLAP = 1.1
 
 
 def cable_lengths(airframe: Airframe) -> Floats:
-    """Cable lengths of the table, (LENGTHS,) m."""
+    """Return the cable lengths (LENGTHS,) m of the table."""
     return SHORTEST * airframe.arm * RATIO ** np.arange(LENGTHS, dtype=np.float64)
 
 
 class SwingState(NamedTuple):
-    """Where the loads are at one row, and what drives them."""
+    """The state of L swinging loads at one row."""
 
     load: Floats  # (6, L) direction and its rate, NED
     force: Floats  # (3,) m/s² NED, the last known
 
 
 class _Cables(NamedTuple):
-    """What L cables do in the equation of motion, (L,) each."""
+    """The constants of L cables in the equation of motion, (L,) each."""
 
     shortness: Floats  # 1/m
     damping: Floats  # 1/s
@@ -157,7 +159,8 @@ class _Cables(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Swing:
-    """A load on L cables, worked out along a flight of T rows; NaN where the log is silent."""
+    """The motion of a load on each of L cables over a flight of T rows; NaN without force or
+    attitude."""
 
     direction_ned: Floats  # (T, L, 3) unit vector from the hook to the load
     pull: Floats  # (T, L) tension along the thrust axis, in weights of the load
@@ -167,38 +170,42 @@ class Swing:
 def cable_pull(
     track: FlightTrack, airframe: Airframe, start: SwingState | None = None
 ) -> tuple[Floats, SwingState | None]:
-    """What a swinging load adds along the thrust axis, (T, lengths) in weights of the load.
+    """Return the additional pull (T, LENGTHS) of a swinging load along the thrust axis, in its
+    weights.
 
-    It is the tension along the axis less |f|/g, what the load would take if it did not swing: 0 in
-    a steady hover. NaN without accelerometer or attitude. With it comes the state at the last row,
-    and `start` is that at the first.
+    It is the tension along the axis less |f|/g, the pull of a load that does not swing: 0 in a
+    steady hover. NaN without accelerometer or attitude. Also return the state after the last row;
+    `start` is the state before the first.
     """
     if start is not None:
-        return _pulled(track, airframe, start)
-    made = _PULLED.setdefault(track, {})
+        return _compute_pull(track, airframe, start)
+    made = _PULL_CACHE.setdefault(track, {})
     if airframe.arm not in made:
-        made[airframe.arm] = _pulled(track, airframe, None)
+        made[airframe.arm] = _compute_pull(track, airframe, None)
     return made[airframe.arm]
 
 
-#: What was found of the tracks in use, by arm: a training asks for each of its flights ten times.
-_PULLED: WeakKeyDictionary[FlightTrack, dict[float, tuple[Floats, SwingState | None]]] = (
+#: Cache by track and arm: a training needs each flight about ten times.
+_PULL_CACHE: WeakKeyDictionary[FlightTrack, dict[float, tuple[Floats, SwingState | None]]] = (
     WeakKeyDictionary()
 )
 
 
-def _pulled(
+def _compute_pull(
     track: FlightTrack, airframe: Airframe, start: SwingState | None
 ) -> tuple[Floats, SwingState | None]:
+    """Compute the additional pull, as `cable_pull` without its cache."""
     felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
     swung = swing(track, cable_lengths(airframe), start)
     return swung.pull - felt[:, None], swung.last
 
 
 def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) -> Swing:
-    """The load on cables of `lengths` (L,) m. Without a `start`, and after a pause of the rows, it
-    hangs at rest, along the row's apparent gravity. It takes the last known force where a row has
-    none."""
+    """Simulate the load on cables of `lengths` (L,) m.
+
+    Without a `start`, and after a pause of FORGOTTEN s, it hangs at rest along the apparent gravity
+    of the row. In rows without a force the last known one is used.
+    """
     rows = track.time_s.size
     force, down = force_ned(track)
     known: Bools = np.all(np.isfinite(force) & np.isfinite(down), axis=1)
@@ -235,16 +242,17 @@ def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) 
 
 
 def _at_rest(force: Floats, count: int) -> Floats:
-    """Direction and rate (6, L) of `count` loads that hang along the apparent gravity."""
+    """Return direction and rate (6, L) of `count` loads that hang along the apparent gravity."""
     state = np.zeros((6, count))
     state[:3] = (-force / np.linalg.norm(force))[:, None]
     return state
 
 
 def _step(state: Floats, force: list[Floats], cables: _Cables, span: float) -> Floats:
-    """Direction and rate (6, L) `span` s later: Runge-Kutta of order 4, back on the sphere.
+    """Advance direction and rate (6, L) by `span` s: Runge-Kutta of order 4, normalised to the
+    sphere.
 
-    `force` is that at the start, in the middle and at the end of the step.
+    `force` contains those at the start, in the middle and at the end of the step.
     """
     start, middle, end = force
     k1 = _motion(state, start, cables)
@@ -258,7 +266,7 @@ def _step(state: Floats, force: list[Floats], cables: _Cables, span: float) -> F
 
 
 def _motion(state: Floats, force: Floats, cables: _Cables) -> Floats:
-    """Time derivative of direction and rate, (6, L)."""
+    """Return the time derivative (6, L) of direction and rate."""
     direction, rate = state[:3], state[3:]
     inward = (force @ direction) * cables.shortness - _products(rate, rate)
     moved = np.empty_like(state)
@@ -268,18 +276,19 @@ def _motion(state: Floats, force: Floats, cables: _Cables) -> Floats:
 
 
 def _products(one: Floats, other: Floats) -> Floats:
-    """(L,) products of vectors (3, L)."""
+    """Return the scalar products (L,) of vectors (3, L)."""
     return np.einsum("il,il->l", one, other)
 
 
 def force_ned(track: FlightTrack) -> tuple[Floats, Floats]:
-    """Specific force (T, 3) m/s² in NED and the body's down axis (T, 3) in NED."""
+    """Return the specific force (T, 3) m/s² in NED and the body's down axis (T, 3) in NED."""
     forward, right, down = body_axes(track.attitude)
     body = track.specific_force_frd
     return body[:, :1] * forward + body[:, 1:2] * right + body[:, 2:] * down, down
 
 
-def _slung_load(p, x: Channels, thrust):
+def _with_slung_load(p, x: Channels, thrust):
+    """Add the pull of a slung load to the thrust (T,) N, interpolated in the cable length."""
     columns = np.arange(LENGTHS, dtype=np.float64)
     u = np.abs(np.log(p["cable"] / (SHORTEST * x.arm) + 0.0 * columns) / log(RATIO) - columns)
     near = (1.5 * u - 2.5) * u * u + 1.0  # cubic convolution (Keys 1981), as for delays
@@ -288,9 +297,11 @@ def _slung_load(p, x: Channels, thrust):
     return thrust + p["mass"] * G0 * (x.own["slung_load"] @ weights)
 
 
-def _bracket(number: int) -> Effect:
-    """The effect with the cable in one piece of the range: the fit follows a swing's phase only
-    from a length near the true one."""
+def _cable_bracket(number: int) -> Effect:
+    """Return the effect with cable lengths in one of BRACKETS parts of the range.
+
+    The fit can follow a swing's phase only from a length near the true one.
+    """
     width = RATIO ** ((LENGTHS - 1) / BRACKETS)
     low, longest = SHORTEST * width**number, SHORTEST * RATIO ** (LENGTHS - 1)
     return Effect(
@@ -314,12 +325,12 @@ def _bracket(number: int) -> Effect:
         with_tank=False,
         source="a load on a cable swings as a spherical pendulum below the aircraft, driven by the "
         "specific force that the aircraft feels; its mass is part of the weight already",
-        apply=_slung_load,
+        apply=_with_slung_load,
         own_channel=cable_pull,
     )
 
 
-SLUNG_LOADS = tuple(_bracket(k) for k in range(BRACKETS))
+SLUNG_LOADS = tuple(_cable_bracket(k) for k in range(BRACKETS))
 _SLUNG = SLUNG_LOADS
 
 

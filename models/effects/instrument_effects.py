@@ -12,14 +12,16 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 
 REPEATED = 0.05  # m/s: rounding of three messages to 0.01 m/s, and what they are apart in time
-MOSTLY = 0.9  # of the rows; a sensor in the rotors' flow scatters by more in nearly all
+MOSTLY = 0.9  # share of rows; a sensor in the rotors' flow scatters by more in nearly all
 
 
-def of_sensor(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
-    """The airspeed, (T,) m/s; all NaN where it only repeats velocity minus wind.
+def sensor_airspeed(
+    track: FlightTrack, airframe: Airframe, start: None = None
+) -> tuple[Floats, None]:
+    """Return the airspeed (T,) m/s of a sensor; all NaN where it only repeats velocity minus wind.
 
-    Without a pitot tube the autopilot works airspeed out from its own velocity and wind (none
-    known: still air). Then there is no sensor that could be off; the wind may be.
+    Without a pitot tube the autopilot computes airspeed from its own velocity and wind (still air
+    if unknown). Then no sensor can be wrong, only the wind.
     """
     del airframe
     through = track.velocity_ned - np.nan_to_num(track.wind_ned)
@@ -43,7 +45,7 @@ AIRSPEED_BIAS = Effect(
         ),
     ),
     needs=("airspeed", "airspeed_bias"),
-    own_channel=of_sensor,
+    own_channel=sensor_airspeed,
     source="a sensor whose zero is off: true airspeed = shown + bias, and never below nothing",
     apply=lambda p, x, airspeed, tank_kg: (np.clip(airspeed + p["bias"], 0.0, None), tank_kg),
 )
@@ -54,7 +56,7 @@ AIRSPEED_GAIN = Effect(
     # Smallest: half the share by which air is thinner on a warm day or a hill.
     parameters=(instrument_gain(0.03),),
     needs=("airspeed", "airspeed_gain"),
-    own_channel=of_sensor,
+    own_channel=sensor_airspeed,
     source="a pitot tube in the rotors' flow, or thin air read as dense: true airspeed = gain x "
     "shown",
     apply=lambda p, x, airspeed, tank_kg: (airspeed * p["gain"], tank_kg),
@@ -63,12 +65,14 @@ AIRSPEED_GAIN = Effect(
 _AIRSPEED = (AIRSPEED_BIAS, AIRSPEED_GAIN)
 
 
-def _airspeed_late(p, x: Channels, airspeed, tank_kg):
+def _delayed_airspeed(p, x: Channels, airspeed, tank_kg):
+    """Undo a delay of the airspeed channel."""
     late = lag_weights(p["lag"] - x.delay) - lag_weights(-x.delay)
     return airspeed + x.airspeed_shifts @ late, tank_kg
 
 
-def _rotor_speed_late(p, x: Channels, airspeed, tank_kg):
+def _delayed_rotor_speed(p, x: Channels, airspeed, tank_kg):
+    """Shift the airspeed to the time of rotor speeds that are reported late."""
     late = lag_weights(-p["lag"]) - lag_weights(0.0)
     return airspeed + x.airspeed_shifts @ late, tank_kg
 
@@ -78,10 +82,10 @@ SENSOR_LAG = Effect(
     kind=Kind.INPUT,
     parameters=(Parameter(name="lag", unit="s", lower=-0.5, upper=0.5, scale=0.2, smallest=0.05),),
     needs=("airspeed", "sensor_lag"),
-    own_channel=of_sensor,
+    own_channel=sensor_airspeed,
     neutral={"airspeed_shifts": lambda p, x: x.airspeed[:, None]},
     source="the airspeed channel reports late by `lag`",
-    apply=_airspeed_late,
+    apply=_delayed_airspeed,
     looks=lambda p: shifts_look(p["lag"]),
 )
 
@@ -103,7 +107,7 @@ ROTOR_SPEED_LAG = Effect(
     needs=("airspeed_shifts",),
     neutral={"airspeed_shifts": lambda p, x: x.airspeed[:, None]},
     source="the rotor speeds are reported late by `lag`: telemetry that queues or comes rarely",
-    apply=_rotor_speed_late,
+    apply=_delayed_rotor_speed,
     looks=lambda p: shifts_look(0.0),
     delays=True,
 )
@@ -111,10 +115,11 @@ ROTOR_SPEED_LAG = Effect(
 _LAGS = (SENSOR_LAG, ROTOR_SPEED_LAG)
 
 
-LEAST_SPREAD = 0.02  # of the tank, from flight to flight: below it, it is a mass on board
+LEAST_SPREAD = 0.02  # share of the tank, between flights: a smaller spread is a mass on board
 
 
-def _spread(p, x: Channels):
+def _offset_spread(p, x: Channels):
+    """Return the spread of offsets between flights over the least that is reported."""
     return np.std(p["offset"]) / (LEAST_SPREAD * x.tank_capacity_kg)
 
 
@@ -145,7 +150,7 @@ TANK_ZERO = Effect(
     needs=("tank_kg",),
     source="a gauge that is set to zero anew before each flight: true mass = shown mass + offset",
     apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg + p["offset"]),
-    weight=_spread,
+    weight=_offset_spread,
     by_flights=True,
 )
 
@@ -171,21 +176,24 @@ TANK_DRIFT = Effect(
 _TANK = (TANK_SCALE, TANK_ZERO, TANK_DRIFT)
 
 
-LEAST_AIRSPEED_ERROR = 0.8  # m/s RMS: a gust or two off is no missing wind
+LEAST_AIRSPEED_ERROR = 0.8  # m/s RMS: less may be gusts
 
 
 def _through_air(p, x: Channels, airspeed, tank_kg):
+    """Return the airspeed (T,) m/s by ground velocity and the wind's parameters."""
     north = x.velocity_north - p["wind_north"]
     east = x.velocity_east - p["wind_east"]
     return np.sqrt(north**2 + east**2 + 1e-6), tank_kg
 
 
-def _weight(p, x: Channels):
+def _wind_weight(p, x: Channels):
+    """Return the RMS change of airspeed over the least that is reported."""
     airspeed, _ = _through_air(p, x, x.airspeed, x.tank_kg)
     return np.sqrt(np.mean((airspeed - x.airspeed) ** 2)) / LEAST_AIRSPEED_ERROR
 
 
-def _component(name: str) -> Parameter:
+def _wind_component(name: str) -> Parameter:
+    """Return the parameter of one component of the wind."""
     return Parameter(
         name=name,
         unit="m/s",
@@ -201,7 +209,7 @@ def _component(name: str) -> Parameter:
 WIND = Effect(
     name="wind",
     kind=Kind.INPUT,
-    parameters=(_component("wind_north"), _component("wind_east")),
+    parameters=(_wind_component("wind_north"), _wind_component("wind_east")),
     needs=("airspeed", "velocity_north", "velocity_east"),
     neutral={
         "velocity_north": lambda p, x: p["wind_north"] + x.airspeed,
@@ -209,10 +217,10 @@ WIND = Effect(
     },
     source="airspeed is the speed over ground less the wind",
     apply=_through_air,
-    weight=_weight,
+    weight=_wind_weight,
 )
 
-#: One beyond that of the training, that the reported airspeed follows.
+#: A wind beyond the training range, which the reported airspeed already contains.
 FOLLOWED_WIND = replace(WIND, variant="already followed")
 
 _WIND = (WIND,)

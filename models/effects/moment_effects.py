@@ -41,23 +41,26 @@ from thrustmargin.models.effects.channels import (
     lag_weights,
     shifts_look,
 )
-from thrustmargin.models.effects.spin_up import slowed_yaw_rate, spun_up
+from thrustmargin.models.effects.spin_up import slowed_yaw_rate, spin_up_moment
 from thrustmargin.models.flight import FlightTrack, Floats, body_axes
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.smoothing import derivative, moving_mean
 
 
-def _fixed(p, x: Channels, thrust):
+def _offset_moment(p, x: Channels, thrust):
+    """Return the moments of a centre of gravity at (x, y)."""
     return -p["y"] * thrust, p["x"] * thrust, 0.0 * thrust
 
 
-def _with_tank(p, x: Channels, thrust):
+def _tank_moment(p, x: Channels, thrust):
+    """Return the moments of a centre of gravity that shifts in proportion to the tank level."""
     full = x.tank_kg / x.tank_capacity_kg
     return -p["y_full"] * full * thrust, p["x_full"] * full * thrust, 0.0 * thrust
 
 
-def _offset(name: str) -> Parameter:
+def _offset_parameter(name: str) -> Parameter:
+    """Return the parameter of an offset of the centre of gravity."""
     return Parameter(
         name=name,
         unit="m",
@@ -72,21 +75,21 @@ def _offset(name: str) -> Parameter:
 CG_OFFSET = Effect(
     name="cg_offset",
     kind=Kind.MOMENTS,
-    parameters=(_offset("x"), _offset("y")),
+    parameters=(_offset_parameter("x"), _offset_parameter("y")),
     of_every_aircraft=True,
     source="balance of moments: thrust stands off the centre of gravity by (x, y)",
-    apply=_fixed,
+    apply=_offset_moment,
 )
 
 CG_OFFSET_TANK = Effect(
     name="cg_offset",
     variant="tank",
     kind=Kind.MOMENTS,
-    parameters=(_offset("x_full"), _offset("y_full")),
+    parameters=(_offset_parameter("x_full"), _offset_parameter("y_full")),
     needs=("tank_kg",),
     of_every_aircraft=True,
     source="balance of moments: a tank mounted off centre shifts the balance as it fills",
-    apply=_with_tank,
+    apply=_tank_moment,
 )
 
 _CG = (CG_OFFSET, CG_OFFSET_TANK)
@@ -99,9 +102,9 @@ LOOK = derivative_look(VELOCITY_SPAN) + MEAN_SPAN / 2 + LAG_STEP
 
 
 def lean(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
-    """Specific force forward and right, (T, 2) in g, by attitude and velocity.
+    """Return the specific force forward and right (T, 2) in g, from attitude and velocity.
 
-    NaN in rows where a wind is reported: the moment of flow is then known from the velocity.
+    NaN in rows with a reported wind, where the flow's moment follows from the velocity.
     """
     leaning = np.full((track.time_s.size, 2), np.nan)
     quick = froude_time_scale(airframe)
@@ -114,19 +117,21 @@ def lean(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Fl
     return leaning, start
 
 
-def _leaning(p, x: Channels, thrust):
+def _drag_moment(p, x: Channels, thrust):
+    """Return the moments of drag that acts above the centre of gravity."""
     forward, right = x.own["drag_moment"].T
     return -p["roll"] * right * thrust, p["pitch"] * forward * thrust, 0.0 * thrust
 
 
-def _height(name: str) -> Parameter:
+def _height_parameter(name: str) -> Parameter:
+    """Return the parameter of a height above the centre of gravity."""
     return Parameter(name=name, unit="m", lower=-4.0, upper=4.0, scale=0.5, smallest=0.05)
 
 
 DRAG_MOMENT = Effect(
     name="drag_moment",
     kind=Kind.MOMENTS,
-    parameters=(_height("roll"), _height("pitch")),
+    parameters=(_height_parameter("roll"), _height_parameter("pitch")),
     needs=("drag_moment",),
     neutral={"drag_moment": 0.0},
     of_every_aircraft=True,
@@ -136,16 +141,16 @@ DRAG_MOMENT = Effect(
     with_tank=False,
     looks=lambda p: (LOOK, LOOK),
     own_channel=lean,
-    apply=_leaning,
+    apply=_drag_moment,
 )
 
 _DRAG_MOMENT = (DRAG_MOMENT,)
 
 
 def flow(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
-    """Level speed through the air forward and right, (T, 2) m/s.
+    """Return the horizontal airspeed forward and right (T, 2) m/s.
 
-    NaN without a wind, still air included: `drag_moment` then has the flow by the lean.
+    NaN without a reported wind; still air must be reported too. `drag_moment` then uses the lean.
     """
     north, east, _ = (track.velocity_ned - track.wind_ned).T
     yaw = track.attitude[:, 2]
@@ -153,21 +158,23 @@ def flow(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Fl
     return np.stack([forward, east * np.cos(yaw) - north * np.sin(yaw)], axis=1), start
 
 
-def _lifted(p, x: Channels, thrust):
+def _flow_moment(p, x: Channels, thrust):
+    """Return the moments of the flow on the rotors."""
     forward, right = x.own["flow_moment"].T
     lever = thrust * x.propeller_diameter / x.hover_induced_velocity
     return p["roll"] * right * lever, -p["pitch"] * forward * lever, 0.0 * thrust
 
 
-def _gain(name: str) -> Parameter:
-    """Smallest: a wind of half a m/s that nobody reports."""
+def _gain_parameter(name: str) -> Parameter:
+    """Return the parameter of a flow moment; `smallest` is due to an unreported wind of half a
+    m/s."""
     return Parameter(name=name, unit="1", lower=-1.0, upper=1.0, scale=0.1, smallest=0.01)
 
 
 FLOW_MOMENT = Effect(
     name="flow_moment",
     kind=Kind.MOMENTS,
-    parameters=(_gain("roll"), _gain("pitch")),
+    parameters=(_gain_parameter("roll"), _gain_parameter("pitch")),
     needs=("flow_moment", "hover_induced_velocity"),
     neutral={"flow_moment": 0.0},
     of_every_aircraft=True,
@@ -177,14 +184,14 @@ FLOW_MOMENT = Effect(
     # of a speed channel that is late.
     with_tank=False,
     own_channel=flow,
-    apply=_lifted,
+    apply=_flow_moment,
 )
 
 _FLOW = (FLOW_MOMENT,)
 
 
-SAMPLED = 0.04  # what the derivative of a rate that is sampled and noisy is good for
-MOST_DAMPING = 300.0  # a rate loop answers gusts: where speeds are commands, against the rate
+SAMPLED = 0.04  # accuracy of the derivative of a rate that is sampled and noisy
+MOST_DAMPING = 300.0  # a rate loop responds to gusts: commanded speeds act against the rate
 AXES = ("roll", "pitch", "yaw")
 MOST = 60.0  # kg m²
 #: of MOST: the inertia about yaw of an aircraft whose whole mass sits at its rotors
@@ -192,6 +199,8 @@ AT_THE_ROTORS = USUAL_MASS * USUAL_ARM**2 / MOST
 
 
 def _turning_moment(p, x: Channels, thrust):
+    """Return the moments of turning: inertia and damping at a lag, with the rotors' spin-up
+    about yaw."""
     lag, loaded = p["lag"] - x.delay, (thrust / x.empty_weight) ** p["load_exponent"]
     weights = lag_weights(lag)
     tilt, yaw = (lag_weights(lag, p[f"derivative_correction_{of}"]) for of in ("tilt", "yaw"))
@@ -201,7 +210,7 @@ def _turning_moment(p, x: Channels, thrust):
         + rate @ (p[f"damping_{axis}"] * weights)
         for axis, rate, acceleration, sharpened in axes
     )
-    about_yaw = spun_up(
+    about_yaw = spin_up_moment(
         x,
         x.own["manoeuvre_moment"],
         at_once,
@@ -213,7 +222,8 @@ def _turning_moment(p, x: Channels, thrust):
     return roll, pitch, about_yaw
 
 
-def _turning(name: str, unit: str, most: float) -> Parameter:
+def _turning_parameter(name: str, unit: str, most: float) -> Parameter:
+    """Return the parameter of an inertia or damping."""
     return Parameter(
         name=name,
         unit=unit,
@@ -226,16 +236,19 @@ def _turning(name: str, unit: str, most: float) -> Parameter:
     )
 
 
-def _changed(effect: Effect, has: Sequence[Values], scatter: Mapping[str, float]) -> Effect | None:
-    """All moments of turning by one share more or less, as mass on arms and booms makes them.
+def _share_effect(
+    effect: Effect, has: Sequence[Values], scatter: Mapping[str, float]
+) -> Effect | None:
+    """Return the effect that changes all turning moments by one share, as mass on arms and booms
+    does.
 
-    Not each axis by itself: roll and pitch of an aircraft on its route hardly show, and with values
-    of their own would take what late rotor speeds do. An inertia is not below none.
+    Single axes do not get their own share: roll and pitch of an aircraft on its route hardly show,
+    and would absorb late rotor speeds. None if the model's yaw inertia is not positive.
     """
     moments = [p.name for p in effect.parameters if not p.detail]
     whole = {name: sum(values[name] for values in has) for name in moments}
-    # What is known of yaw stands for all: an arm turns by thrust, yaw by a few per cent of it, so
-    # that rotor speeds show yaw many times as well.
+    # Yaw sets the size for all axes: rotor speeds show it best, because a yaw moment needs much
+    # larger changes of thrust than roll and pitch do.
     yaw = next(p for p in effect.parameters if p.name == "inertia_yaw")
     if whole[yaw.name] <= 0.0:
         return None
@@ -251,17 +264,18 @@ def _changed(effect: Effect, has: Sequence[Values], scatter: Mapping[str, float]
         accuracy=SAMPLED,
     )
 
-    def kept(p: Values) -> Values:
+    def scaled_values(p: Values) -> Values:
+        """Return the values of the original effect with all its moments multiplied by the share."""
         return {**has[0], **{name: p["share"] * whole[name] for name in moments}}
 
     return replace(
         effect,
         variant="changed",
         parameters=(share,),
-        apply=lambda p, x, thrust: effect.apply(kept(p), x, thrust),
+        apply=lambda p, x, thrust: effect.apply(scaled_values(p), x, thrust),
         looks=lambda p: effect.looks(has[0]),
         change=None,
-        kept_as=kept,
+        kept_as=scaled_values,
     )
 
 
@@ -269,8 +283,8 @@ MANOEUVRE_MOMENT = Effect(
     name="manoeuvre_moment",
     kind=Kind.MOMENTS,
     parameters=(
-        *(_turning(f"inertia_{axis}", "kg m^2", MOST) for axis in AXES),
-        *(_turning(f"damping_{axis}", "N m s", MOST_DAMPING) for axis in AXES),
+        *(_turning_parameter(f"inertia_{axis}", "kg m^2", MOST) for axis in AXES),
+        *(_turning_parameter(f"damping_{axis}", "N m s", MOST_DAMPING) for axis in AXES),
         shaping("load_exponent", "1", start=0.0, lower=-2.0, upper=2.0, scale=0.5),
         shaping(
             "derivative_correction_tilt", "1", start=1.0 / 12.0, lower=-0.33, upper=0.5, scale=0.2
@@ -289,14 +303,15 @@ MANOEUVRE_MOMENT = Effect(
     "hidden mass change it; the derivative correction gives back what differences of a sampled "
     "rate smooth away; about yaw the rotors' own inertia acts too, by `spin_up`",
     apply=_turning_moment,
-    change=_changed,
+    change=_share_effect,
     looks=lambda p: shifts_look(p["lag"], derivative_look(RATE_SPAN)),
 )
 
 _MANOEUVRE = (MANOEUVRE_MOMENT,)
 
 
-def _tilted(p, x: Channels, thrust):
+def _trim_moment(p, x: Channels, thrust):
+    """Return the yaw moment of a tilted motor, proportional to thrust."""
     at_half_a_tank = x.empty_weight + G0 * x.tank_capacity_kg / 2.0
     return 0.0 * thrust, 0.0 * thrust, p["moment"] * thrust / at_half_a_tank
 
@@ -319,11 +334,12 @@ YAW_TRIM = Effect(
     of_every_aircraft=True,
     source="a tilted motor turns part of its thrust into a yaw moment, in proportion to it; the "
     "moment is that of a hover with half a tank",
-    apply=_tilted,
+    apply=_trim_moment,
 )
 
 
 def _yaw_moment(p, x: Channels, thrust):
+    """Return the yaw moment of sideways drag."""
     right = x.own["weathervane"][:, 1]
     return 0.0 * thrust, 0.0 * thrust, -p["lever"] * right / x.hover_induced_velocity * thrust
 

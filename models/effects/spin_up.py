@@ -1,15 +1,15 @@
-"""What the rotors' own inertia does to a yaw moment.
+"""Model the yaw moment by which the rotors' own inertia acts on the body.
 
-A motor that speeds its rotor up is pushed back by it, at once and before the faster rotor has any
-more drag. A yaw moment M(t) that the flight asks for is drag and push together,
+A motor that speeds its rotor up pushes the body back at once, before the faster rotor has more
+drag. A yaw moment M(t) is the sum of drag and push,
 
     k dN + J d(dN)/dt = M      so that dN follows M as a first-order lag of J / k does,
 
-with dN the difference in speed of the rotors that turn one way and the other, J a rotor's inertia
-about its axis and k how its torque grows with its speed. Of propellers of one shape that lag goes
-with the root of their size. About roll and pitch it is thrust that acts, which has no such push.
-Source: Smeur, Chu and de Croon 2016, Adaptive incremental nonlinear dynamic inversion
-for attitude control of micro air vehicles.
+with dN the difference in speed of the rotors of either spin, J a rotor's inertia about its axis and
+k the slope of its torque over speed. For propellers of one shape the lag is proportional to the
+root of their size. Roll and pitch are due to thrust, which has no such push. Source: Smeur, Chu and
+de Croon 2016, Adaptive incremental nonlinear dynamic inversion for attitude control of micro air
+vehicles.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 
 RATIO = float(np.sqrt(2.0))
-#: s, between which a lag is interpolated: 0.1 s on a quad of 40 g, half a second on a sprayer
+#: s, grid on which a lag is interpolated: 0.1 s on a quad of 40 g, half a second on a sprayer
 SPIN_UPS = 0.025 * RATIO ** np.arange(12)
 
 
 def slowed_yaw_rate(
     track: FlightTrack, airframe: Airframe, start: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """The yaw rate behind first-order lags of SPIN_UPS, (T, K) rad/s, NaN where it is not known.
+    """Return the yaw rate after first-order lags of SPIN_UPS (T, K), rad/s; NaN where it is
+    unknown.
 
-    Between rows the rate is a straight line, so that steps are exact. With it comes the state (K,)
-    at the last row, and `start` is that at the first.
+    The rate is linear between rows, so the steps are exact. Also return the state (K,) after the
+    last row; `start` is the state before the first.
     """
     time_s, rate = track.time_s, track.angular_rate_frd[:, 2]
     known = np.isfinite(rate)
@@ -44,7 +45,7 @@ def slowed_yaw_rate(
     first = np.full((1, SPIN_UPS.size), held[0]) if start is None else start[None]
     slowed = np.concatenate([first, (1.0 - keep) * held[:-1, None] + rise])
     kept, span = np.concatenate([np.zeros_like(first), keep]), 1
-    while span < time_s.size:  # each row holds what the rows of a span before it add; spans double
+    while span < time_s.size:  # prefix sums: the span of rows added doubles
         slowed[span:] += kept[span:] * slowed[:-span]
         kept[span:] *= kept[:-span]
         span *= 2
@@ -53,21 +54,24 @@ def slowed_yaw_rate(
     return slowed, last
 
 
-def spun_up(
+def spin_up_moment(
     x: Channels, slowed: Floats, at_once: Floats, *, inertia, damping, lag: float, constant: float
 ) -> Floats:
-    """(T,) N m: inertia d(r)/dt + damping r of the yaw rate r, read `lag` s later, as rotors of a
-    time `constant` in s follow it. `at_once` is the same without one, `slowed` r behind SPIN_UPS.
+    """Return the yaw moment (T,) N m of turning, after the rotors' spin-up with time `constant`, s.
 
-    The derivative of what a lag makes of r is what r is ahead of it, over the lag.
+    It is inertia d(r)/dt + damping r of the yaw rate r, read `lag` s later. `at_once` (T,) is the
+    moment without spin-up, `slowed` (T, K) the rate after lags SPIN_UPS.
+
+    The derivative of a lagged r is (r - lagged r) / lag constant.
     """
     if not constant > 0.0:
         return at_once
     rate, now = x.rate_shifts[2], lag_weights(lag)
 
-    def behind(k: int) -> Floats:
+    def lagged_moment(k: int) -> Floats:
+        """Return the moment after the lag SPIN_UPS[k]."""
         own = float(SPIN_UPS[k])
-        if lag < 0.0:  # rotor speeds come late, and the table holds the past for it
+        if lag < 0.0:  # rotor speeds are late: use the past columns of the table
             earlier = lag_weights(lag, time_constant=own) - lag_weights(0.0, time_constant=own)
             slow = slowed[:, k] + rate @ earlier
         else:
@@ -79,6 +83,6 @@ def spun_up(
     above = min(int(np.searchsorted(SPIN_UPS, constant)), SPIN_UPS.size - 1)
     if above == 0:
         share = constant / float(SPIN_UPS[0])
-        return (1.0 - share) * at_once + share * behind(0)
+        return (1.0 - share) * at_once + share * lagged_moment(0)
     share = float(np.log(constant / SPIN_UPS[above - 1]) / np.log(RATIO))
-    return (1.0 - share) * behind(above - 1) + share * behind(above)
+    return (1.0 - share) * lagged_moment(above - 1) + share * lagged_moment(above)

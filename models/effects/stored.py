@@ -1,4 +1,4 @@
-"""Identified effects as a model file has them, and as `Placed`, ready to compose.
+"""Store identified effects in a model file, and turn them into `Placed` effects.
 
 Rotors are numbered from 1 in files, from 0 in arrays.
 """
@@ -14,7 +14,7 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.errors import ModelError
 
-#: A name of parameters in older model files, and what it is now.
+#: Part of parameter names in older model files, and its present form.
 FORMER_NAME = ("sharpening", "derivative_correction")
 
 
@@ -34,8 +34,8 @@ class EffectRecord:
     name: str
     rotor: int | None
     parameters: dict[str, Identified]
-    variant: str = ""  # which form of the effect, where there are several
-    flights: tuple[str, ...] = ()  # that it was found on
+    variant: str = ""  # form of the effect, if it has several
+    flights: tuple[str, ...] = ()  # flights on which it was found
     date: str = ""  # ISO 8601, of the identification
 
     def __post_init__(self) -> None:
@@ -44,14 +44,15 @@ class EffectRecord:
 
     @property
     def loss(self) -> Identified | None:
-        """The share of thrust that one rotor loses, of a curve the most; None of other effects."""
+        """Return the share of thrust that one rotor loses, of a curve the largest; None for
+        other effects."""
         of_curve = [v for name, v in self.parameters.items() if name.startswith("at_")]
         losses = [self.parameters["loss"]] if "loss" in self.parameters else of_curve
         return max(losses, key=lambda v: v.value) if self.rotor is not None else None
 
 
 def losses_of(records: Sequence[EffectRecord]) -> dict[int, Identified]:
-    """The share of thrust that each weak rotor, from 1, loses by all of some records together."""
+    """Sum the share of thrust lost by each weak rotor, from 1, over all records."""
     losses: dict[int, Identified] = {}
     for record in records:
         if record.loss is not None and record.rotor is not None:
@@ -64,11 +65,13 @@ def losses_of(records: Sequence[EffectRecord]) -> dict[int, Identified]:
 
 
 def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Placed, ...]:
-    """Effects of a model file. Raises ModelError for an unknown effect, rotor, value or unit."""
-    return tuple(_placed(record, rotor_count) for record in records)
+    """Return the effects of a model file. Raises ModelError for an unknown effect, rotor, value
+    or unit."""
+    return tuple(_place_effect(record, rotor_count) for record in records)
 
 
-def _placed(record: EffectRecord, rotor_count: int) -> Placed:
+def _place_effect(record: EffectRecord, rotor_count: int) -> Placed:
+    """Return the effect of one record. Raises ModelError as `placed_from`."""
     key = f"{record.name}:{record.variant}" if record.variant else record.name
     effect = BY_KEY.get(key)
     if effect is None:
@@ -84,7 +87,7 @@ def _placed(record: EffectRecord, rotor_count: int) -> Placed:
     for parameter in effect.parameters:
         given = record.parameters.get(parameter.name)
         if given is None and parameter.detail and parameter.absent is not None:
-            values[parameter.name] = parameter.absent  # of a file from before it was known
+            values[parameter.name] = parameter.absent  # older files lack this parameter
             continue
         if given is None or given.unit != parameter.unit or not np.isfinite(given.value):
             raise ModelError(f"its effect {key} needs {parameter.name} in {parameter.unit!r}")

@@ -18,22 +18,26 @@ from thrustmargin.models.physics.forward_flight import induced_ratio
 LEAST_DENSITY_ERROR = 0.01  # of the model's density: 3 K, or 100 m of height
 
 
-def _warmer(p, x: Channels):
-    """Density over that at the temperature which the flight says or leaves to be assumed."""
+def _warm_air_ratio(p, x: Channels):
+    """Return the density at the reported or standard temperature with the offset, over that
+    without."""
     return x.air_temperature / (x.air_temperature + p["temperature_offset"])
 
 
 def _density_ratio(p, x: Channels):
-    # Found on a model that follows the air already, it is the thermometer: the air counts once.
+    # In a model that already follows density, a second offset corrects the thermometer only.
+    """Return the factor of thrust by air density over the reference density."""
     density = x.reported_density / x.reference_density
-    return density ** (1.0 / x.density_effects) * _warmer(p, x)
+    return density ** (1.0 / x.density_effects) * _warm_air_ratio(p, x)
 
 
 def _density_torque(p, x: Channels):
+    """Return the factor of torque by air density."""
     return 1.0 + p["torque_share"] * (_density_ratio(p, x) - 1.0)
 
 
 def _density_weight(p, x: Channels):
+    """Return the RMS influence of density over the least that is reported."""
     return np.sqrt(np.mean((_density_ratio(p, x) - 1.0) ** 2)) / LEAST_DENSITY_ERROR
 
 
@@ -50,7 +54,9 @@ AIR_DENSITY = Effect(
     ),
     needs=("reported_density", "air_temperature"),
     neutral={
-        "reported_density": lambda p, x: x.reference_density / _warmer(p, x) ** x.density_effects
+        "reported_density": lambda p, x: (
+            x.reference_density / _warm_air_ratio(p, x) ** x.density_effects
+        )
     },
     source="thrust goes with air density; the offset is of the air to what the log has",
     apply=_density_ratio,
@@ -74,7 +80,8 @@ THRUST_DRIFT = Effect(
 )
 
 
-def _drifted_thrust(p, x: Channels):
+def _voltage_thrust(p, x: Channels):
+    """Return the factor of thrust by battery voltage."""
     right_at = (1.0 + p["level"]) * x.reference_voltage
     return np.exp(p["exponent"] * np.log(x.voltage / right_at))
 
@@ -99,16 +106,17 @@ BATTERY_VOLTAGE = Effect(
     neutral={"voltage": lambda p, x: (1.0 + p["level"]) * x.reference_voltage},
     source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
     "the battery show thrust going with voltage^p, speeds that follow it too far against it",
-    apply=_drifted_thrust,
+    apply=_voltage_thrust,
 )
 
 _ALL_ROTORS = (THRUST_DRIFT, BATTERY_VOLTAGE)
 
 
-CLIMB_SHARE = 0.15  # of the scatter of axial inflow, that must be climbing to be called so
+CLIMB_SHARE = 0.15  # share of the scatter of axial inflow that must be due to climb
 
 
 def _climb_weight(p, x: Channels):
+    """Return the share of axial inflow due to climb over the least that is reported."""
     inflow = np.std(x.advance_ratio)
     return np.std(x.climb_ratio) / (CLIMB_SHARE * inflow) if inflow > 0.0 else 0.0
 
@@ -129,7 +137,8 @@ CLIMB_INFLOW = Effect(
 )
 
 
-def _climbing_thrust(p, x: Channels):
+def _lifted_thrust(p, x: Channels):
+    """Return the factor of thrust by translational lift."""
     return 1.0 + p["gain"] * (1.0 - induced_ratio(x.airspeed / x.hover_induced_velocity))
 
 
@@ -143,7 +152,7 @@ TRANSLATIONAL_LIFT = Effect(
     of_every_aircraft=True,
     source="Glauert: induced velocity in forward flight, v_i/v_h = sqrt(sqrt(1 + m^4/4) - m^2/2), "
     "m = V/v_h",
-    apply=_climbing_thrust,
+    apply=_lifted_thrust,
 )
 
 GROUND_EFFECT = Effect(
@@ -168,29 +177,34 @@ LONG_BEFORE = 1e4  # s
 
 
 def _degraded_thrust(p, x: Channels):
+    """Return the factor of thrust of a degraded rotor, in the rows of its time span."""
     return 1.0 - p["loss"] * _after_onset(p, x)
 
 
 def _degraded_torque(p, x: Channels):
+    """Return the factor of torque of a degraded rotor, in the rows of its time span."""
     return 1.0 - p["loss"] * p["torque_share"] * _after_onset(p, x)
 
 
 def _after_onset(p, x: Channels):
+    """Return 1 between onset and end, 0 outside (T,), by the parameters that there are; 1
+    without an onset."""
     if "onset_clock" in p:
-        began = _risen(x.clock_s - p["onset_clock"])
-        return began * _risen(p["end_clock"] - x.clock_s) if "end_clock" in p else began
+        began = _step(x.clock_s - p["onset_clock"])
+        return began * _step(p["end_clock"] - x.clock_s) if "end_clock" in p else began
     if "onset_time" not in p:
         return 1.0 + 0.0 * x.time_s
-    began = _risen(x.time_s - p["onset_time"])
-    return began * _risen(p["end_time"] - x.time_s) if "end_time" in p else began
+    began = _step(x.time_s - p["onset_time"])
+    return began * _step(p["end_time"] - x.time_s) if "end_time" in p else began
 
 
-def _risen(seconds):
-    """0 well before a moment and 1 well after it."""
+def _step(seconds):
+    """Return a smooth step: 0 well before zero seconds and 1 well after."""
     return 1.0 / (1.0 + np.exp(-np.clip(4.0 * seconds, -40.0, 40.0)))
 
 
-def _weaker(p: Values, airframe: Airframe, rotor: int | None) -> Airframe:
+def _with_weak_rotor(p: Values, airframe: Airframe, rotor: int | None) -> Airframe:
+    """Return the airframe with the rotor's effectiveness reduced by the loss."""
     effectiveness = airframe.rotor_effectiveness.copy()
     effectiveness[rotor] *= 1.0 - float(p["loss"])
     return replace(airframe, rotor_effectiveness=effectiveness)
@@ -211,7 +225,7 @@ ROTOR_DEGRADATION = Effect(
     apply=_degraded_thrust,
     torque=_degraded_torque,
     of_one_rotor=True,
-    on_airframe=_weaker,
+    on_airframe=_with_weak_rotor,
 )
 
 ROTOR_DEGRADATION_ONSET = replace(
@@ -263,8 +277,8 @@ ROTOR_DEGRADATION_UNTIL = replace(
     gone=True,
 )
 
-#: A rotor that goes bad at a moment: in one flight, in it for a while, in each at one time, in one
-#: and all later, in some flights in a row.
+#: A rotor that degrades at some time: in one flight, in a part of it, in each at the same time, in
+#: one and all later ones, in several consecutive ones.
 ONSETS = (
     ROTOR_DEGRADATION_ONSET,
     ROTOR_DEGRADATION_WHILE,

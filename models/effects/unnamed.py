@@ -1,10 +1,10 @@
-"""Causes without a name: a share of thrust, or a moment, that goes along a channel as it was seen.
+"""Unnamed causes: a share of thrust, or a moment, as a curve over a channel.
 
-What no effect of the table explains is still there on the next flight. A curve g between knots over
-the range in which it was seen takes it into the model: of the collective as a share of every
-rotor's thrust, else as a moment g x thrust x arm. Beyond that range it is held at its edge, and
-`seen` says so. A search weighs them as it does effects, and what flights left out show again goes
-into the model.
+An effect that the catalogue does not explain will be there on the next flight too. A curve g
+between knots over the observed range adds it to the model: for the collective as a share of every
+rotor's thrust, else as a moment g x thrust x arm. Beyond the range the curve is held at its ends,
+which `seen` reports. A search treats unnamed causes like effects, and those that held-out flights
+confirm enter the model.
 """
 
 from __future__ import annotations
@@ -21,14 +21,17 @@ from thrustmargin.models.effects.channels import Channels
 KNOTS = 4  # of a curve
 NAME = "unnamed_cause"
 MODES = ("collective", "roll", "pitch", "yaw")
-#: of thrust or of thrust x arm: its usual size, and the largest that is believed without a name
+#: share of thrust or of thrust x arm: usual size, and largest credible one without a name
 USUAL, MOST = 0.05, 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Along:
-    """A channel that a cause may go along, the least span over which that shows, its reading from
-    `needs`, and whether nothing acts along it where it is 0."""
+    """A channel that a cause may depend on.
+
+    `least` is the least span over which a dependence shows; `read` computes the channel from
+    `needs`; `rests`: the cause is zero where the channel is 0.
+    """
 
     unit: str
     least: float
@@ -37,12 +40,13 @@ class Along:
     rests: bool = True
 
 
-def _plain(name: str, unit: str, least: float) -> Along:
+def _channel(name: str, unit: str, least: float) -> Along:
+    """Return the entry of a channel that is read as it is."""
     return Along(unit, least, (name,), lambda x: getattr(x, name))
 
 
 ALONG: Mapping[str, Along] = {
-    "airspeed": _plain("airspeed", "m/s", 1.0),
+    "airspeed": _channel("airspeed", "m/s", 1.0),
     "forward_speed": Along(
         "m/s",
         1.0,
@@ -55,24 +59,25 @@ ALONG: Mapping[str, Along] = {
         ("velocity_north", "velocity_east", "heading"),
         lambda x: x.velocity_east * np.cos(x.heading) - x.velocity_north * np.sin(x.heading),
     ),
-    "along_acceleration": _plain("along_acceleration", "m/s^2", 0.5),
-    "advance_ratio": _plain("advance_ratio", "1", 0.01),
-    "tank_kg": _plain("tank_kg", "kg", 0.1),
-    "radius_over_height": _plain("radius_over_height", "1", 0.05),
-    "time_s": _plain("time_s", "s", 20.0),
-    "yaw_rate": _plain("yaw_rate", "rad/s", 0.1),
-    "spraying": _plain("spraying", "1", 0.5),
-    "air_temperature": replace(_plain("air_temperature", "K", 1.0), rests=False),
+    "along_acceleration": _channel("along_acceleration", "m/s^2", 0.5),
+    "advance_ratio": _channel("advance_ratio", "1", 0.01),
+    "tank_kg": _channel("tank_kg", "kg", 0.1),
+    "radius_over_height": _channel("radius_over_height", "1", 0.05),
+    "time_s": _channel("time_s", "s", 20.0),
+    "yaw_rate": _channel("yaw_rate", "rad/s", 0.1),
+    "spraying": _channel("spraying", "1", 0.5),
+    "air_temperature": replace(_channel("air_temperature", "K", 1.0), rests=False),
     "load": Along("kg", 0.5, ("load_factor",), lambda x: x.total_mass * x.load_factor),
 }
-#: that of one rotor, and the channels along which its loss may go: what it carries, where it meets
-#: another's wake, and what gets warm; the first is not one of a mode
+#: causes on one rotor, and the channels that its loss may depend on: its load, the wake of other
+#: rotors by airspeed, and heat by time; `load` is not used for modes
 ROTOR, OF_ROTOR, ONLY_ROTORS = "rotor", ("load", "airspeed", "time_s"), ("load",)
 SLOW = ("time_s", "tank_kg", "air_temperature")  # channels that change over minutes
-CONSTANT = "constant"  # along nothing: the same all the time
+CONSTANT = "constant"  # no channel: constant
 
 
 def _values(count: int) -> tuple[Parameter, ...]:
+    """Return the parameters of a curve's knots."""
     return tuple(
         Parameter(name=f"at_{k + 1}", unit="1", lower=-MOST, upper=MOST, scale=0.02, absent=None)
         for k in range(count)
@@ -80,6 +85,7 @@ def _values(count: int) -> tuple[Parameter, ...]:
 
 
 def _ends(unit: str) -> tuple[Parameter, ...]:
+    """Return the parameters of a curve's range."""
     return tuple(
         Parameter(name=name, unit=unit, lower=-1e9, upper=1e9, scale=1.0, absent=None, detail=True)
         for name in ("low", "high")
@@ -87,30 +93,36 @@ def _ends(unit: str) -> tuple[Parameter, ...]:
 
 
 def curve_columns(values: Any, low: Any, high: Any) -> Any:
-    """(T, KNOTS) weights of the knots of a curve from `low` to `high`, held at its ends."""
+    """Return the weights (T, KNOTS) of the knots of a curve from `low` to `high`, constant
+    beyond."""
     place = np.clip((values - low) / np.maximum(high - low, 1e-9), 0.0, 1.0) * (KNOTS - 1)
     return np.maximum(1.0 - np.abs(place[..., None] - np.arange(KNOTS)), 0.0)
 
 
-def _made(mode: str, channel: str) -> Effect:
+def _unnamed_effect(mode: str, channel: str) -> Effect:
+    """Return the effect of a curve over a channel in a mode, or of one rotor."""
     along = ALONG.get(channel)
 
     def curve(p: Values, x: Channels) -> Any:
+        """Return the value (T,) of the curve; 0 where its channel is NaN."""
         if along is None:
             return p["at_1"] + 0.0 * x.time_s
         columns = curve_columns(along.read(x), p["low"], p["high"])
         return np.nan_to_num(columns @ np.array([p[f"at_{k + 1}"] for k in range(KNOTS)]))
 
     def seen(p: Values, x: Channels) -> Any:
+        """Flag the rows (T,) inside the curve's range."""
         assert along is not None
         values = along.read(x)
         return ~((values < p["low"]) | (values > p["high"]))
 
     def moments(p: Values, x: Channels, thrust: Any) -> tuple[Any, ...]:
+        """Return the moments of the curve in its mode."""
         turning = curve(p, x) * thrust * x.arm
         return tuple(turning if of == mode else 0.0 * thrust for of in MODES[1:])
 
     def kappa(p: Values, x: Channels) -> Any:
+        """Return the factor of thrust of the curve."""
         return 1.0 - curve(p, x)
 
     collective = mode in (MODES[0], ROTOR)
@@ -130,12 +142,16 @@ def _made(mode: str, channel: str) -> Effect:
 
 
 UNNAMED: Mapping[tuple[str, str], Effect] = {
-    **{(mode, channel): _made(mode, channel) for mode in MODES for channel in (CONSTANT, *ALONG)},
-    **{(ROTOR, channel): _made(ROTOR, channel) for channel in (CONSTANT, *OF_ROTOR)},
+    **{
+        (mode, channel): _unnamed_effect(mode, channel)
+        for mode in MODES
+        for channel in (CONSTANT, *ALONG)
+    },
+    **{(ROTOR, channel): _unnamed_effect(ROTOR, channel) for channel in (CONSTANT, *OF_ROTOR)},
 }
 _PLACES = {effect.key: place for place, effect in UNNAMED.items()}
 
 
 def place_of(effect: Effect) -> tuple[str, str]:
-    """The mode, or "rotor", and the channel of a cause without a name."""
+    """Return the mode (or "rotor") and the channel of an unnamed cause."""
     return _PLACES[effect.key]

@@ -1,1 +1,1 @@
-"""RotorModel: base model and effects in one file, and a flight through it."""
+"""The model of one aircraft, and the analysis and verdict of its flights."""

@@ -1,18 +1,18 @@
-"""What a flight means for whoever flies or repairs the aircraft: one answer, which every surface
-shows.
+"""Answer, for whoever flies or repairs the aircraft, whether one flight was safe and why.
 
-Made once from the analysis, the faults of its rotors and the loss of control; the gravest first:
+`advise` makes an `Advice` once, from the analysis, the faults of its rotors and the loss of
+control. Every screen, page and alarm shows that one answer. Its levels, the gravest first:
 
-    damaged      a rotor or motor makes less than it should (rotor_faults.py)
+    damaged      a rotor or motor makes less thrust than it should (rotor_faults.py)
     lost         control was lost (loss_of_control.py)
     battery      under load its cells fell below 3.0 V
-    no_thrust    a rotor had nothing left, for a second or more (thrust_use.py)
-    critical     for a time one lost rotor would have brought it down
-    over         what lasts is above the limit
-    order        its motors are not where the airframe has them: which rotor is which is not known
-    near         the limit, or a rotor whose loss is just survived, lies within the 90 % interval
-    under        below the limit; a turn or a gust above it passes
-    unknown      no thrust utilisation, no flight, or a good one that is predicted alone
+    no_thrust    a rotor had no thrust in reserve for a second or more (thrust_use.py)
+    critical     for a time the loss of one rotor would have brought the aircraft down
+    over         the lasting use of thrust is above the limit
+    order        the motors are not in the airframe's order, so rotors cannot be located
+    near         the 90 % interval of use, or of redundancy after a rotor loss, includes the limit
+    under        the use is below the limit, except in short turns or gusts
+    unknown      no thrust utilisation, no flight, or a good answer that only a prediction supports
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from thrustmargin.models.checks.voltage import HELD_ROWS
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
-    for_verdict,
-    read_as_true,
+    analysis_for_verdict,
     with_bad_part,
+    with_true_speed,
 )
 from thrustmargin.models.model.caveats import Caveat, caveats
 from thrustmargin.models.model.fault_test import RotorFault
@@ -57,12 +57,12 @@ CELL = 3.7  # V, nominal, of the lithium cells that an airframe's nominal voltag
 COLLAPSED = 3.0  # V a cell under load, below which a lithium cell collapses
 HEALTHY = 3.5  # V a cell under load from which nothing is wrong: less may be of something else
 LONG_PAUSE_S = 10.0  # of a log: a turn and more
-MUCH = 0.1  # of a flight: what shorter pauses together may hide
+MUCH = 0.1  # share of a flight that shorter pauses together may lack
 NAN = float("nan")
 
 
 class FlightLevel(StrEnum):
-    """The answer, the gravest first."""
+    """The grade of one flight, the gravest first."""
 
     DAMAGED = "damaged"
     LOST = "lost"
@@ -77,16 +77,19 @@ class FlightLevel(StrEnum):
 
     @property
     def gravity(self) -> int:
-        """0 for the gravest, and more the better it is; no answer is last."""
+        """Return the rank of the level: 0 for the gravest, the largest for `unknown`."""
         return list(FlightLevel).index(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorLost:
-    """What one lost rotor would have meant, yaw uncontrolled; NaN where the load is unknown, and
-    where it would have been survived but a part was bad."""
+    """The effect that the loss of one rotor would have had in a flight, with yaw uncontrolled.
 
-    least: float = NAN  # holdable thrust over weight, with the ends of its 90 % interval
+    The thrust ratios are NaN where the load is unknown, and where a rotor or motor is bad and the
+    loss would have been survived.
+    """
+
+    least: float = NAN  # thrust that can be held level over weight, with its 90 % interval
     least_low: float = NAN
     least_high: float = NAN
     not_survivable_s: float = 0.0
@@ -95,18 +98,18 @@ class RotorLost:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Battery:
-    """The least voltage a cell that was held for a second in flight, V; NaN unknown."""
+    """The lowest cell voltage that lasted about one second in flight; NaN where unknown."""
 
     least_cell: float = NAN
-    at_s: float = NAN  # of the flight
-    at_most: bool = False  # of the fewest cells that it can have: of more it is less
+    at_s: float = NAN  # s of the flight
+    at_most: bool = False  # the cell count is a minimum, so the voltage is an upper bound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Advice:
-    """One flight's answer."""
+    """The answer for one flight: its levels and the figures and findings behind them."""
 
-    levels: tuple[FlightLevel, ...]  # all that hold, the gravest first; never empty
+    levels: tuple[FlightLevel, ...]  # all that apply, the gravest first; never empty
     limit: float  # share of a rotor's largest thrust that may last
     airborne_s: float
     use: ThrustUse
@@ -114,55 +117,57 @@ class Advice:
     battery: Battery
     fill: NextFill
     faults: tuple[FaultEpisode, ...]
-    repaired: tuple[RotorFault, ...]  # that the model still holds, and the flight shows sound
+    repaired: tuple[RotorFault, ...]  # in the model file, but sound again in this flight
     losses: tuple[LossOfControl, ...]
     rotor_count: int
-    rotor_names: tuple[str, ...]  # empty where it is not known which rotor is which
-    unseen_from_s: float  # of the flight, where its log ends before it did; NaN of a whole one
-    begun_before: bool  # it flew already where its log begins
-    #: In flight of which the log has nothing: in pauses of LONG_PAUSE_S or more, or where all that
-    #: it lacks is MUCH of the flight.
+    rotor_names: tuple[str, ...]  # empty where the motor order is unknown
+    unseen_from_s: float  # s, end of a log that ends in flight; else NaN
+    begun_before: bool  # the log begins in flight
+    #: s of the flight that the log lacks; see `_paused_s`
     paused_s: float
-    goes_on: bool  # it flies now: all is of the flight so far
-    unsought_s: float  # in flight in which no weak rotor could be sought, for want of a speed
-    #: In flight in which motor outputs alone show the rotors: only a sudden change can be found.
+    in_progress: bool  # the aircraft still flies: all figures are of the flight so far
+    unsought_s: float  # s in flight without the speeds by which to search for a weak rotor
+    #: s in flight with motor outputs but no speeds: only a sudden change can be found
     by_outputs_s: float
-    #: For most of the flight neither speed nor output shows what a rotor did: what it should have
-    #: done is no ground for a good answer.
+    #: For most of the flight neither speeds nor outputs were measured; a prediction alone does not
+    #: support a good answer.
     predicted_alone: bool
     withheld: bool  # no margin is claimed
     #: How measured rotor speeds agree with the model; all unknown of a plan.
     misfit: ModelMisfit = field(default_factory=ModelMisfit)
     caveats: tuple[Caveat, ...] = ()
-    #: A rotor whose ESC reads too high or low: where outputs show it, its use is taken as of the
-    #: true speed.
+    #: A rotor whose ESC reads too high or low; its use is corrected where outputs show the error.
     misread: MisreadSpeed | None = None
 
     @property
     def level(self) -> FlightLevel:
-        """The gravest."""
+        """Return the gravest of the levels."""
         return self.levels[0]
 
     @property
     def ends_in_flight(self) -> bool:
-        """Whether all of it is of a part of the flight alone."""
+        """Return whether the log ends before the flight does."""
         return bool(np.isfinite(self.unseen_from_s))
 
     @property
-    def seen_whole(self) -> bool:
-        """Whether the log has all of the flight."""
+    def complete(self) -> bool:
+        """Return whether the log contains the whole flight, without a long pause."""
         return not (self.ends_in_flight or self.begun_before or self.paused_s > 0.0)
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Where each rotor sits; of an aircraft that is not known it has its number alone."""
+        """Return the name of each rotor's place; empty where the aircraft or the motor order is
+        unknown."""
         return () if self.withheld else self.rotor_names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Advised:
-    """An answer, the analysis that it rests on (of the rows before control was lost) and the fills
-    (T,) kg at which each row would meet its limit of use, and that of one rotor lost."""
+    """An answer, the analysis behind it and the fill limits at each time step.
+
+    The fills (T,) kg are those at which the row would reach its limit of thrust use, and those at
+    which it could not lose a rotor; NaN where unknown.
+    """
 
     advice: Advice
     whole: FlightAnalysis  # with the rows after control was lost
@@ -176,27 +181,28 @@ def advise(
     *,
     limit: float = 0.5,
     history: FaultHistory | None = None,
-    goes_on: bool = False,
+    in_progress: bool = False,
     planned: bool = False,
 ) -> Advised:
-    """The answer of a whole flight; `limit` is the share of a rotor's thrust that may last.
+    """Return the answer for a whole flight.
 
-    `history` are the faults that were found while it flew; without it they are sought. `goes_on`:
-    it flies now. One that is only `planned` has nothing but its prediction.
+    `limit` is the share of a rotor's largest thrust that may last. `history` are the faults that
+    were found during the flight; without it they are searched for here. `in_progress`: the aircraft
+    still flies. `planned`: the flight has no measurements, only its prediction.
 
         >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
         >>> made = advise(analyse(log.track, load_model())).advice
         >>> [str(level) for level in made.levels], made.fill.kg
         (['damaged', 'under'], nan)
     """
-    whole = for_verdict(analysis)
+    whole = analysis_for_verdict(analysis)
     losses = loss_of_control(whole.track)
     analysis = replace(whole, track=before_loss(whole.track, losses)) if losses else whole
     found = fault_history(analysis) if history is None else history
-    misread = None if planned else _misread(analysis, found)
+    misread = None if planned else _misread_rotor(analysis, found)
     witnessed = misread if misread is not None and misread.witnessed else None
     if witnessed is not None:
-        whole = read_as_true(whole, witnessed.rotor, witnessed.factor)
+        whole = with_true_speed(whole, witnessed.rotor, witnessed.factor)
         analysis = replace(whole, track=analysis.track) if losses else whole
     track, seconds = analysis.track, analysis.track.row_seconds
     misfit = ModelMisfit() if planned else model_misfit(analysis, witnessed)
@@ -221,7 +227,7 @@ def advise(
     faults = tuple(e for e in episodes if e.fault not in repaired)
     faults = () if analysis.withheld else faults
     stopped = stopped_episodes(track)
-    faults = tuple(e for e in faults if not stands(e.fault, stopped, e.begin_s))
+    faults = tuple(e for e in faults if not explained_by_stop(e.fault, stopped, e.begin_s))
     faults = tuple(sorted([*stopped, *faults], key=lambda one: one.begin_s))
     if faults:
         one, whole_too = with_bad_part(analysis), whole is analysis
@@ -271,10 +277,10 @@ def advise(
             rotor_count=track.rotor_count,
             rotor_names=() if analysis.claim.other_order else analysis.places,
             predicted_alone=predicted_alone,
-            unseen_from_s=NAN if goes_on else _unseen_from(whole.track),
-            begun_before=bool(whole.track.flying[:1].any() and not (goes_on or planned)),
+            unseen_from_s=NAN if in_progress else _log_end_in_flight(whole.track),
+            begun_before=bool(whole.track.flying[:1].any() and not (in_progress or planned)),
             paused_s=_paused_s(whole.track),
-            goes_on=goes_on,
+            in_progress=in_progress,
             unsought_s=unsought_s,
             by_outputs_s=by_outputs_s,
             withheld=bool(analysis.withheld),
@@ -295,9 +301,12 @@ def advise(
     )
 
 
-def _misread(analysis: FlightAnalysis, found: FaultHistory) -> MisreadSpeed | None:
-    """The rotor whose ESC misreads its speed, by the rows in flight; None where a part of one was
-    `found` bad, for that moves speeds as well."""
+def _misread_rotor(analysis: FlightAnalysis, found: FaultHistory) -> MisreadSpeed | None:
+    """Return the rotor whose ESC misreports its speed, from the rows in flight.
+
+    Return None where no speeds were measured, no margin is claimed, or `found` contains a fault,
+    which changes speeds as well.
+    """
     track = analysis.track
     blind = analysis.withheld or not track.reports("rotor_speed_rpm")
     if blind or any(faults for _, faults in found):
@@ -307,20 +316,26 @@ def _misread(analysis: FlightAnalysis, found: FaultHistory) -> MisreadSpeed | No
     return misread_speed(signals, track.rotor_count, taught=taught)
 
 
-def _unseen_from(track: FlightTrack) -> float:
+def _log_end_in_flight(track: FlightTrack) -> float:
+    """Return the time, s, at which the log ends in flight; NaN if it ends on the ground."""
     flies = track.flying.size and track.flying[-1]
     return float(track.time_s[-1]) if flies else NAN
 
 
 def pauses_in_flight(track: FlightTrack) -> tuple[Floats, Floats]:
-    """When (n,) s the log has nothing of a flight that goes on behind it, and for how many s."""
+    """Return the start times (n,) s and lengths (n,) s of pauses of the log in flight of
+    LONG_PAUSE_S or more."""
     steps = np.diff(track.time_s)
     at = np.flatnonzero((steps >= LONG_PAUSE_S) & track.flying[:-1] & track.flying[1:])
     return track.time_s[at], steps[at]
 
 
 def _paused_s(track: FlightTrack) -> float:
-    """s in flight of which the log has nothing, where that is worth a word."""
+    """Return how many s of the flight the log lacks.
+
+    If all gaps together are long and a large share of the flight (LONG_PAUSE_S and MUCH), they all
+    count; else only single pauses of LONG_PAUSE_S or more.
+    """
     steps, said = np.diff(track.time_s), track.row_seconds[:-1]
     inside = track.flying[:-1] & track.flying[1:] & (steps > said)
     lacks = float((steps - said)[inside].sum())
@@ -329,7 +344,8 @@ def _paused_s(track: FlightTrack) -> float:
 
 
 def _load_level(use: ThrustUse, low: Floats, high: Floats) -> FlightLevel:
-    """By the ends (N,) of redundancy, and by the use that lasts."""
+    """Return the level by lasting use and by the ends, `low` and `high` (N,), of the redundancy
+    interval."""
     if np.any(high < 1.0):
         return FlightLevel.CRITICAL
     if use.surely_above.any():
@@ -340,12 +356,12 @@ def _load_level(use: ThrustUse, low: Floats, high: Floats) -> FlightLevel:
 
 
 def stopped_fault(rotor: int) -> RotorFault:
-    """Of a rotor, from 0, that stands still."""
+    """Return the fault of a rotor, counted from 0, that stands still."""
     return RotorFault(kind="stopped", rotor=rotor, size=1.0, lower=1.0, upper=1.0)
 
 
 def stopped_episodes(track: FlightTrack) -> list[FaultEpisode]:
-    """Rotors that stood still while the aircraft flew on."""
+    """List the fault episodes of rotors that stood still while the aircraft flew on."""
     return [
         FaultEpisode(
             begin_s=one.time_s,
@@ -356,21 +372,27 @@ def stopped_episodes(track: FlightTrack) -> list[FaultEpisode]:
     ]
 
 
-def stands(fault: RotorFault, stopped: Sequence[FaultEpisode], time_s: float) -> bool:
-    """Whether a fault found at `time_s` is of a rotor, or of one of several, that `stopped` before:
-    all that it lacks is explained."""
+def explained_by_stop(fault: RotorFault, stopped: Sequence[FaultEpisode], time_s: float) -> bool:
+    """Return whether a rotor of `fault`, found at `time_s`, had stopped by then, which explains the
+    fault."""
     still = {one.fault.rotor for one in stopped if one.begin_s <= time_s}
     return not still.isdisjoint((fault.rotor, *fault.rotors))
 
 
-def cells(airframe: Airframe) -> int:
-    """Lithium cells in series that an airframe's nominal voltage stands for; 0 where unknown."""
+def cell_count(airframe: Airframe) -> int:
+    """Return the number of lithium cells in series by the airframe's nominal voltage; 0 if
+    unknown."""
     return round(float(np.nan_to_num(airframe.nominal_voltage)) / CELL)
 
 
 def _battery(analysis: FlightAnalysis) -> Battery:
-    """By the airframe's cells, else by the fewest that the healthy battery before can have had."""
-    track, count = analysis.track, cells(analysis.model.airframe)
+    """Find the lowest cell voltage that lasted about 1 s in flight, and its time.
+
+    The cell count is the airframe's. Where no margin is claimed (`withheld`), it is the smallest
+    count that the highest voltages allow (2 or more, at 3.5 V a cell or more), and the result is an
+    upper bound (`at_most`). Empty without a count or with fewer than 3 voltages in flight.
+    """
+    track, count = analysis.track, cell_count(analysis.model.airframe)
     rows = track.flying & (track.voltage > 0.0)
     if np.count_nonzero(rows) < 3:
         return Battery()

@@ -1,7 +1,7 @@
-"""On what ground a flight is analysed as one of an airframe: given, recognised, or not known.
+"""Decide whether a flight may be analysed as one of an airframe: given, recognised or unknown.
 
-Without a ground no margin is claimed: the flight is then analysed as one of an aircraft of which
-nothing is known, so that no number of a wrong airframe can reach a screen.
+Without such grounds no margin is claimed. The flight is then analysed with a model of an unknown
+aircraft, so that no number of a wrong airframe can reach a screen.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
-from thrustmargin.models.checks.plausible import comparisons, recognised
+from thrustmargin.models.checks.plausible import comparisons, recognition
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import QUANTITIES, Airframe, Quantity
@@ -24,10 +24,10 @@ from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
 from thrustmargin.models.physics.motor_layouts import motor_layouts
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
-#: m, of an aircraft that is only drawn, on arms of 1 m.
+#: m, propeller diameter of an unknown aircraft, for drawing
 DRAWN_PROPELLER = 0.9
 USUAL_LAYOUTS = {4: "quad-x", 6: "hexa-x", 8: "octo-x"}
-#: Quantities whose guess widens the interval of a margin, as people call them.
+#: Quantities that widen the interval of a margin if guessed -> their name for people
 RESTS_ON = {
     "empty_mass": "mass",
     "thrust_coefficient": "thrust coefficient",
@@ -39,30 +39,30 @@ AirframeBasis = Literal["given", "recognised", "not known"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AirframeClaim:
-    """On what ground a flight is one of an airframe, and the reasons for which it is not."""
+    """The grounds on which a flight is analysed with an airframe, or the reasons why it is not."""
 
     basis: AirframeBasis = "given"
     words: str = ""  # for people
-    withheld: tuple[str, ...] = ()  # why no margin is claimed; empty: nothing speaks against it
-    unlike: str = ""  # of none given: why the flight is not recognised as one of what ships
+    withheld: tuple[str, ...] = ()  # why no margin is claimed; empty if nothing contradicts
+    unlike: str = ""  # why the flight is not recognised, if no airframe was given
     source: str = "LOG"  # log or link of the flight, as a shell takes it
-    #: What no longer fits in a flight that was known to be of the airframe: a finding.
+    #: Contradictions found later in a flight that was accepted before: findings.
     misfit: tuple[str, ...] = ()
-    other_order: bool = False  # its motors are not in the airframe's order: which is which?
-    odd_voltage: bool = False  # the battery's voltage is that of no battery of the airframe
-    #: Rotors, from 0, whose speeds may be swapped by all that the flight's manoeuvres show.
+    other_order: bool = False  # its motors are not in the airframe's order
+    odd_voltage: bool = False  # only the voltage contradicts the airframe
+    #: Pairs of rotors, from 0, that the flight's manoeuvres cannot distinguish.
     open_pairs: tuple[tuple[int, int], ...] = ()
-    outputs: OutputEvidence | None = None  # what motor outputs say of the load, without the gauge
+    outputs: OutputEvidence | None = None  # thrust by motor outputs, independent of the gauge
 
     @property
     def described(self) -> str:
-        """The ground, or the reasons for which there is none, for people."""
+        """Return the grounds for people, or the reasons why there is no verdict."""
         words = "; ".join((self.words, *(f"no longer fits: {why}" for why in self.misfit)))
         return f"NO VERDICT: {'; '.join(self.withheld)}" if self.withheld else words
 
     @property
     def remedy(self) -> str:
-        """What helps a flight without a claim to its margin, for people."""
+        """Return what the pilot can do about a missing claim, for people."""
         if self.odd_voltage:
             return (
                 "set the voltmeter's scale right if it reads wrong (BATT_VOLT_MULT, BAT1_V_DIV); "
@@ -85,6 +85,7 @@ class AirframeClaim:
 
 
 def _guessed_words(airframe: Airframe) -> str:
+    """Return a clause for people that lists guessed quantities; empty without one."""
     guesses = [words for name, words in RESTS_ON.items() if name in airframe.guessed]
     return f"; guessed in it: {', '.join(guesses)}" if guesses else ""
 
@@ -97,10 +98,10 @@ def airframe_claim(
     *,
     given: bool,
 ) -> AirframeClaim:
-    """Whether a flight may be analysed as one of `airframe`.
+    """Decide whether a flight may be analysed as one of `airframe`.
 
-    One that was `given` is taken unless something speaks against it; one that was not, only when
-    the flight is recognised as one of it. `parameters` are the autopilot's.
+    An airframe that was `given` is accepted unless a comparison contradicts it; one that was not is
+    accepted only if the flight is recognised. `parameters` are the autopilot's, by name.
     """
     found = comparisons(track, airframe, facts, parameters)
     outputs = output_evidence(track, airframe, parameters)
@@ -115,7 +116,7 @@ def airframe_claim(
             odd_voltage=odd,
             outputs=outputs,
         )
-    if by := recognised(found):
+    if by := recognition(found):
         words = (
             f"airframe {airframe.name}, recognised ({by}); none was given{_guessed_words(airframe)}"
         )
@@ -133,9 +134,10 @@ def airframe_claim(
 
 @lru_cache(maxsize=16)
 def unknown_aircraft(rotor_count: int) -> RotorModel:
-    """The model of an aircraft of which only the number of rotors is known: all it says is NaN.
+    """Return a model of an aircraft of which only the number of rotors is known.
 
-    Its rotors stand on arms of 1 m, numbered as autopilots usually do, only to be drawn.
+    Its quantities and predictions are NaN. Its rotors are on arms of 1 m in the usual layout of
+    autopilots, for drawing alone.
     """
     layout = motor_layouts().get(USUAL_LAYOUTS.get(rotor_count, ""))
     angles = [2.0 * pi * (k + 0.5) / rotor_count for k in range(rotor_count)]

@@ -1,4 +1,5 @@
-"""One flight through the model: prediction, ceiling, utilisation, margin and redundancy per row.
+"""Run one flight through its model: prediction, ceiling, utilisation, margin and redundancy per
+row.
 
 Replay, report and monitor all show these arrays; none of them computes its own.
 """
@@ -32,7 +33,7 @@ from thrustmargin.models.model.predict import Basis as Basis
 from thrustmargin.models.model.predict import Prediction as Prediction
 from thrustmargin.models.model.predict import identified_airframe, predict, temperature_offset
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.thermometer import by_thermometer
+from thrustmargin.models.model.thermometer import with_air_temperature
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.margin import (
@@ -50,35 +51,36 @@ GIVEN_AIR = "given with the flight"  # in the words of the basis
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightAnalysis:
-    """Everything that a screen or a report says about T rows of one flight."""
+    """The prediction, thrust utilisation, margins and redundancy of one flight of T rows and R
+    rotors."""
 
     track: FlightTrack
     model: RotorModel
     density: Floats  # (T,) kg/m³
     density_error: Floats  # (T,) kg/m³, standard error
-    density_given: bool  # by whoever analyses, and not made from the track
+    density_given: bool  # by the caller, not made from the track
     density_basis: str  # for people
     voltage_basis: str  # for people
     prediction: Prediction
     residual_rpm: Floats  # (T, R) measured minus predicted; NaN where the load was inferred from it
     max_rotor_speed_rpm: Floats  # (T,) rpm, ceiling at the battery's voltage
     max_thrust: Floats  # (T, R) N
-    thrust: Floats  # (T, R) N from the measured rotor speed, or that from motor outputs
+    thrust: Floats  # (T, R) N from rotor speeds, measured or made from motor outputs
     utilisation: Floats  # (T, R) from the same speed
-    utilisation_error: Floats  # (T, R) standard error of the known utilisation, to the high side
-    utilisation_beyond: Floats  # (T, R) part of it that the low side has not
+    utilisation_error: Floats  # (T, R) standard error of `known_utilisation`, high side
+    utilisation_beyond: Floats  # (T, R) part of that error on the high side alone
     utilisation_predicted: Floats  # (T, R) from the predicted rotor speed
     weight: Floats  # (T,) N of the vehicle with its liquid
     redundancy_yaw_kept: Floats  # (T,) worst single rotor lost: holdable thrust over weight
-    redundancy_yaw_uncontrolled: Floats  # (T,) the same with yaw uncontrolled
-    redundancy_error: Floats  # (T,) standard error of ln of either, to the low side
-    redundancy_beyond: float  # part of it that the high side has not
+    redundancy_yaw_uncontrolled: Floats  # (T,) likewise, with yaw uncontrolled
+    redundancy_error: Floats  # (T,) standard error of ln redundancy, low side
+    redundancy_beyond: float  # part of that error on the low side alone
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
-    claim: AirframeClaim  # on what ground it is a flight of the model's airframe
-    start: FlightState | None = None  # that the first row was analysed from
-    #: kg that hover thrust shows beyond gauge or statement, where they surely differ.
+    claim: AirframeClaim  # grounds on which it is a flight of the model's airframe
+    start: FlightState | None = None  # state of the effects before the first row
+    #: kg of load by hover thrust beyond gauge or statement, where they surely differ; else 0.
     beyond_gauge_kg: float = 0.0
-    #: A rotor or motor of it is bad: see `with_bad_part`.
+    #: A rotor or motor is bad: see `with_bad_part`.
     bad_part: bool = False
 
     def __repr__(self) -> str:
@@ -98,7 +100,8 @@ class FlightAnalysis:
         )
 
     def state_at(self, row: int) -> FlightState:
-        """What the model's effects carry at a row, from which a window that begins there goes on.
+        """Return the state of the model's effects at a row, from which a window that begins there
+        starts.
 
         Raises IndexError for a row that the track does not have.
         """
@@ -111,54 +114,63 @@ class FlightAnalysis:
 
     @property
     def withheld(self) -> tuple[str, ...]:
-        """Why no margin is claimed: then all that needs the airframe is NaN; empty when it is."""
+        """Return the reasons why no margin is claimed; empty if one is.
+
+        With a reason, all that needs the airframe is NaN.
+        """
         return self.claim.withheld
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Where each rotor sits; empty words where the flight's motors are in another order."""
+        """Return the name of each rotor's place; empty strings where the motors are in another
+        order."""
         names = self.model.airframe.rotor_names
         return ("",) * len(names) if self.claim.other_order else names
 
     @property
     def placed(self) -> bool:
-        """Whether the place of each rotor is known, so that it may be drawn there."""
+        """Return whether the place of each rotor is known, so that the rotor may be drawn there."""
         return not (self.claim.withheld or self.claim.other_order)
 
     @property
     def margin(self) -> Floats:
-        """(T, R) thrust margin, 1 - utilisation, from measured rotor speeds."""
+        """Return the thrust margin (T, R), 1 - utilisation, by measured or output-based rotor
+        speeds."""
         return 1.0 - self.utilisation
 
     @property
     def margin_predicted(self) -> Floats:
-        """(T, R) thrust margin from predicted rotor speeds."""
+        """Return the thrust margin (T, R) by predicted rotor speeds."""
         return 1.0 - self.utilisation_predicted
 
     @property
     def measured(self) -> Bools:
-        """(T,) rows in which every rotor's speed was measured."""
+        """Return the rows (T,) in which every rotor has a speed, measured or made from its
+        output."""
         return np.all(np.isfinite(self.utilisation), axis=1)
 
     @property
     def any_measured(self) -> Bools:
-        """(T,) rows in which at least one rotor's speed was measured."""
+        """Return the rows (T,) in which at least one rotor has a speed, measured or made from its
+        output."""
         return np.any(np.isfinite(self.utilisation), axis=1)
 
     @property
     def known_utilisation(self) -> Floats:
-        """(T, R) thrust utilisation by which screen, alarms and report warn.
+        """Return the thrust utilisation (T, R) that screen, alarms and report use.
 
-        That of the rotors whose speed was measured; a silent rotor stays NaN, for a prediction
-        beside measurements would be compared with them. In a row without any, all are predicted.
+        It is by rotor speeds where at least one rotor of the row has one; a rotor without a speed
+        is then NaN, because a prediction should not be compared with measurements. In other rows it
+        is predicted.
         """
         return np.where(self.any_measured[:, None], self.utilisation, self.utilisation_predicted)
 
     @property
     def use_ends(self) -> tuple[Floats, Floats]:
-        """(T, R) low and high end of the 90 % interval of the known utilisation, NaN unknown.
+        """Return the low and the high end (T, R) of the 90 % interval of the known utilisation.
 
-        Of an error that is not known there is the value alone. No error reaches beyond all.
+        NaN where the utilisation is unknown. Where its error is unknown both ends are the value.
+        The high end exceeds 1 only if the value does.
         """
         use = self.known_utilisation
         down, up = (INTERVAL * np.nan_to_num(error) for error in self.row_errors)
@@ -166,8 +178,11 @@ class FlightAnalysis:
 
     @property
     def row_errors(self) -> tuple[Floats, Floats]:
-        """(T, R) standard errors of the known utilisation in single rows to the low and the high
-        side, with the scatter of the readings that its speeds are made of."""
+        """Return the standard errors (T, R) of the known utilisation in single rows, to the low and
+        the high side.
+
+        They include the scatter of the single speed readings.
+        """
         single = 2.0 * reading_scatter(self.track).share * self.utilisation
         low = self.utilisation_error - self.utilisation_beyond
         errors = (low, self.utilisation_error)
@@ -176,17 +191,19 @@ class FlightAnalysis:
 
     @property
     def from_outputs(self) -> Bools:
-        """(T, R) rotors whose speed was not measured, but made from their motor's output."""
+        """Flag the rotor speeds (T, R) that were not measured but made from the motor's output."""
         error = self.track.standard_errors.get("rotor_speed_rpm")
         return np.zeros(self.utilisation.shape, bool) if error is None else error > 0.0
 
     @property
     def speed_basis(self) -> SpeedBasis:
-        """What `utilisation` rests on where it is known."""
+        """Return whether the flight's rotor speeds are measured, from motor outputs, or some of
+        each."""
         return speed_basis(self.track)
 
     def basis_of(self, row: int, rotor: int) -> SpeedBasis:
-        """What a rotor's margin rests on in a row."""
+        """Return the basis of a rotor's margin in a row: measured, outputs, predicted or
+        unknown."""
         if np.isfinite(self.utilisation[row, rotor]):
             inferred = self.from_outputs[row, rotor]
             return SpeedBasis.MOTOR_OUTPUTS if inferred else SpeedBasis.MEASURED
@@ -194,21 +211,29 @@ class FlightAnalysis:
         return SpeedBasis.PREDICTED if known else SpeedBasis.UNKNOWN
 
     def above_limit(self, limit: float) -> Bools:
-        """(T,) rows off the ground in which the known utilisation of a rotor is more than `limit`.
+        """Flag the rows (T,) in flight in which the known utilisation of a rotor exceeds `limit`.
 
-        One rotor is enough, whatever is known of the others: a silent ESC hides no overload.
+        One rotor is enough, whatever is known of the others: an ESC without readings hides no
+        overload.
         """
-        return self._more_than(limit, 0.0)
+        return self._above(limit, 0.0)
 
     def surely_above(self, limit: float) -> Bools:
-        """(T,) as `above_limit`, where the whole 90 % interval of that rotor is."""
-        return self._more_than(limit, -INTERVAL)
+        """Flag rows (T,) like `above_limit`, where the low end of a rotor's 90 % interval exceeds
+        `limit`."""
+        return self._above(limit, -INTERVAL)
 
     def maybe_above(self, limit: float) -> Bools:
-        """(T,) as `above_limit`, where any of the interval is."""
-        return self._more_than(limit, INTERVAL)
+        """Flag rows (T,) like `above_limit`, where the high end of a rotor's 90 % interval exceeds
+        `limit`."""
+        return self._above(limit, INTERVAL)
 
-    def _more_than(self, limit: float, errors: float) -> Bools:
+    def _above(self, limit: float, errors: float) -> Bools:
+        """Flag the rows (T,) in flight in which a rotor's utilisation plus `errors` standard errors
+        exceeds `limit`.
+
+        The errors are those of the high side if `errors` is positive, else of the low side.
+        """
         use = self.known_utilisation + errors * self.row_errors[errors > 0.0]
         with np.errstate(invalid="ignore"):
             return self.track.flying & np.any(use > limit, axis=1)
@@ -224,19 +249,19 @@ def analyse(
 ) -> FlightAnalysis:
     """Run one flight of T rows and R rotors through the model.
 
-    `density` (T,) kg/m³ replaces that made from the track's own pressure or altitude. A row lacks
-    (is NaN in) what needs a channel that it lacks: thrust and use need rotor speed; weight,
-    redundancy and trimmable loss the tank. Voltage and density have stated fallbacks.
+    `density` (T,) kg/m³ replaces the one made from the track's own pressure or altitude. A figure
+    is NaN in rows without a channel that it needs: thrust and utilisation need rotor speed; weight,
+    redundancy and trimmable loss need the tank. Voltage and density have stated fallbacks.
 
-    `claim` says on what ground the flight is one of the model's airframe; without it the model is
-    taken as given, and the flight itself is asked for what speaks against it. Where something does,
-    no margin is claimed: the analysis is that of an aircraft of which nothing is known.
+    `claim` states on what grounds the flight is one of the model's airframe; without it the
+    airframe counts as given, and the flight is compared with it here. If a comparison contradicts,
+    no margin is claimed: the analysis is that of an unknown aircraft.
 
     A track may be a window of a flight: its `time_s` counts from the flight's start, and `start` is
     `state_at` of its first row in the window before. Rows at least `model.look_back_s` after the
     window's first row (where that is not the flight's) and `model.look_ahead_s` before its last
-    are as those of the whole flight.
-    Raises AirframeError when the flight has another number of rotors than the model's airframe.
+    equal those of the whole flight. Raises AirframeError when the flight has another number of
+    rotors than the model's airframe.
 
         >>> flight = analyse(read_log("sitl_logs/campaign/v4_m16_q2.5.tlog").track, load_model())
         >>> round(float(flight.margin.min()), 2)
@@ -250,7 +275,7 @@ def analyse(
         model = unknown_aircraft(track.rotor_count)
     airframe = identified_airframe(model)
     require_rotors(track, airframe)
-    track = by_thermometer(track, model.thermometer)
+    track = with_air_temperature(track, model.thermometer)
     if density is None:
         air = track_air(track, temperature_offset(model))
         rho, density_error, density_basis = air.density, air.density_error, air.basis
@@ -295,9 +320,11 @@ def analyse(
     )
 
 
-def heavier(analysis: FlightAnalysis, beyond_kg: float) -> FlightAnalysis:
-    """The rows of a flight that carries so many kg beyond its gauge: by `for_verdict`, of a flight
-    that goes on, of which only some rows are at hand."""
+def with_load_beyond_gauge(analysis: FlightAnalysis, beyond_kg: float) -> FlightAnalysis:
+    """Add `beyond_kg` to the weight of an analysis and lower its redundancy; the utilisation stays.
+
+    For single rows of a flight in progress, whose `analysis_for_verdict` has found that load.
+    """
     if not beyond_kg > 0.0:
         return analysis
     share = analysis.weight / (analysis.weight + G0 * beyond_kg)
@@ -311,10 +338,11 @@ def heavier(analysis: FlightAnalysis, beyond_kg: float) -> FlightAnalysis:
 
 
 def with_bad_part(analysis: FlightAnalysis) -> FlightAnalysis:
-    """The rows of an aircraft of which a rotor or motor was found bad.
+    """Remove figures that assume sound rotors from the analysis of an aircraft with a bad rotor or
+    motor.
 
-    What the loss of one more would mean was worked out for sound ones: that it is survived is no
-    longer known; that it is not holds all the more.
+    Redundancy after the loss of one more rotor was computed for sound rotors. Values of 1 and more
+    become NaN; values below 1 stay, because a bad rotor makes them worse.
     """
     kept, free = analysis.redundancy_yaw_kept, analysis.redundancy_yaw_uncontrolled
     return replace(
@@ -326,9 +354,9 @@ def with_bad_part(analysis: FlightAnalysis) -> FlightAnalysis:
     )
 
 
-def read_as_true(analysis: FlightAnalysis, rotor: int, factor: float) -> FlightAnalysis:
-    """The rows with thrust and use of a rotor, from 0, as of its true speed, where its ESC reads
-    `factor` times that."""
+def with_true_speed(analysis: FlightAnalysis, rotor: int, factor: float) -> FlightAnalysis:
+    """Correct thrust and utilisation of a rotor, from 0, whose ESC reads `factor` times its true
+    speed."""
     scale = np.ones(analysis.track.rotor_count)
     scale[rotor] = factor**-2.0
     return replace(
@@ -336,9 +364,12 @@ def read_as_true(analysis: FlightAnalysis, rotor: int, factor: float) -> FlightA
     )
 
 
-def for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
-    """The analysis of a whole flight that its verdict rests on: with the larger load where gauge or
-    statement and hover thrust surely differ; else the same one."""
+def analysis_for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
+    """Return the analysis of a whole flight on which its verdict is based.
+
+    Where hover thrust surely shows more load than the gauge or the statement, it is made anew with
+    that load. Return other analyses unchanged.
+    """
     track = with_load_for_verdict(
         analysis.track, identified_airframe(analysis.model), analysis.claim.outputs
     )
@@ -351,10 +382,11 @@ def for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
 
 
 def worst_rotor(values: Floats, badness: Floats | None = None) -> tuple[Floats, Floats]:
-    """(T,) value of the rotor with the largest badness, and its index from 0, as numbers.
+    """Return the value (T,) of the rotor with the largest badness, and its index from 0 as a float
+    (T,).
 
-    `values` and `badness` are (T, R); without badness the largest value is the worst. NaN where
-    none is known.
+    `values` and `badness` are (T, R); without `badness` the largest value is the worst. Both
+    results are NaN where no badness is known.
     """
     if not values.shape[1]:
         return np.full(values.shape[0], np.nan), np.full(values.shape[0], np.nan)

@@ -1,7 +1,7 @@
-"""List what a flight's own evidence leaves open, as data that every command takes over.
+"""List what one flight leaves open, for every command to report as data.
 
-A caveat is no fault of the aircraft: it is an instrument that was left out, a model that does not
-hold, or something that could not be looked at. Good answers are given with it as a condition.
+A caveat is no fault of the aircraft: an instrument was rejected, the model contradicts the speeds,
+or a check had no data. A good answer is given on the condition of its caveats.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from thrustmargin.models.provenance import Reason
 
 
 class Caveat(StrEnum):
-    """One thing that a flight's own evidence leaves open."""
+    """One limit on what the data of a flight can show."""
 
     GAUGE = "tank gauge"
     LOAD = "load"  # hover thrust shows more than gauge or statement
@@ -26,7 +26,7 @@ class Caveat(StrEnum):
     ROTORS_BY_OUTPUTS = "weak rotors looked for by motor outputs alone"
 
 
-#: Why a channel is left out because its readings cannot be true.
+#: Reasons of rejection that mean the readings cannot be true.
 NO_MEASUREMENT = (
     Reason.FROZEN,
     Reason.BROKEN,
@@ -35,7 +35,7 @@ NO_MEASUREMENT = (
     Reason.IMPOSSIBLE,
     Reason.COPIED,
 )
-_OF_CHANNEL = {
+_CHANNEL_CAVEATS = {
     "tank_kg": Caveat.GAUGE,
     "voltage": Caveat.VOLTAGE,
     "rotor_speed_rpm": Caveat.ROTOR_SPEEDS,
@@ -55,14 +55,14 @@ def caveats(
 ) -> tuple[Caveat, ...]:
     """Return the caveats of a flight, in the order of `Caveat`.
 
-    `beyond_gauge_kg` is what hover thrust shows beyond the reported load, `model_fails` whether the
+    `beyond_gauge_kg` is the load by hover thrust beyond the reported one, `model_fails` whether the
     model contradicts the measured speeds, `misread` whether one ESC reads too high or low,
-    `unsought_s` the s in flight in which no weak rotor could be looked for, and `by_outputs_s`
-    those in which motor outputs alone would have shown one that became weak.
+    `unsought_s` the s in flight without data for finding a weak rotor, and `by_outputs_s` the s in
+    which only motor outputs would have shown a sudden one.
     """
     found = {
         caveat
-        for channel, caveat in _OF_CHANNEL.items()
+        for channel, caveat in _CHANNEL_CAVEATS.items()
         if any(one.reason in NO_MEASUREMENT for one in track.source(channel).rejected)
     }
     if misread or reading_scatter(track).notable:

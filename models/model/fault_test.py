@@ -1,4 +1,7 @@
-"""One of the two tests of `rotor_faults`: which rotor has a fault, how large, and since when."""
+"""Test which rotor has a fault, how large it is and since when; for `rotor_faults`.
+
+One `FaultTest` each searches for weak propellers and for weak motors.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,12 @@ import numpy as np
 from thrustmargin.models.checks.sudden_change import SELDOM, SETTLE, WINDOW, Prior, SuddenChange
 from thrustmargin.models.flight import Floats
 
-BLOCK = 0.7  # s, the shortest: rotors answer within it, and noise forgets most of itself
+BLOCK = 0.7  # s, the shortest: rotors respond within it, and noise is nearly independent beyond it
 FALSE_ALARMS = 0.1  # an hour of flight, of each test, at most
 SURE = 0.95  # of the posterior on one rotor
 EXCLUDED = 0.01  # of the posterior up to which a rotor is excluded
 LEAST, MOST, RATIO = 0.03, 0.6, 1.06  # sizes of a fault, and from one to the next
-LEARN = 12  # blocks of a flight that tell its scatter
+LEARN = 12  # first blocks of a flight, from which its scatter is estimated
 NORMAL_MEDIAN = 0.6745  # median size of a normal error, in standard deviations
 Kind = Literal["propeller", "motor", "stopped"]
 #: A change of measured speeds, a slow one since the flight began, or a change of motor outputs.
@@ -30,14 +33,15 @@ FAULT_SIZES = LEAST * RATIO ** np.arange(int(np.log(MOST / LEAST) / np.log(RATIO
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorFault:
-    """A part found bad: rotor from 0; size is the share of thrust lost, or of speed short."""
+    """A fault of one part: its rotor, from 0, and its size as share of thrust lost or of speed
+    missing."""
 
     kind: Kind
     rotor: int
     size: float
     lower: float  # 95 % interval
     upper: float  # MOST while it is still growing
-    #: From 0, while others than `rotor` are not excluded: it is of one of these.
+    #: Candidates, from 0, while other rotors than `rotor` are not excluded; else empty.
     rotors: tuple[int, ...] = ()
     #: False where no motor output distinguishes a weak propeller from an ESC that reads high.
     witnessed: bool = True
@@ -45,134 +49,151 @@ class RotorFault:
 
 
 class FaultTest:
-    """One test: its blocks, and the faults of rotors that stand.
+    """A running test for one kind of fault: the blocks so far and the faults that are present.
 
-    A rotor of the size j moves the signals by `steps` (R, J, M), known to +- `widths`.
+    A fault of size index j of rotor r shifts the M signals by `steps[r, j]`, (R, J, M), with
+    standard deviations `widths` (R, J, M).
     """
 
     def __init__(self, kind: Kind, steps: Floats, widths: Floats, prior: Prior) -> None:
+        """Start with sound rotors; see the class for `steps` and `widths`."""
         self.kind: Kind = kind
         self.faults: dict[int, RotorFault] = {}
         self._suspect: RotorFault | None = None  # of one of several rotors
-        # Size 0 first: sound, or sound again.
+        # Index 0 is size 0: sound, or sound again.
         self._steps, self._widths = (np.pad(a, ((0, 0), (1, 0), (0, 0))) for a in (steps, widths))
         self._prior = prior
         #: (R, M) step that each rotor is at, and its standard deviation
-        self._now: Floats = np.zeros(steps[:, 0].shape)
+        self._step_now: Floats = np.zeros(steps[:, 0].shape)
         self._error: Floats = np.zeros(steps[:, 0].shape)
-        self._from_now()
+        self._update_steps()
         self.restart()
 
     @property
     def current(self) -> tuple[RotorFault, ...]:
-        """Faults by rotor, then one whose rotor is not yet known."""
+        """Return the faults ordered by rotor, then the one whose rotor is still ambiguous."""
         suspect = () if self._suspect is None else (self._suspect,)
         return (*(self.faults[rotor] for rotor in sorted(self.faults)), *suspect)
 
     def restart(self) -> None:
-        """A new flight."""
+        """Begin a new flight: the scatter is learnt anew, while the faults found so far stay."""
         self._block = BLOCK
-        self._test, self._sound = SuddenChange(self._prior, BLOCK, WINDOW), 1.0
-        self._held_s, self._before, self._named = math.nan, self.faults, -1
-        self._group: tuple[int, ...] = ()  # of whom one is bad: they move all alike
+        self._test, self._sound_probability = SuddenChange(self._prior, BLOCK, WINDOW), 1.0
+        self._held_s, self._faults_before, self._named_rotor = math.nan, self.faults, -1
+        self._group: tuple[int, ...] = ()  # candidates with equal effect on the signals
         self._suspected_s = math.nan
-        self._first: list[tuple[float, Floats, Floats]] | None = []
-        self._passed, self._again, self._suspect = -1, -1, None
-        self._possible: frozenset[int] = frozenset()  # rotors that the last block did not exclude
+        self._waiting: list[tuple[float, Floats, Floats]] | None = []
+        self._candidate, self._sound_candidate, self._suspect = -1, -1, None
+        self._not_excluded: frozenset[int] = (
+            frozenset()
+        )  # rotors that the last block did not exclude
 
     @property
     def _window(self) -> float:
-        """s in which a change is sought: as many blocks, however long one is."""
+        """Return the seconds in which a change is searched for: WINDOW for the shortest blocks,
+        in proportion for longer ones."""
         return WINDOW * self._block / BLOCK
 
     def forget(self, known: Sequence[RotorFault] = ()) -> None:
-        """All parts may be new, but for faults that are `known`: they stand until the signals are
-        back at what a sound rotor gives."""
+        """Replace all faults by the `known` ones; other parts count as sound, as if replaced.
+
+        A known fault stays until the signals return to the values of a sound rotor.
+        """
         self.faults = {fault.rotor: fault for fault in known}
-        self._now[:] = self._error[:] = 0.0
+        self._step_now[:] = self._error[:] = 0.0
         for fault in known:
             size = int(np.argmin(np.abs(FAULT_SIZES - fault.size)))
-            self._now[fault.rotor] = self._steps[fault.rotor, 1 + size]
+            self._step_now[fault.rotor] = self._steps[fault.rotor, 1 + size]
             self._error[fault.rotor] = self._widths[fault.rotor, 1 + size]
-        self._from_now()
+        self._update_steps()
 
-    def _from_now(self) -> None:
-        """(R, 1 + J, M) steps and their widths from where each rotor is, and (M,) where all are."""
-        self._left, self._all_now = self._steps - self._now[:, None], self._now.sum(axis=0)
-        self._left_widths = np.hypot(self._widths, self._error[:, None])
+    def _update_steps(self) -> None:
+        """Compute the steps from the present state of each rotor to every size, (R, 1 + J, M),
+        their standard deviations, and the sum (M,) of the present steps."""
+        self._remaining, self._total_step = (
+            self._steps - self._step_now[:, None],
+            self._step_now.sum(axis=0),
+        )
+        self._remaining_widths = np.hypot(self._widths, self._error[:, None])
 
     def add(self, time_s: float, values: Floats, inputs: Floats) -> None:
-        """A block: its values (M,) and inputs (M, P).
+        """Add one block with its values (M,) and inputs (M, P), at `time_s` s.
 
-        The first ones of a flight wait until they show its scatter, and how long one is: nothing
-        is named before.
+        The first LEARN blocks of a flight are kept back until they show its scatter and the length
+        of a block; no fault is reported before.
         """
-        if self._first is None:
-            self._weigh(time_s, values, inputs)
+        if self._waiting is None:
+            self._test_block(time_s, values, inputs)
             return
-        self._first.append((time_s, values, inputs))
-        if len(self._first) == LEARN:
-            scatter = block_scatter(np.array([values for _, values, _ in self._first]))
+        self._waiting.append((time_s, values, inputs))
+        if len(self._waiting) == LEARN:
+            scatter = block_scatter(np.array([values for _, values, _ in self._waiting]))
             prior = replace(self._prior, noise=np.maximum(scatter, self._prior.noise))
-            spacing = np.median(np.diff([time_s for time_s, _, _ in self._first]))
+            spacing = np.median(np.diff([time_s for time_s, _, _ in self._waiting]))
             self._block = max(float(spacing), BLOCK)
             self._test = SuddenChange(prior, self._block, self._window)
-            waiting, self._first = self._first, None
+            waiting, self._waiting = self._waiting, None
             for block in waiting:
-                self._weigh(*block)
+                self._test_block(*block)
 
-    def _weigh(self, time_s: float, values: Floats, inputs: Floats) -> None:
-        self._test.add(values - self._all_now, inputs, self._sound)
-        steps = self._left
+    def _test_block(self, time_s: float, values: Floats, inputs: Floats) -> None:
+        """Update the test by one block: raise, confirm, correct or drop a fault.
+
+        A likelihood ratio above THRESHOLD for the same rotor in two consecutive blocks raises a
+        fault. For a window after that its size is refined, and then its step becomes the rotor's
+        new state.
+        """
+        self._test.add(values - self._total_step, inputs, self._sound_probability)
+        steps = self._remaining
         change = self._test.change(
             steps.reshape(-1, values.size),
-            self._left_widths.reshape(-1, values.size),
+            self._remaining_widths.reshape(-1, values.size),
             LIKE_A_TURN,
         )
         suspected, self._suspect = self._suspect, None
         if change is None:
-            self._sound, self._passed, self._suspected_s = 1.0, -1, math.nan
+            self._sound_probability, self._candidate, self._suspected_s = 1.0, -1, math.nan
             return
         share = change.share.reshape(steps.shape[:2])
         rotor = int(np.argmax(share.sum(axis=1)))
         possible = frozenset(np.flatnonzero(share.sum(axis=1) > EXCLUDED).tolist())
-        # In a block's noise another may seem excluded: two on end must say so.
-        last, self._possible = self._possible | possible, possible
-        self._sound = 1.0 / (1.0 + math.exp(min(change.log_ratio - LIKE_A_TURN, 50.0)))
+        # Noise of one block may exclude a rotor by chance, so two consecutive ones are required.
+        last, self._not_excluded = self._not_excluded | possible, possible
+        self._sound_probability = 1.0 / (1.0 + math.exp(min(change.log_ratio - LIKE_A_TURN, 50.0)))
         if math.isnan(self._held_s):
             likely = change.log_ratio > LIKE_A_TURN and share[rotor].sum() > SURE
-            # One block may be an outlier: two on end must say the same.
-            before, self._passed = self._passed, rotor if likely else -1
+            # One block may be an outlier, so two consecutive ones must agree.
+            before, self._candidate = self._candidate, rotor if likely else -1
             named = likely and before == rotor
             if change.log_ratio > THRESHOLD and not named:
-                self._suspect = self._one_of(share, rotor, before, suspected)
+                self._suspect = self._ambiguous_fault(share, rotor, before, suspected)
             since = time_s if math.isnan(self._suspected_s) else self._suspected_s
             self._suspected_s = math.nan if self._suspect is None else since
-            # Two on one arm move all signals alike: waiting longer names neither.
+            # Two rotors on one arm act alike on all signals: waiting would not separate them.
             alike = time_s - self._suspected_s >= 0.5 * self._window
             if change.log_ratio > THRESHOLD and (named or alike):
                 self._group = self._suspect.rotors if self._suspect else ()
                 if named and len(last) > 1 and not last & self.faults.keys():
                     self._group = tuple(sorted(last))
-                self._held_s, self._before, self._suspect = time_s, self.faults, None
-                self._named = rotor
+                self._held_s, self._faults_before, self._suspect = time_s, self.faults, None
+                self._named_rotor = rotor
                 self._test.hold()
-                self._name(rotor, self._sizes(share, rotor), begins=True)
+                self._set_fault(rotor, self._sizes(share, rotor), begins=True)
         elif change.log_ratio < 0.0:
-            self._held_s, self.faults = math.nan, self._before
+            self._held_s, self.faults = math.nan, self._faults_before
             self._test.release()
         else:
             alone = share[rotor].sum() > SURE
-            before, self._passed = self._passed, rotor if alone else -1
-            # While rotors are still on their way to a new state, nearly all is not enough.
+            before, self._candidate = self._candidate, rotor if alone else -1
+            # While rotors still move to a new state, a high posterior alone is not enough.
             late = time_s - self._held_s >= 0.5 * self._window
             apart = late or not self._group or last == {rotor}
             sure = alone and before == rotor and apart
-            # It is the rotor that was named until another is as sure.
-            if not (sure or self._group) and share[self._named].any():
-                rotor = self._named
-            self._named, self._group = rotor, () if sure else self._group
-            self._name(
+            # Keep the rotor that was named until another one is as sure.
+            if not (sure or self._group) and share[self._named_rotor].any():
+                rotor = self._named_rotor
+            self._named_rotor, self._group = rotor, () if sure else self._group
+            self._set_fault(
                 rotor,
                 self._sizes(share, rotor),
                 begins=time_s - self._held_s < 2.0 * SETTLE * self._block,
@@ -180,22 +201,26 @@ class FaultTest:
             if time_s - self._held_s >= self._window:
                 bad = rotor in self.faults
                 posterior = share[rotor] / share[rotor].sum()
-                step = posterior @ steps[rotor] if bad else -self._now[rotor]
+                step = posterior @ steps[rotor] if bad else -self._step_now[rotor]
                 spread = posterior @ ((steps[rotor] - step) ** 2 + self._widths[rotor] ** 2)
-                self._now[rotor] += step
+                self._step_now[rotor] += step
                 self._error[rotor] = np.sqrt(spread) if bad else 0.0
-                self._from_now()
+                self._update_steps()
                 self._test.settle(change.filter, step)
                 self._held_s = math.nan
 
-    def _one_of(
+    def _ambiguous_fault(
         self, share: Floats, rotor: int, before: int, suspected: RotorFault | None
     ) -> RotorFault | None:
-        """A fault of one of the rotors that neither this block nor the last one excludes."""
+        """Return a fault of one of the rotors that neither this block nor the last one excludes.
+
+        `share` (R, 1 + J) is the posterior by rotor and size. None for a single rotor, if one of
+        the rotors already has a fault, or if sound rotors are more probable.
+        """
         rotors = set(np.flatnonzero(share.sum(axis=1) > EXCLUDED).tolist())
         rotors |= set(suspected.rotors if suspected else ()) | ({before} - {-1})
         sizes = share[:, 1:].sum(axis=0)
-        # Of one that stands, the alarm is there: what changes may be its repair.
+        # A rotor with a known fault has its alarm already; the change may be its repair.
         if len(rotors) < 2 or rotors & self.faults.keys() or not sizes.sum() > share[:, 0].sum():
             return None
         lower = float(np.interp(0.025, np.cumsum(sizes / sizes.sum()), FAULT_SIZES))
@@ -210,30 +235,32 @@ class FaultTest:
         )
 
     def _sizes(self, share: Floats, rotor: int) -> Floats:
-        """(J,) posterior of the sizes of a rotor, or of its group's, by that (R, J) of all."""
+        """Return the posterior (1 + J,) over sizes of a rotor or of its group, from `share` (R,
+        1 + J) of all rotors."""
         sizes = share[list(self._group or (rotor,))].sum(axis=0)
         return sizes / sizes.sum()
 
-    def _name(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
-        """Put down what the posterior (J,) of a rotor's sizes says.
+    def _set_fault(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
+        """Set or remove the fault of a rotor from the posterior (1 + J,) over its sizes, sound
+        first.
 
-        `begins`: it is perhaps not yet all there, and only the lower end of its size is known; what
-        was bad is so until two blocks on end say that it is sound, and keeps its size while it
-        becomes less.
+        `begins`: the change may still be growing, so only the lower end of its size is reported. A
+        fault is removed after two consecutive blocks in which the rotor is sound, and keeps its
+        size while it shrinks.
         """
         was = self.faults.get(rotor)
-        self.faults = {r: f for r, f in self._before.items() if r != rotor}
-        # Sound again is as likely before as all sizes together.
-        again, self._again = self._again, -1
+        self.faults = {r: f for r, f in self._faults_before.items() if r != rotor}
+        # Prior: sound again is as probable as all sizes together.
+        again, self._sound_candidate = self._sound_candidate, -1
         if not FAULT_SIZES.size * posterior[0] < posterior[1:].sum():
-            self._again = rotor
+            self._sound_candidate = rotor
             if begins and again != rotor and was is not None:
                 self.faults[rotor] = was
         else:
             weight = posterior[1:] / posterior[1:].sum()
             lower, upper = np.interp([0.025, 0.975], np.cumsum(weight) - 0.5 * weight, FAULT_SIZES)
             # A fault that goes away passes through all smaller sizes, and was none of them.
-            stood = self._before.get(rotor)
+            stood = self._faults_before.get(rotor)
             if begins and stood is not None and lower < stood.lower:
                 self.faults[rotor] = stood
                 return
@@ -248,8 +275,9 @@ class FaultTest:
 
 
 def block_scatter(values: Floats) -> Floats:
-    """(M,) standard deviation of a block's noise from blocks (N, M), by their differences.
+    """Estimate the standard deviation (M,) of the innovations of noise in blocks (N, M).
 
-    Their median size, which neither a turn nor an outlier moves; of noise that keeps half.
+    By the median size of the differences between consecutive blocks, which neither a turn nor an
+    outlier moves. The noise is assumed to correlate by 0.5 with that of the block before.
     """
     return np.median(np.abs(np.diff(values, axis=0)), axis=0) / NORMAL_MEDIAN * math.sqrt(0.75)

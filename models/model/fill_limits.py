@@ -1,4 +1,6 @@
-"""How much may be filled: the largest load of liquid that keeps each limit, in given conditions.
+"""Compute the largest load of liquid that keeps every limit: before take-off, and after a flight.
+
+Limits, each with its fill m:
 
     utilisation      u_worst(m) = limit, in steady flight at an airspeed, as predicted
     one rotor lost   redundancy(m) = 1, yaw uncontrolled: T_held/((m_empty + m) g), margin.py
@@ -7,11 +9,9 @@
 
 The least of them is the largest fill. Turns, climbs and gusts take more thrust than steady flight.
 
-How much may be filled next, by a flight: at its airspeed, in its air, on its battery.
-
-The limits are those before take-off (fill_limits.py), with the battery as low as it was in the
-flight; and never a load with which the flight itself was above the limit. At another voltage the
-mass at a limit goes with the largest thrust.
+The next fill after a flight has the same limits at the airspeed, air and lowest battery of that
+flight. It never exceeds a load with which the flight itself was above the limit. At another voltage
+the mass at a limit is proportional to the largest thrust.
 """
 
 from __future__ import annotations
@@ -33,48 +33,50 @@ from thrustmargin.models.model.thrust_use import ThrustUse
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, largest_fill
 
-#: `as flown`: with more, a flight was above the limit; `unsound`: limits are those of sound rotors
-#: (next_fill.py).
+#: `as flown`: with more, a flight was above the limit; `unsound`: the limits assume sound rotors;
+#: `unreported`: the tank, less the load that no gauge reports.
 Reason = Literal[
     "utilisation", "one rotor lost", "take-off mass", "tank", "as flown", "unreported", "unsound"
 ]
 REASONS: tuple[Reason, ...] = ("utilisation", "one rotor lost", "take-off mass", "tank")
-#: Fills at which thrust is predicted; between two of them it goes with the load as a line does.
+#: Fills at which thrust is predicted; between them it is interpolated linearly.
 STEPS = 17
-APART = 2.0  # s between them, more than any effect looks around itself
+APART = 2.0  # s between them, longer than the time window of any effect
 BEFORE = AirframeClaim(words="before take-off")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fills:
-    """The largest fill in C conditions by each limit, with 90 % intervals; below 0: not even empty.
+    """The largest fill in C conditions by each limit, with 90 % intervals.
 
-    By utilisation NaN where the model predicts nothing.
+    Below 0 the limit is exceeded even with an empty tank. By utilisation NaN where the model
+    predicts nothing.
     """
 
-    by_reason: Floats  # (4, C) kg, in the order of REASONS; inf where a limit is not asked for
+    by_reason: Floats  # (4, C) kg, in the order of REASONS; inf where it is not required
     low: Floats  # (4, C) kg
     high: Floats  # (4, C) kg
 
     @property
     def largest(self) -> Floats:
-        """(C,) kg that keeps all limits; NaN where one is not known."""
+        """Return the fill (C,) kg that keeps all limits; NaN where one is not known."""
         return np.min(self.by_reason, axis=0)
 
     @property
     def interval(self) -> tuple[Floats, Floats]:
-        """(C,) and (C,) kg: between them the largest fill lies in 90 % of cases."""
+        """Return both ends, (C,) and (C,) kg, of the 90 % interval of the largest fill."""
         return np.min(self.low, axis=0), np.min(self.high, axis=0)
 
     @property
     def sure(self) -> Floats:
-        """(C,) kg to plan by: the low end of the interval, the largest fill where it has none."""
+        """Return the fill (C,) kg to plan by: the low end of the interval, or `largest` without an
+        interval."""
         low = self.interval[0]
         return np.where(np.isfinite(low), low, self.largest)
 
     @property
     def reason(self) -> tuple[Reason, ...]:
-        """C reasons: the limit that is met first, at the end that is planned by."""
+        """Return, for each of C conditions, the limit that sets the fill to plan by."""
         ends = np.where(
             np.isfinite(self.low) | np.isposinf(self.by_reason), self.low, self.by_reason
         )
@@ -90,10 +92,11 @@ def largest_fills(
     max_utilisation: float = 0.5,
     rotor_lost: bool = True,
 ) -> Fills:
-    """The largest fill in air of `density` (C,) kg/m³ with the battery at `voltage` (C,) V.
+    """Compute the largest fills in air of `density` (C,) kg/m³ at battery voltages `voltage` (C,)
+    V.
 
-    `airspeed` is in m/s, that of flight into the wind. With `rotor_lost` a rotor may fail, the
-    aircraft turning about its yaw axis. Raises AirframeError where the model has no rotors.
+    `airspeed` is in m/s, in flight into the wind. With `rotor_lost` the loss of one rotor must be
+    survivable with yaw uncontrolled. Raises AirframeError where the model has no rotors.
     """
     density, voltage = np.broadcast_arrays(
         np.asarray(density, np.float64).ravel(), np.asarray(voltage, np.float64).ravel()
@@ -101,7 +104,7 @@ def largest_fills(
     airframe = identified_airframe(model)
     rows = np.full((len(REASONS), 3, density.size), np.inf)
     for k, (air, volts) in enumerate(zip(density, voltage, strict=True)):
-        rows[0, :, k] = _by_use(model, float(air), float(volts), airspeed, max_utilisation)
+        rows[0, :, k] = _fills_by_use(model, float(air), float(volts), airspeed, max_utilisation)
     if rotor_lost:
         fill = largest_fill(
             airframe, ceiling(airframe, density, voltage), criterion="yaw uncontrolled"
@@ -117,7 +120,8 @@ def largest_fills(
 def steady_flight(
     model: RotorModel, density: float, voltage: float, airspeed: float, fills: Floats
 ) -> FlightAnalysis:
-    """F moments of steady level flight at `airspeed` m/s with `fills` (F,) kg in the tank."""
+    """Analyse F time steps of steady level flight at `airspeed` m/s with `fills` (F,) kg in the
+    tank."""
     track = FlightTrack.of(
         name="before take-off",
         time_s=np.arange(fills.size, dtype=np.float64) * APART,
@@ -129,11 +133,14 @@ def steady_flight(
     return analyse(track, model, np.full(fills.size, density), claim=BEFORE)
 
 
-def _by_use(
+def _fills_by_use(
     model: RotorModel, density: float, voltage: float, airspeed: float, limit: float
 ) -> list[float]:
-    """Three fills, kg, at which the worst rotor's predicted use is `limit`: as predicted, and at
-    both ends of its interval."""
+    """Return three fills, kg, at which the worst rotor's predicted utilisation reaches `limit`.
+
+    The first is by the prediction, the second by the high and the third by the low end of its
+    interval.
+    """
     top = max(2.0 * model.airframe.tank_capacity_kg, model.airframe.empty_mass)
     fills = np.linspace(0.0, top, STEPS)
     made = steady_flight(model, density, voltage, airspeed, fills)
@@ -142,7 +149,11 @@ def _by_use(
 
 
 def _crossing(fills: Floats, use: Floats, limit: float) -> float:
-    """kg at which `use` (F,) first reaches `limit`; on from the ends by the nearest slope."""
+    """Return the fill, kg, at which `use` (F,) first reaches `limit`.
+
+    Beyond the fills (F,) kg it is extrapolated. Return NaN with fewer than 2 known values or a
+    slope that is not positive.
+    """
     known = np.isfinite(use)
     fills, use = fills[known], use[known]
     if fills.size < 2:
@@ -153,8 +164,9 @@ def _crossing(fills: Floats, use: Floats, limit: float) -> float:
     return float(fills[k] + (limit - use[k]) / slope) if slope > 0.0 else float("nan")
 
 
-def full_at_once(airframe: Airframe) -> Reason | None:
-    """Why nothing can be filled into an aircraft, however light it is; None where it can."""
+def no_fill_reason(airframe: Airframe) -> Reason | None:
+    """Return why an aircraft can take no liquid at any mass: no tank, or no mass to spare; else
+    None."""
     if airframe.tank_capacity_kg <= 0.0:
         return "tank"
     return "take-off mass" if airframe.max_takeoff_mass <= airframe.empty_mass else None
@@ -166,28 +178,32 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NextFill:
-    """The largest fill that keeps every limit, kg; NaN unknown, 0 or less: do not fill."""
+    """The largest fill that keeps every limit, kg; NaN where unknown, 0 or less: do not fill."""
 
-    kg: float = NAN  # to plan by: the safe end
-    limit_kg: float = NAN  # where a limit is met, with its 90 % interval
+    kg: float = NAN  # to plan by: the low end of the interval
+    limit_kg: float = NAN  # where the first limit is reached, with its 90 % interval
     low_kg: float = NAN
     high_kg: float = NAN
     fresh_kg: float = NAN  # `kg` with the battery as it was at the start
-    reason: Reason | None = None  # of the safe end
-    nothing_fits: Reason | None = None  # why nothing can be filled, however light it is
+    reason: Reason | None = None  # of `kg`
+    nothing_fits: Reason | None = None  # why no liquid fits at any mass
     start_kg: float = NAN  # what was on board at the start
     liquid_density: float = NAN  # kg/L
-    beyond_gauge_kg: float = 0.0  # that hover thrust shows beyond gauge or statement
+    beyond_gauge_kg: float = 0.0  # load by hover thrust beyond gauge or statement
 
 
 def unsound_fill(fill: NextFill) -> NextFill:
-    """Of an aircraft of which a rotor or motor is bad: the limits are those of sound ones."""
+    """Return the fill with its numbers unknown: a rotor or motor is bad, and limits assume sound
+    ones."""
     unknown = {"kg": NAN, "limit_kg": NAN, "low_kg": NAN, "high_kg": NAN, "fresh_kg": NAN}
     return replace(fill, **unknown, reason="unsound")
 
 
 def before_take_off(fills: Fills, model: RotorModel, condition: int = 0) -> NextFill:
-    """What may be filled in one of the conditions of `fills`, of an aircraft that stands."""
+    """Return the fill to plan by in the condition of index `condition` of `fills`, before take-off.
+
+    Its numbers are unknown if the model contains a weak rotor.
+    """
     craft = identified_airframe(model)
     low, high = (float(end[condition]) for end in fills.interval)
     middle = float(fills.largest[condition])
@@ -197,7 +213,7 @@ def before_take_off(fills: Fills, model: RotorModel, condition: int = 0) -> Next
         low_kg=low,
         high_kg=high,
         reason=fills.reason[condition],
-        nothing_fits=full_at_once(craft),
+        nothing_fits=no_fill_reason(craft),
         liquid_density=craft.liquid_density,
     )
     return unsound_fill(made) if faults_in_model(model) else made
@@ -206,10 +222,11 @@ def before_take_off(fills: Fills, model: RotorModel, condition: int = 0) -> Next
 def next_fill(
     analysis: FlightAnalysis, use: ThrustUse, limit: float
 ) -> tuple[NextFill, Floats, Floats]:
-    """What may be filled for such a flight, and the fills (T,) kg at which each row would meet the
-    limit of use, and that of one rotor lost; `limit` is the share of thrust that may last.
+    """Return the fill for another flight like this one, and two fills (T,) kg for each row.
 
-    All is unknown where no airframe is claimed, or nothing flew.
+    In the two arrays the row would reach the limit of utilisation, and could not lose a rotor.
+    `limit` is the share of a rotor's thrust that may last. All are unknown where no airframe is
+    claimed; without a row in flight the fills are unknown.
     """
     track, craft = analysis.track, identified_airframe(analysis.model)
     nothing = np.full(track.time_s.size, np.nan)
@@ -218,7 +235,7 @@ def next_fill(
     free, empty = ceiling(craft, analysis.density, track.voltage).free_thrust, craft.empty_mass
     begun = np.flatnonzero(track.flying & np.isfinite(free))
     if not begun.size:
-        return NextFill(nothing_fits=full_at_once(craft)), nothing, nothing
+        return NextFill(nothing_fits=no_fill_reason(craft)), nothing, nothing
     lowest = int(begun[np.argmin(free[begun])])
     volts = track.voltage[lowest] if track.voltage[lowest] > 0.0 else craft.nominal_voltage
     speeds = track.airspeed[begun][np.isfinite(track.airspeed[begun])]
@@ -230,14 +247,14 @@ def next_fill(
         max_utilisation=limit,
     )
     middles, lows, highs = (x[:, 0] for x in (found.by_reason, found.low, found.high))
-    # The air of a flight is known less well than that of a question.
+    # A flight's air is an estimate, while the density given to `largest_fills` counts as exact.
     error, beyond = np.nan_to_num(analysis.redundancy_error[lowest]), analysis.redundancy_beyond
     by_use, lost = REASONS.index("utilisation"), REASONS.index("one rotor lost")
     up = np.exp(INTERVAL * (error - beyond))
     lows[by_use] = (empty + lows[by_use]) / np.exp(INTERVAL * beyond) - empty
     lows[lost] = min(lows[lost], (empty + middles[lost]) / np.exp(INTERVAL * error) - empty)
     highs[lost] = max(highs[lost], (empty + middles[lost]) * up - empty)
-    # What the gauge does not know of may be in the tank or not: a hidden mass, a weak rotor.
+    # Thrust beyond the gauge may be liquid, a hidden mass or a weak rotor: assume it stays.
     kg = float(np.min(lows)) - analysis.beyond_gauge_kg
     reason = REASONS[int(np.argmin(lows))]
     if reason == "tank" and analysis.beyond_gauge_kg > 0.0:
@@ -256,7 +273,7 @@ def next_fill(
         high_kg=float(np.min(highs)),
         fresh_kg=min(float((empty + kg) * np.median(free[start]) / free[lowest] - empty), most),
         reason=reason,
-        nothing_fits=full_at_once(craft),
+        nothing_fits=no_fill_reason(craft),
         start_kg=float(np.median(loads)) if loads.size else NAN,
         liquid_density=craft.liquid_density,
         beyond_gauge_kg=analysis.beyond_gauge_kg,

@@ -1,7 +1,7 @@
-"""Model files: one safetensors file holds all that is known about an aircraft's rotor speeds.
+"""Read and write model files: one safetensors file for all that is known of an aircraft's rotors.
 
-The weights are tensors, the rest is JSON in the metadata, the airframe included, so that it needs
-no other file.
+The network's weights are tensors; the rest, the airframe included, is JSON in the metadata, so that
+a model needs no other file.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from thrustmargin.models.physics.airframe import airframe_from_table, airframe_t
 from thrustmargin.models.physics.forward_flight import ForwardFlight
 from thrustmargin.models.whole_file import regular, whole_file
 
-#: what the JSON in a model file says it is
+#: schema name in the JSON of a model file
 SCHEMA = "thrustmargin.model/1"
 METADATA_KEY = "thrustmargin"
-#: beside it: the digest of all else, which files of earlier versions lack
+#: metadata key of the content's digest, which files of earlier versions lack
 DIGEST_KEY = "thrustmargin.sha256"
 
 #: arrays of RotorNetwork beside its layers
 STANDARDISATION = ("input_mean", "input_scale", "output_mean", "output_scale")
 
-#: What numpy and safetensors raise over kinds and shapes of numbers that numpy has not.
+#: Raised by numpy and safetensors for types and shapes that numpy does not support.
 OTHER_TENSORS = (TypeError, ValueError, LookupError, AttributeError, OverflowError)
 
-#: fields of RotorModel that are kept as JSON: key in the file, field, and what it is
+#: fields of RotorModel that are stored as JSON: key in the file, field, type
 JSON_FIELDS: tuple[tuple[str, str, Any], ...] = (
     ("envelope", "training_domain", TrainingDomain | None),
     ("interval", "interval", Interval | None),
@@ -55,21 +55,22 @@ JSON_FIELDS: tuple[tuple[str, str, Any], ...] = (
 
 
 def shipped_model() -> RotorModel:
-    """The model that comes with the package, of the simulated F16; ModelError if it is damaged."""
+    """Load the model that ships with the package, of the simulated F16. Raises ModelError if it
+    is damaged."""
     shipped = resources.files("thrustmargin.models.shipped")
     with resources.as_file(shipped / "default.safetensors") as path:
         return load_model(path)
 
 
 def model_bytes(model: RotorModel) -> bytes:
-    """All that a model file of it holds but the digest of that."""
+    """Return the content of a model file without its digest."""
     from safetensors.numpy import save
 
     return save(_tensors(model.network), metadata={METADATA_KEY: json.dumps(_metadata(model))})
 
 
 def _content_digest(text: str, tensors: Mapping[str, np.ndarray]) -> str:
-    """SHA-256 of the JSON and of every tensor's name, kind, shape and numbers."""
+    """Return SHA-256 of the JSON and of every tensor's name, type, shape and numbers."""
     digest = sha256(text.encode())
     for name, array in sorted(tensors.items()):
         digest.update(f"\n{name} {array.dtype.str} {array.shape}\n".encode())
@@ -78,14 +79,14 @@ def _content_digest(text: str, tensors: Mapping[str, np.ndarray]) -> str:
 
 
 def model_digest(model: RotorModel) -> str:
-    """16 hexadecimal digits by which figures made with one model are known from another's."""
+    """Return 16 hexadecimal digits that identify a model."""
     return sha256(model_bytes(model)).hexdigest()[:16]
 
 
 def save_model(model: RotorModel, path: Path) -> None:
-    """Write a model file; an older file of that name is replaced in one step or stays whole.
+    """Write a model file, replacing an older one atomically.
 
-    Raises ModelError when the file cannot be written.
+    Raises ModelError when the file cannot be written; the older file is then unchanged.
     """
     from safetensors.numpy import save
 
@@ -100,9 +101,9 @@ def save_model(model: RotorModel, path: Path) -> None:
 
 
 def load_model(path: str | Path | None = None) -> RotorModel:
-    """Read a model file; without a path the one that ships, of the simulated F16.
+    """Load a model file; without a path the one that ships, of the simulated F16.
 
-    Raises ModelError when it is missing, damaged or of another kind.
+    Raises ModelError when it is missing, damaged or of another schema.
 
         >>> load_model().airframe.name
         'topxgun-f16-sitl'
@@ -117,7 +118,7 @@ def load_model(path: str | Path | None = None) -> RotorModel:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError, *OTHER_TENSORS) as error:
-        raise _unreadable(path, error) from error
+        raise _read_error(path, error) from error
     text = metadata.get(METADATA_KEY, "null")
     if metadata.get(DIGEST_KEY, digest := _content_digest(text, tensors)) != digest:
         raise ModelError(
@@ -132,7 +133,8 @@ def load_model(path: str | Path | None = None) -> RotorModel:
         ) from error
 
 
-def _unreadable(path: Path, error: Exception) -> ModelError:
+def _read_error(path: Path, error: Exception) -> ModelError:
+    """Return the ModelError for a file that cannot be read, with its remedy."""
     if not path.exists():
         return ModelError(f"no model file {path}; make one with: thrustmargin train LOG...")
     if path.is_dir():
@@ -142,6 +144,7 @@ def _unreadable(path: Path, error: Exception) -> ModelError:
 
 
 def _tensors(network: RotorNetwork | None) -> dict[str, np.ndarray]:
+    """Return the arrays of a network by name; empty without one."""
     if network is None:
         return {}
     layers = {
@@ -153,6 +156,8 @@ def _tensors(network: RotorNetwork | None) -> dict[str, np.ndarray]:
 
 
 def _network(tensors: dict[str, np.ndarray]) -> RotorNetwork | None:
+    """Build a network from its tensors; None without tensors. Raises ModelError for a wrong name
+    or type."""
     if not tensors:
         return None
     depth = sum(name.endswith(".weight") for name in tensors)
@@ -172,6 +177,7 @@ def _network(tensors: dict[str, np.ndarray]) -> RotorNetwork | None:
 
 
 def _metadata(model: RotorModel) -> dict[str, Any]:
+    """Return the JSON part of a model file."""
     return {
         "schema": SCHEMA,
         "airframe": airframe_table(model.airframe),
@@ -180,6 +186,8 @@ def _metadata(model: RotorModel) -> dict[str, Any]:
 
 
 def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
+    """Build a model from the JSON and tensors of a file. Raises ModelError or AirframeError if
+    they are wrong."""
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != SCHEMA:
         raise ModelError(f"its schema is {schema!r}, this version reads {SCHEMA!r}")

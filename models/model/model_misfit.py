@@ -1,27 +1,25 @@
-"""Compare the measured rotor speeds of a flight with its model, and say where the two part.
+"""Test whether the measured rotor speeds of a flight agree with its model, and report the errors.
 
-The prediction rests on weight, air and airframe; the measurement on the speeds of the ESCs. Where
-they part by more than the interval of the model allows, one of them is wrong, and a good answer
-that rests on either has no ground.
+A good answer needs both: the prediction by weight, air and airframe, and the speeds of the ESCs. If
+they differ by more than the model's interval allows, one of them is wrong.
 
-Level. ln(N / N_hat), all rotors together, in level flight: what turning and climbing do to single
-rotors changes no verdict, and the speeds show a trim themselves. It fails where even the upper end
-of the 95 % interval of its share inside the interval of the prediction is below 0.70, over blocks
-of 5 s. Of recorded flights 0.80 and more in sound ones, 0.64 to 0.74 in one that climbs half of its
-time, 0.00 with 3 kg that the gauge does not know of.
+Level: ln(N / N_hat), of the root mean square over the rotors, in level flight; turns and climbs
+change single rotors but no verdict. The test fails if the upper end of the 95 % interval of the
+share of rows inside the prediction interval is below 0.70, over blocks of 5 s. Recorded flights:
+0.80 and more if sound, 0.64 to 0.74 if half of the flight is climb, 0.00 with 3 kg unknown to the
+gauge.
 
-Gain. Thrust that turns the body goes with the square of rotor speed, so the deviations of N^2 from
-the rotors' mean have a slope on the predicted ones that is the square of the scale of the speeds,
-whatever load, voltage and air are. Both regressions bound it (Frisch 1934). It counts where the
-two go together (squared correlation 0.8) inside the training of the model, and where no motor
-outputs are known to compare the speeds with: another inertia has another gain as well. Recorded
-flights have 0.97 to 1.02, and 0.91 with a battery that sags.
+Gain: thrust that turns the body is proportional to N², so the deviations of N² from the rotors'
+mean have a slope on the predicted ones equal to the square of the scale of the speeds, whatever
+load, voltage and air are. Both regressions bound the slope (Frisch 1934). It is used if measured
+and predicted deviations correlate (squared correlation 0.8) inside the training domain, and if no
+motor outputs are there to compare the speeds with: another inertia changes the gain as well.
+Recorded flights have 0.97 to 1.02, and 0.91 with a battery that sags.
 
-Thrust in use as it was predicted, against what measured rotor speeds say, of a whole flight.
-
-A speed error of a few rpm says little to who asks for the margin. In each row the worst rotor
-counts, measured and predicted apart, since a verdict asks for the worst whichever it is. A margin
-is 1 minus what is in use, so its error is the same with the other sign.
+`margin_check` compares predicted with measured thrust utilisation over a whole flight. In each row
+the worst rotor counts, chosen separately for measurement and prediction, because a verdict is on
+the worst rotor whichever it is. A margin is 1 - utilisation, so its error is the same with the
+other sign.
 """
 
 from __future__ import annotations
@@ -49,24 +47,26 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelMisfit:
-    """How a flight's measured rotor speeds agree with its model; NaN unknown."""
+    """The agreement of a flight's measured rotor speeds with its model; NaN where unknown."""
 
     coverage: float = NAN  # share of level rows inside the interval, all rotors together
     coverage_low: float = NAN  # ends of its 95 % interval
     coverage_high: float = NAN
-    promised: float = NAN  # share that the interval is made to hold
+    promised: float = NAN  # nominal coverage of the interval
     bias: float = NAN  # median of ln of measured over predicted speed, all rotors together
     gain_low: float = NAN  # bounds of the gain of squared speeds in manoeuvres
     gain_high: float = NAN
 
     @property
     def interval_fails(self) -> bool:
-        """Whether the interval of the model holds far less than it promises."""
+        """Return whether the prediction interval contains far fewer rows than its nominal
+        coverage."""
         return self.coverage_high < FAILS
 
     @property
     def speed_scale(self) -> float:
-        """Reported over true rotor speed by the gain of manoeuvres; 1 where none is shown."""
+        """Return reported over true rotor speed by the gain in manoeuvres; 1 where none is
+        shown."""
         low, high = POSSIBLE_GAIN
         if self.gain_high < low or self.gain_low > high:
             return float((self.gain_low * self.gain_high) ** 0.25)
@@ -74,22 +74,23 @@ class ModelMisfit:
 
     @property
     def thrust_beyond(self) -> float:
-        """Share of thrust by which more may be in use than the measured speeds show; 0 or more."""
+        """Return the share of thrust by which utilisation may exceed the one by measured speeds;
+        0 or more."""
         low = np.exp(-2.0 * self.bias) if self.interval_fails else 1.0
         return max(float(low), self.speed_scale**-2.0) - 1.0
 
     @property
     def found(self) -> bool:
-        """Whether measurement and model contradict each other."""
+        """Return whether measurement and model contradict each other."""
         return self.interval_fails or self.speed_scale != 1.0
 
 
 def model_misfit(analysis: FlightAnalysis, misread: MisreadSpeed | None = None) -> ModelMisfit:
     """Compare the measured rotor speeds of a flight with its prediction.
 
-    Rows count in flight with every rotor's speed and the load measured; a `misread` speed counts as
-    its true one. Nothing is known with fewer
-    than FEWEST_ROWS, of a model without an interval, or of an aircraft that is not known.
+    Rows count in flight with every rotor's speed and the load measured; the rotor in `misread` is
+    corrected to its true speed first. All values are NaN with fewer than FEWEST_ROWS rows, for a
+    model without an interval and for an unknown aircraft.
     """
     track, prediction = analysis.track, analysis.prediction
     speed, predicted = track.measured("rotor_speed_rpm"), prediction.rotor_speed_rpm
@@ -108,7 +109,7 @@ def model_misfit(analysis: FlightAnalysis, misread: MisreadSpeed | None = None) 
         return ModelMisfit()
     squares = (np.sum(values[level] ** 2, axis=1) for values in (speed, predicted))
     left = 0.5 * np.log(np.divide(*squares))
-    # Readings that scatter part from any model: their mean is held against it.
+    # Readings that scatter differ from any model, so their mean's scatter widens the interval.
     scatter = INTERVAL * float(np.mean(reading_scatter(track).share)) / np.sqrt(track.rotor_count)
     inside = np.abs(left) <= np.hypot(np.mean(half[level] / predicted[level], axis=1), scatter)
     coverage = _share(inside, track.time_s[level])
@@ -128,9 +129,10 @@ def model_misfit(analysis: FlightAnalysis, misread: MisreadSpeed | None = None) 
 
 
 def with_misfit(analysis: FlightAnalysis, misfit: ModelMisfit) -> FlightAnalysis:
-    """Return the analysis with intervals of thrust in use that reach to what the misfit may hide.
+    """Extend the utilisation intervals of an analysis, on the high side alone, by `thrust_beyond`.
 
-    To the high side alone: `thrust_beyond` shows that more is in use.
+    The misfit shows that more thrust may be in use, never less. Return the analysis unchanged
+    without.
     """
     if not misfit.thrust_beyond > 0.0:
         return analysis
@@ -143,8 +145,10 @@ def with_misfit(analysis: FlightAnalysis, misfit: ModelMisfit) -> FlightAnalysis
 
 
 def _share(inside: Bools, time_s: Floats) -> scores.Estimate:
-    """Return the share of rows (n,) that are inside, at times (n,) s, with its interval over blocks
-    of BLOCK_S."""
+    """Estimate the share of rows (n,) that are inside, with its interval over blocks of BLOCK_S.
+
+    `time_s` (n,) are the times of the rows.
+    """
     terms = np.zeros((inside.size, scores.BOUNDED + 1))
     terms[:, scores.INSIDE], terms[:, scores.BOUNDED] = inside, 1.0
     drawn, blocks = scores.by_moving_block(terms, time_s, block_s=BLOCK_S)
@@ -152,8 +156,10 @@ def _share(inside: Bools, time_s: Floats) -> scores.Estimate:
 
 
 def _gain(speed: Floats, predicted: Floats, rows: Bools) -> tuple[float, float]:
-    """Return the bounds of the slope of measured on predicted deviations of squared speeds, (T, R)
-    rpm; NaN where they do not go together."""
+    """Bound the slope of measured on predicted deviations of squared speeds, both (T, R) rpm.
+
+    Return NaN with fewer than FEWEST_ROWS rows or too low a correlation.
+    """
     if np.count_nonzero(rows) < FEWEST_ROWS:
         return NAN, NAN
     measured, expected = (_deviations(values[rows] ** 2) for values in (speed, predicted))
@@ -165,19 +171,19 @@ def _gain(speed: Floats, predicted: Floats, rows: Bools) -> tuple[float, float]:
 
 
 def _deviations(values: Floats) -> Floats:
-    """Return values (n, R) less the rotors' mean in each row, and less each rotor's own mean."""
+    """Subtract from values (n, R) the rotors' mean in each row, then each rotor's own mean."""
     apart = values - values.mean(axis=1, keepdims=True)
     return apart - apart.mean(axis=0)
 
 
-#: What is compared: its name, and the share of the time with less in use.
+#: Name and quantile (share of rows with less in use) of each comparison.
 STEPS = (("typical", 0.5), ("worst 5 %", 0.95), ("worst 1 %", 0.99))
-FEWEST = 100  # rows of both, for the worst 1 % to be more than one
+FEWEST = 100  # rows of both, so that the worst 1 % is at least one row
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UseCheck:
-    """Of the worst rotor: the share of its largest thrust in use at one step of `STEPS`."""
+    """Measured and predicted utilisation of the worst rotor at one quantile of `STEPS`."""
 
     name: str
     measured: float
@@ -186,19 +192,20 @@ class UseCheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarginCheck:
-    """Predicted against measured over `rows` in flight of the worst rotor."""
+    """Predicted against measured utilisation of the worst rotor over `rows` rows in flight."""
 
     rows: int
     steps: tuple[UseCheck, ...]
     coverage: float  # share of rows with the measured use inside its interval; NaN without one
-    promised: float  # what the interval is made to hold
+    promised: float  # nominal coverage of the interval
 
 
 def margin_check(analysis: FlightAnalysis) -> MarginCheck | None:
-    """The check of a flight; None with fewer than FEWEST rows of both, or without a gauge.
+    """Compare predicted with measured utilisation of a flight.
 
-    Where the load was worked out from the rotor speeds, the prediction has seen what it is held
-    against. Use goes with the square of rotor speed, and so do the ends of its interval.
+    None with fewer than FEWEST rows of both, or without a measured load: a load inferred from the
+    rotor speeds makes the prediction depend on the measurement. Utilisation is proportional to the
+    square of rotor speed, and so are the ends of its interval.
     """
     track, prediction = analysis.track, analysis.prediction
     measured = np.where(analysis.from_outputs, np.nan, analysis.utilisation)

@@ -1,14 +1,15 @@
-"""Predicted rotor speeds of a flight, with their interval and what each row rests on, and the
-aircraft as it is with what was identified.
+"""Predict the rotor speeds of a flight, with their interval and the basis of each row.
 
-Inside the training domain of the model's network: the mean of its members. Outside: the network at
-the edge of its training, extrapolated by physics (weight, drag and lift of forward flight, and the
-air of the row: N goes as 1/sqrt(rho) at one thrust). Without a network: weight shared by the rotors
-and the thrust curve in the air of the row (Eq. 4 and 6), which knows nothing of airspeed. Each row
-says which in `basis`. The identified effects are in all: outside the training they change the speed
-by the share by which they change the base.
-Fast effects look half a second around a row; at the live edge, or where a channel is missing, the
-row is predicted without what it lacks, and marked.
+Basis.NETWORK, inside the training domain: the mean of the network's members. Basis.PHYSICS, outside
+it: the network at the edge of its training, extrapolated by weight, drag and lift of forward flight
+and the air of the row (N is proportional to 1/sqrt(rho) at one thrust); without a network, the
+weight shared by the rotors and the thrust curve in the air of the row (Eq. 4 and 6), without
+airspeed. Identified effects apply to all rows: outside the training they change the speed by the
+same share as they change the base. Fast effects need half a second around a row. At the end of live
+data, or where a channel is missing, the row is predicted without the effect and flagged
+(`Prediction.partial`).
+
+`identified_airframe` is the airframe with the changes of its identified effects.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ from thrustmargin.models.effects.channels import Channels, channels_of
 from thrustmargin.models.effects.compose import (
     BaseTable,
     base_table,
-    lacking,
+    lacks_channel,
+    outside_identified,
     rotor_speed_rpm,
-    tolerant,
-    unseen,
+    with_neutral_gaps,
 )
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
@@ -42,8 +43,10 @@ from thrustmargin.models.physics.margin import rotor_thrust
 
 @lru_cache(maxsize=8)
 def table_of(model: RotorModel) -> BaseTable:
-    """The model's base as a table, made once."""
-    return base_table(model.held_speed, model.airframe, thrust_coefficient=model.thrust_coefficient)
+    """Return the model's base as a lookup table over airspeed and tank; computed once a model."""
+    return base_table(
+        model.extrapolated_speed, model.airframe, thrust_coefficient=model.thrust_coefficient
+    )
 
 
 def model_channels(
@@ -53,7 +56,7 @@ def model_channels(
     effects: Iterable[Effect] | None = None,
     start: FlightState | None = None,
 ) -> Channels:
-    """The channels of a track as the effects of a model read them, or as `effects` do."""
+    """Return the channels of a track that the effects of the model, or `effects`, read."""
     return channels_of(
         track,
         model.airframe,
@@ -68,29 +71,33 @@ def model_channels(
 def speed_with_effects(
     model: RotorModel, track: FlightTrack, start: FlightState | None = None
 ) -> tuple[Floats, Bools, Bools]:
-    """Rotor speeds (T, R) rpm with all effects, (T,) rows that lacked a channel of one, and (T,)
-    rows beyond what one was seen in.
+    """Return rotor speeds (T, R) rpm with all effects, and two masks (T,).
 
-    NaN where one of the model's `inputs` is missing.
+    The first mask flags rows without a channel that an effect needs, the second rows outside the
+    range in which an effect was identified. Speeds are NaN where one of the model's `inputs` is
+    missing.
     """
     x = model_channels(model, track, start=start)
     with np.errstate(invalid="ignore", divide="ignore"):
         speed = rotor_speed_rpm(table_of(model), _tolerant_effects(model), x)
     for channel in model.inputs:
         speed[~np.isfinite(getattr(track, channel))] = np.nan
-    return speed, lacking(model.placed, x), unseen(model.placed, x)
+    return speed, lacks_channel(model.placed, x), outside_identified(model.placed, x)
 
 
 @lru_cache(maxsize=8)
 def _tolerant_effects(model: RotorModel) -> tuple[Placed, ...]:
-    return tuple(tolerant(item) for item in model.placed)
+    """Return the model's effects in the form that accepts missing channels; computed once a
+    model."""
+    return tuple(with_neutral_gaps(item) for item in model.placed)
 
 
 @lru_cache(maxsize=8)
 def identified_airframe(model: RotorModel) -> Airframe:
-    """The airframe as identified, with what its effects do to it: hidden mass, worn rotors.
+    """Return the airframe with the changes of its identified effects: hidden mass, worn rotors.
 
-    One object a model: the linear programs of `physics.allocation` are solved once an object.
+    The same object is returned for one model, because `physics.allocation` solves its linear
+    programs once an object.
     """
     airframe = model.airframe
     for item in model.placed:
@@ -100,18 +107,19 @@ def identified_airframe(model: RotorModel) -> Airframe:
 
 
 def temperature_offset(model: RotorModel) -> float:
-    """K by which the model knows the air to be warmer than a flight has it (`track_air`)."""
+    """Return the offset, K, of true over reported air temperature by the model's effects; 0
+    without."""
     known = ((item.effect.temperature_offset, item.values) for item in model.placed)
     return sum(offset(values) for offset, values in known if offset is not None)
 
 
 def follows_density(model: RotorModel) -> bool:
-    """True when the model itself follows air density."""
+    """Return whether an effect of the model makes rotor speed depend on air density."""
     return any(item.effect.temperature_offset is not None for item in model.placed)
 
 
 class Basis(IntEnum):
-    """What a predicted row rests on."""
+    """The basis of a predicted row."""
 
     NONE = 0  # an input is missing: no prediction
     NETWORK = 1  # the learnt network, inside its training domain
@@ -119,9 +127,9 @@ class Basis(IntEnum):
 
 
 #: Half widths outside the training domain over those at its edge. Nothing there is calibrated: on
-#: six recorded flights outside (air 26 % thinner, wind to 14 m/s) the plain ones held 71 to 84 %.
+#: six recorded flights outside (air 26 % thinner, wind to 14 m/s) plain ones covered 71 to 84 %.
 EXTRAPOLATED = 2.0
-#: What physics adds beyond the edge in airspeed and load is this unsure, one standard error.
+#: Standard error, as a share, of what physics adds beyond the edge in airspeed and load.
 ADDED_ERROR = 0.1
 
 
@@ -132,10 +140,10 @@ class Prediction:
     rotor_speed_rpm: Floats  # (T, R)
     lower_rpm: Floats  # (T, R) lower end of the interval, NaN where there is none
     upper_rpm: Floats  # (T, R)
-    coverage: float  # share of rows that the interval is made to hold, e.g. 0.9; NaN if none
+    coverage: float  # nominal coverage of the interval, e.g. 0.9; NaN without one
     thrust: Floats  # (T, R) N
     basis: NDArray[np.int8]  # (T,) Basis
-    partial: Bools | None = None  # (T,) rows that lacked a channel of one of the model's effects
+    partial: Bools | None = None  # (T,) rows without a channel that an effect needs
 
     def __repr__(self) -> str:
         rows, rotors = self.rotor_speed_rpm.shape
@@ -149,14 +157,15 @@ class Prediction:
 def predict(
     model: RotorModel, track: FlightTrack, density: Floats, *, start: FlightState | None = None
 ) -> Prediction:
-    """Predict the rotor speeds of T rows from airspeed and tank level, in air of `density` (T,).
+    """Predict the rotor speeds of T rows from airspeed and tank level, in air of `density` (T,)
+    kg/m³.
 
-    NaN and Basis.NONE where density or one of the model's `inputs` is missing. Beside a network,
-    physics rows have the interval of the edge of its training, EXTRAPOLATED times as wide, and 10 %
-    of what physics adds there; so have rows beyond what an effect was seen in. Thrust is that of
-    the predicted speeds by the thrust curve, in reference air for the network, which learnt in it.
-    A model with identified effects has them in every row. Raises AirframeError when the rotor count
-    differs. `start` is what the effects carry at the first row of a window (see `analyse`).
+    NaN and Basis.NONE where density or one of the model's `inputs` is missing. With a network,
+    physics rows have the interval at the edge of the training domain, EXTRAPOLATED times as wide,
+    plus 10 % of what physics adds; rows outside the range of an effect are widened alike. Thrust is
+    by the thrust curve, in reference air for network rows because the network learnt in it. A
+    model's identified effects apply to every row. Raises AirframeError when the rotor count
+    differs. `start` is the state of the effects before the first row of a window (see `analyse`).
     """
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:
@@ -184,7 +193,7 @@ def predict(
         basis[inside] = Basis.NETWORK
         air[inside] = model.reference_density
         beyond = known & ~inside
-        speed[beyond], added = _extrapolated(model, track, density, beyond)
+        speed[beyond], added = _extrapolate(model, track, density, beyond)
         if interval is not None:
             half[inside] = interval.half_width_rpm(airspeed[inside], spread)
             edge = np.clip(np.nan_to_num(airspeed[beyond]), 0.0, model.known_airspeed)
@@ -220,20 +229,23 @@ def predict(
     )
 
 
-def _extrapolated(
+def _extrapolate(
     model: RotorModel, track: FlightTrack, density: Floats, rows: Bools
 ) -> tuple[Floats, Floats]:
-    """Rotor speeds (N, R) rpm of rows outside the training of the model's network, and what of
-    them physics adds for airspeed and load."""
+    """Return rotor speeds (N, R) rpm of `rows` (T,) outside the network's training domain.
+
+    Also return the part (N, R) rpm that physics adds for airspeed and load beyond the domain's
+    edge.
+    """
     assert model.training_domain is not None
     airspeed, tank_kg = track.airspeed[rows], track.tank_kg[rows]
     slow = np.clip(airspeed, model.training_domain.airspeed[0], model.known_airspeed)
     light = np.clip(tank_kg, *model.training_domain.tank_kg)
-    held = model.held_speed(airspeed, tank_kg)
+    held = model.extrapolated_speed(airspeed, tank_kg)
     near = held.copy()
     beyond = (slow != airspeed) | (light != tank_kg)
-    near[beyond] = model.held_speed(slow[beyond], light[beyond])
-    # An effect that follows density takes the row's air into account: not twice.
+    near[beyond] = model.extrapolated_speed(slow[beyond], light[beyond])
+    # An effect that follows density already accounts for the row's air.
     thin = 1.0 if follows_density(model) else np.sqrt(model.reference_density / density[rows])
     thin = np.broadcast_to(thin, airspeed.shape)[:, None]
     return held * thin, np.abs(held - near) * thin

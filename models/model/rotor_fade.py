@@ -1,21 +1,21 @@
-"""A propeller that loses thrust slowly: the rotors now against the first minute of the same flight.
+"""Find a propeller that loses thrust over minutes, against the first minute of the same flight.
 
-`fault_test` looks for sudden changes, and its trims follow what changes over minutes. A propeller
-that comes off its clamp or wears by a few percent in minutes is learnt there as trim. Here the
-first REFERENCE windows of a flight stay its reference for as long as it lasts:
+`fault_test` searches for sudden changes, and its trims adapt over minutes, so that a propeller
+that slips off its clamp or wears by a few percent is absorbed as trim. Here the first REFERENCE
+windows of a flight stay its reference:
     d_m = mean of mode m over the last RECENT windows - its mean over the REFERENCE windows
-A window of WINDOW s has the median of its blocks, which turns and gusts do not move. A lost share x
-of rotor r moves all modes together, by s_rm(x) +- w_rm(x) (`rotor_faults.loss_steps`). What else
-moves a mode in minutes (the load's error moves the collective, a centre of gravity that moves with
-the liquid roll and pitch, a changed trim yaw) moves it by itself, in the share q_m of flights by
-N(0, OWN²). With v_m the variance of d_m, the likelihood of a loss x of rotor r is
+A window of WINDOW s is represented by the median of its blocks, which turns and gusts do not move.
+A lost share x of rotor r shifts all modes together, by s_rm(x) +- w_rm(x)
+(`rotor_faults.loss_steps`). Other causes shift one mode alone (an error of the load the
+collective, a moving centre of gravity roll and pitch, a changed trim yaw), in the share q_m of
+flights, by N(0, OWN²). With v_m the variance of d_m, the likelihood of a loss x of rotor r is
     prod over m of (1 - q_m) N(d_m; s_rm, v_m + w_rm²) + q_m N(d_m; s_rm, v_m + w_rm² + OWN²)
-and that of sound rotors the same with s = w = 0. So a shifted centre of gravity, of two modes,
-names no rotor, and a rotor is named although the load's error moved the collective too.
-v_m is that of the flight's windows, by their second differences, which a steady drift does not
-move, and the square of what the model's good flights show of how a mode differs. Where speeds come
-in coarse steps a median stays between two of them and then moves by a whole one: both means are
-then as unsure as a step.
+and that of sound rotors is the formula with s = w = 0. So a shifted centre of gravity, which moves
+two modes, names no rotor, and a rotor is named even if an error of the load moved the collective.
+v_m is the variance between the flight's windows, from second differences, which a steady drift does
+not move, plus the between-flight variance of the mode in the model's good flights. Where speeds
+come in coarse steps a median stays between two steps and then jumps by a whole one: both means then
+have the standard error of a step.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ FEWEST_BLOCKS = 3  # of a window
 #: Share of flights in which collective, the three moments, and the layout's other modes drift.
 COLLECTIVE_DRIFTS, MOMENT_DRIFTS, OTHER_DRIFTS = 0.5, 0.3, 0.1
 OWN = 0.05  # standard deviation of such a drift, of a mode's excess
-UNKNOWN_DRIFT = 0.005  # of any flight's mode, where no good flights show it
-#: Standard deviation of a window before the flight shows it, and for how many windows that counts.
+UNKNOWN_DRIFT = 0.005  # standard deviation of a mode between flights, if no good flights show it
+#: Prior standard deviation of a window, and its weight in windows.
 BEFORE, WORTH = 0.01, 2.0
 #: ln of the ratio from which a rotor is named. A flight has one reference: with twenty flights an
 #: hour and 0.1 false alarms an hour the ratio is 200.
@@ -44,14 +44,16 @@ OUTLIER = 3.0  # standard deviations to which a second difference counts
 
 
 class RotorFade:
-    """The fade test of one vehicle, block by block; `current` is the rotor that it names.
+    """The fade test of one vehicle, fed block by block; `current` is the rotor found to fade, or
+    None.
 
-    `steps` (R, J, M) are the moves of M modes by the sizes FAULT_SIZES (J,) of each of R rotors,
-    known to +- `widths`; `drift` (M,) is the standard deviation by which a mode of a sound flight
-    differs from the model.
+    `steps` (R, J, M) are the shifts of M modes by the sizes FAULT_SIZES (J,) of each of R rotors,
+    with standard deviations `widths`; `drift` (M,) is the standard deviation between the mode of a
+    sound flight and the model.
     """
 
     def __init__(self, steps: Floats, widths: Floats, drift: Floats) -> None:
+        """Begin without a reference; see the class for the arguments."""
         modes = steps.shape[2]
         self._steps, self._widths, self._drift = steps, widths, drift
         self._drifts = np.full(modes, OTHER_DRIFTS)
@@ -68,21 +70,22 @@ class RotorFade:
         self._coarse = 0.0
 
     def add(self, time_s: float, values: Floats, coarse: float = 0.0) -> None:
-        """Take the modes (M,) of a block that begins at `time_s`; blocks come in order.
+        """Add the modes (M,) of a block that begins at `time_s` s; blocks must come in order.
 
-        `coarse` is the standard error by the steps of the speeds, as a share of thrust.
+        `coarse` is the standard error due to coarse steps of the speeds, as a share of thrust.
         """
         self._coarse = max(coarse, self._coarse)
         if math.isnan(self._begun_s):
             self._begun_s = time_s
         window = int((time_s - self._begun_s) / WINDOW)
         if window != self._window:
-            self._end()
+            self._close_window()
             self._window = window
         self._blocks.append(values)
 
-    def _end(self) -> None:
-        """Close a window, and compare the last ones with the flight's reference."""
+    def _close_window(self) -> None:
+        """Store the median of the window that ended, and compare the last windows with the
+        reference."""
         blocks, self._blocks = self._blocks, []
         if len(blocks) < FEWEST_BLOCKS:
             return
@@ -92,7 +95,8 @@ class RotorFade:
             self._compare(np.array(self._medians))
 
     def _compare(self, windows: Floats) -> None:
-        """Name a rotor that two comparisons on end name, by the medians (N, M) of all windows."""
+        """Update `current` from the medians (N, M) of all windows; two consecutive comparisons
+        must agree on the rotor."""
         moved = windows[-RECENT:].mean(axis=0) - windows[:REFERENCE].mean(axis=0)
         variance = _variance(windows) * (1.0 / REFERENCE + 1.0 / RECENT)
         variance += self._drift**2 + 2.0 * self._coarse**2
@@ -113,17 +117,18 @@ class RotorFade:
     def _log_likelihood(
         self, moved: Floats, variance: Floats, steps: Floats, widths: Floats
     ) -> Floats:
-        """Return ln of the likelihood (...) of steps (..., M) by what has `moved` (M,)."""
+        """Return ln of the likelihood (...) of steps (..., M) given the shift `moved` (M,) of
+        the modes."""
         spread = variance + widths**2
         still = np.log1p(-self._drifts) + _log_normal(moved - steps, spread)
         drifts = np.log(self._drifts) + _log_normal(moved - steps, spread + OWN**2)
         return np.asarray(np.logaddexp(still, drifts).sum(axis=-1))
 
     def _fault(self, rotor: int, sizes: Floats) -> RotorFault:
-        """Return the fault of a rotor by the posterior (J,) of its sizes.
+        """Return the fault of a rotor, from 0, by the posterior (J,) over its sizes.
 
-        What it lost within the reference, and since the middle of the last windows, is not seen:
-        at the rate at which it fades that is added to the upper end.
+        The loss within the reference and after the middle of the last windows is not observed: at
+        the present rate of fading it is added to the upper end.
         """
         lower, upper = np.interp([0.025, 0.975], np.cumsum(sizes) - 0.5 * sizes, FAULT_SIZES)
         size = float(sizes @ FAULT_SIZES)
@@ -142,7 +147,8 @@ class RotorFade:
 
 
 def _variance(windows: Floats) -> Floats:
-    """Return the variance (M,) of a window by the medians (N, M) of all, without a steady drift."""
+    """Return the variance (M,) of one window from the medians (N, M) of all, without a steady
+    drift."""
     square = (windows[:-2] - 2.0 * windows[1:-1] + windows[2:]) ** 2
     most = OUTLIER**2 * np.median(square, axis=0) / NORMAL_SQUARE
     # A second difference has the variance of six windows.
@@ -151,5 +157,5 @@ def _variance(windows: Floats) -> Floats:
 
 
 def _log_normal(error: Floats, variance: Floats) -> Floats:
-    """Return ln of the density of a normal error, but for a constant."""
+    """Return ln of the normal density of `error`, without its constant."""
     return np.asarray(-0.5 * error**2 / variance - 0.5 * np.log(variance))

@@ -1,9 +1,9 @@
-"""A rotor that loses thrust, or a motor that falls short of its output, as a flight goes on.
+"""Find rotors that lose thrust, and motors that do not reach the speed of their output, in flight.
 
 Two tests of `checks.sudden_change` on means of BLOCK seconds, or of FEWEST_ROWS rows where those
 take longer:
     propeller   y = Q' (N² - N_hat²)/mean(N_hat²), Q the layout's modes: collective, roll, pitch,
-                yaw, and what is left with more rotors than four. A lost share x of rotor i moves
+                yaw, and the other modes of more than four rotors. A lost share x of rotor i moves
                 all modes by what the composition of effects says, mixer and torque included; turns
                 and gusts move the modes one by one.
     motor       y_i = ln N_i² - ln f(x_i), less the median rotor's, f the autopilot's thrust curve:
@@ -11,12 +11,13 @@ take longer:
                 2 ln(1 - s) and no other; battery and air move all alike.
 A row is predicted without the effects of manoeuvres (AS_INPUTS): those look up to two seconds
 ahead. Load factor, rates and angular accelerations are inputs of the test instead, with
-coefficients learned in the flight. So a part is named by the rows that have come.
-A row is no evidence where the model does not hold (`RowLimit`): with a voltage that no battery of
-these cells has, or in a fall; and of a second part not while a motor gives all it has.
-A part is named when the ratio passes `THRESHOLD` and one rotor has SURE of it. Its size is bounded
-by LEAST and MOST, and narrows for as long as a change is sought; then the size counts as known, and
-another change is sought from there, one back to sound included.
+coefficients learned in the flight. So a fault is found from past rows alone.
+A row is not used where the model is not valid (`RowLimit`): at a voltage impossible for these
+cells, or in a fall; nor, for a second fault, while a motor is at full output.
+A fault is reported when the ratio exceeds `THRESHOLD` and one rotor has the posterior probability
+SURE. Its size lies between LEAST and MOST, and its interval narrows while the change is held; then
+the size counts as known, and further changes are searched for from there, one back to sound
+included.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
-from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
+from thrustmargin.models.effects.compose import rotor_speed_rpm, with_neutral_gaps
 from thrustmargin.models.effects.stored import losses_of
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -63,13 +64,13 @@ from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.motor_output import curve_of, output_curve
 
-#: Share by which a step is known at best: half of RATIO
+#: Least relative error of a step: half of RATIO
 STEP_ERROR = 0.03
-#: Without good flights to say more: constant trims and a block's noise, of a rotor's thrust
+#: Without good flights: standard deviation of trims and of a block's noise, of a rotor's thrust
 TRIM, NOISE = 0.1, 0.01
-LEAK = 0.1  # of what an axis needs, that shows in another mode
+LEAK = 0.1  # share of an axis's demand that may show in another mode
 STEEPNESS, LAG = 0.15, 0.2  # standard errors of the thrust curve (Quiver), and of a lag in s
-IDLING = 0.05  # of full thrust, below which a motor's speed shows how it slows, and no part
+IDLING = 0.05  # of full thrust, below which a motor's speed lags its output
 UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the ground
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 
@@ -78,17 +79,17 @@ FALLING = 6.0  # m/s downwards, faster than a descent: the air no longer meets t
 AS_INPUTS = ("load_factor", "manoeuvre_moment")
 
 FEWEST_ROTORS = 4
-#: Rows of a block, and s that it waits for them: telemetry of 1 Hz takes 3 s.
+#: Least rows of a block, and the s that it may take to collect them: 3 s at 1 Hz.
 FEWEST_ROWS, LONGEST_BLOCK = 3, 4.0
-#: Times, s, and the faults that stand from there on.
+#: Times, s, and the faults that are present from then on.
 FaultHistory = list[tuple[float, tuple[RotorFault, ...]]]
 
 
 class RowLimit(IntEnum):
-    """What the rows of a block may show."""
+    """The faults that the rows of a block are allowed to show."""
 
     ANY = 0
-    NO_SECOND_FAULT = 1  # a motor is at full output: what another needs, it cannot have
+    NO_SECOND_FAULT = 1  # a motor is at full output, so other rotors change as well
     NO_FAULT = 2  # the aircraft falls, or its battery has a voltage that none has
 
 
@@ -101,22 +102,25 @@ def fault_model(model: RotorModel) -> RotorModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultEpisode:
-    """A fault of one flight: s from its first row at which it was found, and over (None: never)."""
+    """A fault of one flight, with the s from its first row at which it was found and ended
+    (None: not yet)."""
 
     begin_s: float
     end_s: float | None
     fault: RotorFault  # as it was known last; of one that is over as it stood longest
 
     def holds(self, time_s: float) -> bool:
-        """Whether it stands at a time of the flight."""
+        """Return whether the fault is present at a time of the flight, s."""
         return self.begin_s <= time_s and (self.end_s is None or time_s < self.end_s)
 
 
 class RotorFaults:
-    """Both tests of one vehicle, row by row; `current` is what was found and not cleared."""
+    """All fault tests of one vehicle, fed row by row; `current` lists the faults found and not
+    cleared."""
 
     def __init__(self, model: RotorModel) -> None:
         # With fewer rotors than modes no rotor can be distinguished from a turn.
+        """Start with the weak rotors that the model contains."""
         enough = model.airframe.rotor_count >= FEWEST_ROTORS
         self._modes = mode_directions(model)
         self._tests = [_propeller_test(model, self._modes), _motor_test(model)] if enough else []
@@ -128,14 +132,14 @@ class RotorFaults:
         self._outputs = _output_test(model, self._modes) if enough else None
         self._rows: list[Floats] = []
         self._begun_s = self._landed_s = math.nan
-        #: What stood after the last block, by kind; a kind that could not be tested is left out.
+        #: Faults after the last block, by kind; without kinds that could not be tested.
         self.tested: dict[Kind, tuple[RotorFault, ...]] = {}
-        #: When what stands changed, and to what.
+        #: Times of changes, and the faults from then on.
         self.history: FaultHistory = []
 
     @property
     def current(self) -> tuple[RotorFault, ...]:
-        """Faults by kind and rotor."""
+        """Return the present faults by kind and rotor."""
         found = [fault for test in self._tests for fault in self._current(test)]
         named = {rotor for fault in found for rotor in (fault.rotor, *fault.rotors)}
         others = (one for one in self._by_outputs if one.rotor not in named)
@@ -143,7 +147,7 @@ class RotorFaults:
 
     @property
     def _by_outputs(self) -> tuple[RotorFault, ...]:
-        """What the motor outputs alone show."""
+        """Return the faults that the test of motor outputs shows."""
         return tuple(map(of_outputs, self._outputs.current)) if self._outputs else ()
 
     def _current(self, test: FaultTest) -> tuple[RotorFault, ...]:
@@ -155,12 +159,14 @@ class RotorFaults:
         return (fade,) if not found or (len(found) == 1 and smaller) else found
 
     def landed(self, time_s: float) -> None:
-        """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
+        """Report a row on the ground, at `time_s` s: the next row in flight begins a new flight,
+        after CHANGED s perhaps with new parts."""
         if math.isnan(self._landed_s):
             self._landed_s, self._rows = time_s, []
 
     def add(self, time_s: float, row: Floats) -> bool:
-        """A row of `fault_signals`, in flight and in order; True when a block was whole."""
+        """Add a row of `fault_signals`, in flight and in order; return whether it completed a
+        block."""
         begins = math.isnan(self._begun_s) or not math.isnan(self._landed_s)
         if not math.isnan(self._landed_s):
             for test in self._tests:
@@ -177,10 +183,10 @@ class RotorFaults:
         least = BLOCK if len(self._rows) >= FEWEST_ROWS else LONGEST_BLOCK
         whole = not begins and not 0.0 <= time_s - self._begun_s < least - 0.01
         if whole:
-            self._end(self._rows)
+            self._close_block(self._rows)
             self._rows = []
         if whole or begins:
-            self._note(time_s)
+            self._record_history(time_s)
             self._begun_s = time_s
         # Between slow readings there are rows of other messages.
         if math.isfinite(np.add.reduce(row[1 : 1 + len(self._modes)])):
@@ -188,18 +194,19 @@ class RotorFaults:
             self._witness.add(row)
         return whole
 
-    def _note(self, time_s: float) -> None:
+    def _record_history(self, time_s: float) -> None:
+        """Record the present faults in the history if they have changed."""
         current = self.current
         if current != (self.history[-1][1] if self.history else ()):
             self.history.append((time_s, current))
 
-    def _end(self, of_block: Sequence[Floats] | Floats) -> None:
-        """A block of rows is whole."""
+    def _close_block(self, of_block: Sequence[Floats] | Floats) -> None:
+        """Pass the means of a completed block of rows to the tests."""
         rotors, self.tested = len(self._modes), {}
         if not len(of_block) or not self._tests:
             return
         rows = np.array(of_block)
-        # Rows by outputs alone say nothing beside measured ones.
+        # Rows by outputs alone are not mixed with measured ones.
         by_outputs = np.isnan(rows[:, 1 + rotors : 1 + 2 * rotors]).all(axis=1)
         by_outputs &= np.isfinite(rows[:, 1 + 2 * rotors : 1 + 3 * rotors]).all(axis=1)
         if not by_outputs.all():
@@ -215,9 +222,9 @@ class RotorFaults:
         slope = (rows[-1] - rows[0])[1:] / long
         excess, motors = mean[:rotors], mean[rotors : 2 * rotors]
         turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
-        # A sum is finite where all that it is of is, and quicker to be had.
+        # A sum is finite only if all its terms are, and faster than testing each.
         loaded = UNLOADED < np.add.reduce(excess) / rotors < math.inf
-        may_find = self._may_find(limit)
+        may_find = self._may_change(limit)
         if loaded and self._outputs and by_outputs.all():
             if may_find:
                 self._outputs.add(self._begun_s, excess @ self._modes, turns[None])
@@ -238,14 +245,17 @@ class RotorFaults:
                 self._tests[1].add(self._begun_s, moves[:, 0], moves[:, 1:])
             self.tested["motor"] = self._tests[1].current
 
-    def _may_find(self, limit: float) -> bool:
-        """Whether a block may change what stands: what was found before stays as it is."""
+    def _may_change(self, limit: float) -> bool:
+        """Return whether a block may add or clear faults, by its largest `RowLimit`."""
         return limit < (RowLimit.NO_SECOND_FAULT if self.current else RowLimit.NO_FAULT)
 
 
 @lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
 def fault_history(analysis: FlightAnalysis) -> FaultHistory:
-    """(time s, faults that stand from there on) of a whole flight: as live alarms named them."""
+    """List the times, s, and the faults present from then on, of a whole flight.
+
+    They are those of the live alarms. Empty where no margin is claimed.
+    """
     if analysis.withheld:
         return []
     found, track = RotorFaults(analysis.model), analysis.track
@@ -263,7 +273,8 @@ def fault_history(analysis: FlightAnalysis) -> FaultHistory:
 
 
 def _median(values: Floats) -> Floats:
-    """Over the first axis, NaN where one is; np.median takes ten times as long for so few."""
+    """Return the median over the first axis, NaN where one value is; ten times as fast as
+    np.median for few values."""
     order, half = np.sort(values, axis=0), len(values) // 2
     return (order[half] + order[(len(values) - 1) // 2]) / 2.0 + 0.0 * order[-1]
 
@@ -311,9 +322,10 @@ def _stood_longest(stood: Sequence[tuple[float, RotorFault]], end_s: float) -> R
 
 @lru_cache(maxsize=8)
 def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
-    """The weak rotors that a model was given by `identify`, of a size that an alarm would name.
+    """List the weak rotors that a model contains, of a size that an alarm would report.
 
-    To add the loss to the model repairs nothing: they stand until a flight shows them sound.
+    Adding a loss to the model does not repair the rotor: the fault stays until a flight shows a
+    sound one.
     """
     found = []
     for rotor, loss in losses_of(model.effects).items():
@@ -328,9 +340,12 @@ def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
 
 
 @lru_cache(maxsize=8)
-def _as_sound(model: RotorModel) -> Floats:
-    """(R,) speed of each rotor of the model without its weak rotors over that with them, in hover
-    with half a tank: faults are sought against a sound aircraft."""
+def _sound_speed_ratio(model: RotorModel) -> Floats:
+    """Return each rotor's speed (R,) in the model without its weak rotors over that with them.
+
+    In hover with half a tank. Predictions are multiplied by it, so that the tests compare with a
+    sound aircraft.
+    """
     weak = {fault.rotor for fault in faults_in_model(model)}
     kept = tuple(r for r in model.effects if r.loss is None or (r.rotor or 0) - 1 not in weak)
     both = [_hover_rpm(replace(model, effects=of)) for of in (kept, model.effects)]
@@ -338,6 +353,7 @@ def _as_sound(model: RotorModel) -> Floats:
 
 
 def _hover_rpm(model: RotorModel) -> Floats:
+    """Return the rotor speeds (R,) rpm of a model in hover with half a tank."""
     half = 0.5 * model.airframe.tank_capacity_kg
     row = np.zeros(1)
     track = FlightTrack.of(
@@ -347,21 +363,22 @@ def _hover_rpm(model: RotorModel) -> Floats:
         airspeed=row,
         tank_kg=row + half,
     )
-    placed = [tolerant(item) for item in model.placed]
+    placed = [with_neutral_gaps(item) for item in model.placed]
     return rotor_speed_rpm(table_of(model), placed, model_channels(model, track))[0]
 
 
 def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
-    """Return (N, 7 + 3 R) what the tests read in each of N rows.
+    """Return the inputs (N, 7 + 3 R) of the tests in each of N rows.
 
-    Time; of each rotor the excess of its speed squared over the model's, as a share of the mean,
-    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown; by how much
-    of thrust speeds in coarse steps are off for as long as they stay between two; `RowLimit`.
-    The rows at least `fault_model(model).look_ahead_s` before the last of the analysis are final.
+    Time; for each rotor the excess of its squared speed over the model's, as a share of the mean,
+    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown; the
+    standard error due to coarse steps of the speeds, as a share of thrust; `RowLimit`. The rows at
+    least `fault_model(model).look_ahead_s` before the last of the analysis are final.
 
-    Where the speeds of all rotors are from motor outputs the excess is that of the outputs, and
-    what compares a motor's speed with its output is NaN (`output_onset`). Where those of some are,
-    these rotors are NaN: one motor differs from the next by more than is sought.
+    Where the speeds of all rotors are from motor outputs, the excess is that of the outputs, and
+    the comparison of a motor's speed with its output is NaN (`output_faults`). Where those of some
+    are, these rotors are NaN, because motors differ from each other by more than the faults
+    searched for.
     """
     track = analysis.track
     measured = np.where(analysis.from_outputs[rows], np.nan, track.rotor_speed_rpm[rows])
@@ -371,7 +388,7 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
         prediction = predict(model, track, analysis.density, start=analysis.start)
     predicted = prediction.rotor_speed_rpm[rows]
     if faults_in_model(analysis.model):
-        predicted = predicted * _as_sound(analysis.model)
+        predicted = predicted * _sound_speed_ratio(analysis.model)
     curve = output_curve({}, track.source("throttle"))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = curve.thrust_share(track.throttle[rows])
@@ -405,7 +422,8 @@ def _row_limits(track: FlightTrack, airframe: Airframe) -> Floats:
 
 
 def mode_directions(model: RotorModel) -> Floats:
-    """(R, R) orthonormal columns: collective, roll, pitch, yaw, and the rest of the layout."""
+    """Return orthonormal columns (R, R): collective, roll, pitch, yaw, and the other modes of
+    the layout."""
     rows = mixer(model.airframe)
     rotors = rows.shape[1]
     return np.linalg.qr(np.concatenate([rows.T, np.eye(rotors)], axis=1))[0][:, :rotors]
@@ -413,10 +431,11 @@ def mode_directions(model: RotorModel) -> Floats:
 
 @lru_cache(maxsize=8)  # for each of many vehicles
 def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
-    """(R, J, R) by how much a lost share of each rotor moves the excess of all, and its error.
+    """Return the change (R, J, R) of all rotors' excess by each rotor's loss of each size, and its
+    error.
 
-    In hover with half a tank; the error is that of the bad rotor's torque, of which it keeps more
-    or less than of its thrust.
+    The excess is defined in `fault_signals`. In hover with half a tank. The error (R, J, R) is due
+    to the unknown torque of the bad rotor, relative to its thrust.
     """
     rotors, rows = model.airframe.rotor_count, np.zeros(FAULT_SIZES.size)
     track = FlightTrack.of(
@@ -429,9 +448,11 @@ def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
     x, table = model_channels(model, track, effects=()), table_of(model)
 
     def square(*placed: Placed) -> Floats:
+        """Return squared rotor speeds (J, R), rpm², with some effects."""
         return rotor_speed_rpm(table, placed, x) ** 2
 
     def excess(rotor: int, torque_share: float) -> Floats:
+        """Return the excess (J, R) by the loss of one rotor."""
         values = {"loss": FAULT_SIZES, "torque_share": torque_share}
         bad = Placed(effect=ROTOR_DEGRADATION, values=values, rotor=rotor)
         return (square(bad) - sound) / np.mean(sound)
@@ -462,6 +483,7 @@ def rotor_fade(model: RotorModel, modes: Floats) -> RotorFade:
 
 
 def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
+    """Return the test for a sudden loss of thrust."""
     rotors = model.airframe.rotor_count
     size = math.sqrt(rotors)
     steps, torque = (a @ modes for a in loss_steps(model))
@@ -476,8 +498,8 @@ def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
 
 
 def _turn_inputs(model: RotorModel) -> Floats:
-    """Return the standard deviations (R, 7) of what load factor, body rates and their slopes add to
-    each mode."""
+    """Return the prior standard deviations (R, 7) of each mode's coefficients of load factor,
+    body rates and their slopes."""
     airframe = model.airframe
     rotors, size = airframe.rotor_count, math.sqrt(airframe.rotor_count)
     # What a load factor of 2, or 1 rad/s² of a body all of whose mass sits at the rotors, needs.
@@ -495,6 +517,7 @@ def _output_test(model: RotorModel, modes: Floats) -> FaultTest:
 
 
 def _motor_test(model: RotorModel) -> FaultTest:
+    """Return the test for a motor that does not reach the speed of its output."""
     rotors = model.airframe.rotor_count
     steps = 2.0 * np.log1p(-FAULT_SIZES)[:, None] * np.eye(rotors)[:, None, :]
     each = np.ones(rotors)

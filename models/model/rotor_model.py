@@ -1,7 +1,7 @@
-"""RotorModel: all that is known about one aircraft's rotor speeds.
+"""Represent all that is known about the rotor speeds of one aircraft.
 
 A model is an airframe, a network or none, the training domain and interval of its flights, and the
-effects that were identified on top. `model_file` keeps it in one file.
+identified effects. `model_file` stores it in one file.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from thrustmargin.models.physics.thrust import speed_from_thrust
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RotorModel:
-    """The rotor speed model of one aircraft; without a network it is weight and thrust curve."""
+    """The rotor speed model of one aircraft; without a network, weight and thrust curve."""
 
     airframe: Airframe
     network: RotorNetwork | None = None
-    training_domain: TrainingDomain | None = None  # of the flights that it was made from
+    training_domain: TrainingDomain | None = None  # of its training flights
     interval: Interval | None = None  # inside the training domain
     effects: tuple[EffectRecord, ...] = ()
     reference_density: float  # kg/m³, median of the training flights, else the airframe's
     reference_voltage: float  # V, likewise; NaN unknown
     training: TrainingRecord | None = None
-    forward_flight: ForwardFlight | None = None  # carries the network on beyond known airspeeds
+    forward_flight: ForwardFlight | None = None  # extrapolates beyond known airspeeds
     background_rpm: tuple[float, ...] = ()  # spread of good flights' mean residual, by mode
     good_flights: GoodFlights | None = None
-    thermometer: Thermometer | None = None  # of logs that do not say where theirs sits
+    thermometer: Thermometer | None = None  # for logs that do not state where their thermometer is
     placed: tuple[Placed, ...] = field(init=False, repr=False)  # the effects, ready to compose
 
     def __post_init__(self) -> None:
@@ -68,39 +68,41 @@ class RotorModel:
 
     @property
     def taught(self) -> bool:
-        """True where flights of its aircraft are in it; False for an airframe file alone."""
+        """Return whether the model was made from flights; False for an airframe file alone."""
         shown = self.network is not None or self.good_flights is not None
         return bool(shown or self.effects or self.background_rpm)
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Channels without which a row has no prediction; without a network airspeed is none."""
+        """Return the channels without which a row has no prediction; without a network, only the
+        tank."""
         return ("tank_kg",) if self.network is None else ("airspeed", "tank_kg")
 
     @property
     def look_back_s(self) -> float:
-        """s before a row that its prediction looks at, in rows of 0.1 s; follows from effects."""
+        """Return the s before a row that its prediction depends on, for rows of 0.1 s; set by
+        the effects."""
         return look_of(self.placed)[0]
 
     @property
     def look_ahead_s(self) -> float:
-        """s after a row until which its prediction may still change."""
+        """Return the s after a row that its prediction depends on; set by the effects."""
         return look_of(self.placed)[1]
 
     @property
     def thrust_coefficient(self) -> float:
-        """N/rpm² of a free rotor in air of the model's reference density (Eq. 1 and 4)."""
+        """Return N/rpm² of a free rotor in air of the model's reference density (Eq. 1 and 4)."""
         airframe = self.airframe
         return airframe.thrust_coefficient * self.reference_density / airframe.reference_density
 
     @property
     def description(self) -> str:
-        """The model in words for people."""
+        """Return a description of the model for people."""
         return self._base_words + self._damage_words
 
     @property
     def _damage_words(self) -> str:
-        """Weak rotors that were added to it: to know of one repairs nothing."""
+        """Return a clause that lists weak rotors in the model; empty without one of 1 % or more."""
         weak = [
             f"rotor {rotor} at {100 * loss.value:.0f} % less thrust"
             for rotor, loss in losses_of(self.effects).items()
@@ -110,6 +112,7 @@ class RotorModel:
 
     @property
     def _base_words(self) -> str:
+        """Return the description of the model without its effects."""
         if self.training_domain is None:
             return f"weight and thrust curve of {self.airframe.title}, no network"
         trained = f", trained {self.training.date}" if self.training else ""
@@ -126,10 +129,11 @@ class RotorModel:
         )
 
     def base_speed(self, airspeed: Floats, tank_kg: Floats) -> Floats:
-        """(N, R) rpm for airspeeds (N,) m/s and tank masses (N,) kg, in reference air.
+        """Return rotor speeds (N, R) rpm at airspeeds (N,) m/s and tank masses (N,) kg, in
+        reference air.
 
-        The network where its training covers airspeed and tank, else weight and thrust curve; no
-        effect is applied. NaN where one of the model's `inputs` is.
+        By the network inside its training range of airspeed and tank, else by weight and thrust
+        curve; without effects. NaN where one of the model's `inputs` is NaN.
         """
         speeds = hover_speed(self.airframe, tank_kg, np.full(tank_kg.shape, self.reference_density))
         if self.network is not None and self.training_domain is not None:
@@ -138,12 +142,12 @@ class RotorModel:
             speeds[inside] = ensemble_speed(self.network, airspeed[inside], tank_kg[inside])[0]
         return speeds
 
-    def held_speed(self, airspeed: Floats, tank_kg: Floats) -> Floats:
-        """(N, R) rpm like `base_speed`, without its jump at the edge of the training.
+    def extrapolated_speed(self, airspeed: Floats, tank_kg: Floats) -> Floats:
+        """Return rotor speeds (N, R) rpm like `base_speed`, but continuous at the edge of the
+        training range.
 
-        Beyond what the network knows it is held at its edge, and extrapolated from there by
-        physics: the weight, and drag and lift of forward flight, so that an effect fitted on top
-        sees no step of the model's own.
+        Beyond the range the network is evaluated at its edge and scaled by physics: weight, and
+        drag and lift of forward flight. An effect fitted on top then meets no step of the base.
         """
         if self.network is None or self.training_domain is None:
             return self.base_speed(airspeed, tank_kg)
@@ -151,24 +155,27 @@ class RotorModel:
         slow = np.clip(airspeed, self.training_domain.airspeed[0], self.known_airspeed)
         ratio = weight(self.airframe, tank_kg) / weight(self.airframe, near)
         if self.forward_flight is not None:
-            ratio = ratio * self._forward(airspeed, tank_kg) / self._forward(slow, near)
+            ratio = ratio * self._thrust_ratio(airspeed, tank_kg) / self._thrust_ratio(slow, near)
         if airspeed.size <= CHUNK_ROWS:
             return self.base_speed(slow, near) * np.sqrt(ratio)[:, None]
-        # A table asks at the edge again and again. In whole chunks, for the last digits of float32
-        # hang on how many rows go at once.
-        asked, place = np.unique(slow + 1j * near, return_inverse=True)
-        asked = np.pad(asked, (0, -asked.size % CHUNK_ROWS), mode="edge")
-        return self.base_speed(asked.real, asked.imag)[place] * np.sqrt(ratio)[:, None]
+        # A table has many equal points at the edge: evaluate each once. In whole chunks, since the
+        # last digits of float32 depend on how many rows are evaluated together.
+        unique, place = np.unique(slow + 1j * near, return_inverse=True)
+        unique = np.pad(unique, (0, -unique.size % CHUNK_ROWS), mode="edge")
+        return self.base_speed(unique.real, unique.imag)[place] * np.sqrt(ratio)[:, None]
 
     @property
     def known_airspeed(self) -> float:
-        """m/s, up to which the network itself is asked in `held_speed`."""
+        """Return the airspeed, m/s, up to which `extrapolated_speed` uses the network itself;
+        NaN without training."""
         if self.training_domain is None:
             return float("nan")
         top = self.training_domain.airspeed[1]
         return top if self.forward_flight is None else min(self.forward_flight.known_airspeed, top)
 
-    def _forward(self, airspeed: Floats, tank_kg: Floats) -> Floats:
+    def _thrust_ratio(self, airspeed: Floats, tank_kg: Floats) -> Floats:
+        """Return the ratio (N,) of thrust in forward flight to hover thrust, at airspeeds (N,)
+        m/s and tank masses (N,) kg."""
         assert self.forward_flight is not None
         mass = self.airframe.empty_mass + tank_kg
         return thrust_ratio(
@@ -177,7 +184,8 @@ class RotorModel:
 
 
 def hover_speed(airframe: Airframe, tank_kg: Floats, density: Floats) -> Floats:
-    """(N, R) rpm at which the rotors carry the weight in hover, in air of `density` (N,) kg/m³.
+    """Return rotor speeds (N, R) rpm that carry the weight in hover, in air of `density` (N,)
+    kg/m³.
 
     All rotors turn alike, so each carries a share of the weight by its effectiveness; Eq. 4.
     """
@@ -191,7 +199,7 @@ def hover_speed(airframe: Airframe, tank_kg: Floats, density: Floats) -> Floats:
 
 
 def physics_model(airframe: Airframe) -> RotorModel:
-    """The model with no network: weight and thrust curve of the airframe."""
+    """Return the model without a network: weight and thrust curve of the airframe."""
     return RotorModel(
         airframe=airframe,
         reference_density=airframe.reference_density,

@@ -1,10 +1,10 @@
-"""What good flights say of a log's thermometer: by how much it reads above the air.
+"""Learn from good flights how far a log's thermometer reads above the air.
 
-A log from a table has a temperature of which nobody says whether it is of the air or of a warm
-circuit board. Rotors say it: at one weight N² goes with the air's temperature, T, at one pressure
-(Eq. 1 with T_i ~ rho N²). Where sound flights agree better when the air is as much warmer or colder
-as the thermometer says, it is used from then on, less what it reads above the standard atmosphere
-on average; by how much the flights' mean air differs from that, the model's `air_density` holds.
+A log from a table has a temperature, but no statement whether it is of the air or of a warm circuit
+board. Rotor speeds show it: at one weight and pressure N² is proportional to the air's temperature,
+T (Eq. 1 with T_i ~ rho N²). If good flights agree better with the thermometer's differences than
+without, its reading is used, less its mean excess over the standard atmosphere. The mean difference
+of the flights' air from the standard is in the model's effect `air_density`.
 """
 
 from __future__ import annotations
@@ -27,20 +27,23 @@ from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 from thrustmargin.models.scores import t_quantile
 
-SURE = 0.95  # that it follows the air: standard air is off by the weather, a wrong reading by more
-FEWEST_FLIGHTS = 3  # of which each can be left out and the others still differ
+SURE = 0.95  # probability required: standard air is off by the weather, a wrong reading by more
+FEWEST_FLIGHTS = 3  # so that without one of them the others still differ
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thermometer:
-    """How one aircraft's thermometer, of which no log says where it sits, follows the air."""
+    """The offset and error of one aircraft's thermometer as a measure of air temperature."""
 
-    warmer_k: float  # that it reads above the air
-    error_k: float  # standard error of the air's temperature by it, from flight to flight
+    warmer_k: float  # reading minus air temperature
+    error_k: float  # standard error of the air temperature, between flights
 
 
-def by_thermometer(track: FlightTrack, thermometer: Thermometer | None) -> FlightTrack:
-    """The track with the air's temperature where it had a reading that needs this thermometer."""
+def with_air_temperature(track: FlightTrack, thermometer: Thermometer | None) -> FlightTrack:
+    """Replace a thermometer's reading of unknown meaning by the air temperature estimated from it.
+
+    Return the track unchanged without a thermometer or such a reading.
+    """
     if thermometer is None or not needs_thermometer(track):
         return track
     source = Provenance(
@@ -60,10 +63,12 @@ def by_thermometer(track: FlightTrack, thermometer: Thermometer | None) -> Fligh
 
 
 def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> Thermometer | None:
-    """The thermometer of good flights, None where rotor speeds do not follow it.
+    """Estimate the thermometer's offset from good flights; None where rotor speeds do not follow
+    it.
 
-    It is used where flights, each compared with the mean of the others, scatter less in ln N² with
-    it than with the standard atmosphere, by more than Student's limit of that gain's mean.
+    It is used if flights, each compared with the mean of the others, differ less in ln N² with it
+    than with the standard atmosphere, by more than Student's limit for the mean gain. None with
+    fewer than FEWEST_FLIGHTS.
     """
     used = [track for track in tracks if training_rows(track, ("tank_kg",)).any()]
     if len(used) < FEWEST_FLIGHTS or not all(map(needs_thermometer, used)):
@@ -82,7 +87,7 @@ def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> The
 
 
 def needs_thermometer(track: FlightTrack) -> bool:
-    """True for a temperature of which nothing says whether it is the air's or a board's."""
+    """Return whether nothing states that the temperature is that of the air or of a board."""
     stated = "temperature" in track.standard_errors
     board = track.source("temperature").meaning is Meaning.BOARD_TEMPERATURE
     return track.reports("temperature") and not (stated or board)
@@ -91,8 +96,11 @@ def needs_thermometer(track: FlightTrack) -> bool:
 def _readings_and_speeds(
     tracks: Sequence[FlightTrack], airframe: Airframe
 ) -> tuple[Floats, Floats, Floats]:
-    """(F,) each: median K of a flight's reading above standard air, K of that air, and the mean of
-    ln sum N² rho / mass, rho by standard air, less what airspeed, climb and load do within flights.
+    """Return three values (F,) for each flight, by its training rows.
+
+    They are the median K of the reading above standard air, the K of standard air, and the mean of
+    ln(sum N² rho / mass), rho by standard air, less the influence of airspeed, climb and load
+    factor within flights.
     """
     above, standard, speed, motion = [], [], [], []
     for track in tracks:
@@ -118,5 +126,5 @@ def _readings_and_speeds(
 
 
 def _others(values: Floats) -> Floats:
-    """(F,) of each the mean of the others."""
+    """Return the mean (F,) of the other values for each of F values."""
     return (values.sum() - values) / (values.size - 1)

@@ -1,19 +1,19 @@
-"""From flights to a rotor speed model: the paper's table, the ensemble and its interval.
+"""Train a rotor speed model on flights: the paper's table, the ensemble and its interval.
 
-Three kinds of networks are fitted, all of the same shape and settings:
+Three kinds of networks are fitted, all of one shape and with one set of settings:
 
-1. one on rows drawn at random, as the paper does (`samples`);
-2. one on whole flights, tested on flights that it has not seen (`flights`);
-3. the ensemble that is kept: each member leaves out a fold of the flights, so that every flight is
-   predicted by members that have not seen it. Those predictions give the cross-validated scores
-   and calibrate the interval.
+1. one on rows drawn at random, as in the paper (`samples`);
+2. one on whole flights, tested on held-out flights (`flights`);
+3. the members of the ensemble that the model keeps: each holds out a fold of the flights, so that
+   every flight is predicted by members that were not trained on it. Those predictions give the
+   cross-validated scores and calibrate the interval.
 
-The first two learn and are scored on all training rows. The members learn without yaw turns: in a
-turn the rotors that spin one way slow down and the others speed up, by an amount that airspeed and
-tank level do not show, and learning from turns bends the prediction of straight flight. They are
+The first two are trained and scored on all training rows. The members are trained without yaw
+turns: in a turn the rotors of one spin slow down and the others speed up, by an amount that
+airspeed and tank level do not show, and training on turns would bias straight flight. They are
 scored, and their interval calibrated, on all rows, turns included.
 
-What a learnt model predicts on a grid of airspeed and tank level: the points of Figure 10.
+`network_points` predicts on a grid of airspeed and tank level: the points of Figure 10.
 """
 
 from __future__ import annotations
@@ -56,12 +56,12 @@ from thrustmargin.models.physics.smoothing import known_median, row_step
 from thrustmargin.models.scores import Score, score
 
 #: R² of training, validation and test that the paper prints for its field flights, which are not
-#: public: shown beside one's own, never to be taken for them.
+#: public; shown beside the user's own for comparison.
 PAPER_R2 = (0.728, 0.719, 0.726)
 PAPER_LOWEST_LOSS = 0.27
 PAPER_BEST_EPOCH = 147
 
-FASTEST = 25.0  # Hz of the rows that a network learns from
+FASTEST = 25.0  # Hz of training rows
 
 SPLITS = {"samples": split_by_samples, "flights": split_by_flight}
 
@@ -71,7 +71,7 @@ Progress = Callable[[str, int, float], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainSettings:
-    """What to fit; a fit leaves them as they are."""
+    """The settings of one training run; the fit does not change them."""
 
     splits: tuple[str, ...] = ("samples", "flights")
     members: int = 5
@@ -80,7 +80,7 @@ class TrainSettings:
     net: NetConfig = field(default_factory=NetConfig)
 
     def names(self) -> list[str]:
-        """Names of the networks that will be fitted, in order."""
+        """List the names of the networks that will be fitted, in order."""
         members = [f"member {k} of {self.members}" for k in range(1, self.members + 1)]
         return [f"split by {split}" for split in self.splits] + members
 
@@ -97,19 +97,18 @@ class LossCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fold:
-    """A model that was made without some of the flights."""
+    """A model that was trained without some of the flights."""
 
     model: RotorModel
-    flights: tuple[int, ...]  # that it has not seen, by their place among the flights given
+    flights: tuple[int, ...]  # held-out flights, by index among the flights given
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trained:
-    """A new model, the models of the same settings that each leave flights out, and the loss
-    curves of the networks."""
+    """The result of a training run: model, cross-validation folds and loss curves."""
 
     model: RotorModel
-    folds: tuple[Fold, ...]  # every flight with usable rows is left out of one
+    folds: tuple[Fold, ...]  # every flight with usable rows is held out in one
     curves: tuple[LossCurve, ...]
 
 
@@ -124,7 +123,7 @@ def train(
 ) -> Trained:
     """Fit the rotor speed model of one aircraft to its flights.
 
-    Rotor speeds are all measured or all from motor outputs, as the model's record says. Raises
+    Rotor speeds are all measured or all from motor outputs; the model's record states which. Raises
     DataError when they are not, when there are no usable rows or fewer than 3 flights, and
     AirframeError when the flights have another number of rotors than the airframe.
     """
@@ -139,7 +138,7 @@ def train(
     member_rows = member_splits(samples, settings.members, settings.seed)
     steady = samples.turning != 1.0
     learnt = [
-        replace(s, training=_only(s.training, steady), validation=_only(s.validation, steady))
+        replace(s, training=_select(s.training, steady), validation=_select(s.validation, steady))
         for s in member_rows
     ]
     if any(s.training.size == 0 or s.validation.size == 0 for s in learnt):
@@ -152,12 +151,13 @@ def train(
     slow = _slow_rows([tracks[i] for i in places], samples)
 
     def fit(split: Split, seed: int) -> NetworkFit:
+        """Fit the next network of `settings` on a split and record its loss curve."""
         name = next(names)
         fitted = fit_network(
             samples.inputs,
             samples.rotor_speed_rpm,
-            training=_only(split.training, slow),
-            validation=_only(split.validation, slow),
+            training=_select(split.training, slow),
+            validation=_select(split.validation, slow),
             config=settings.net,
             seed=seed,
             on_epoch=partial(progress, name) if progress else None,
@@ -178,7 +178,7 @@ def train(
         split_scores.append(_split_score(kind, samples, split, fit(split, settings.seed)))
     fits = [fit(split, settings.seed + 1 + k) for k, split in enumerate(learnt)]
     network = stack_networks([f.network for f in fits])
-    left_out = _left_out_speeds(samples, fits, member_rows)
+    left_out = _held_out_speeds(samples, fits, member_rows)
     spread = ensemble_speed(network, samples.airspeed, samples.tank_kg)[1]
     residual = samples.rotor_speed_rpm - left_out
     interval = calibrate(
@@ -188,7 +188,7 @@ def train(
         residual, spread, samples.airspeed, samples.flight, coverage=settings.coverage
     )
     model = replace(
-        _with_network(network, samples, tracks, airframe),
+        _model_of_network(network, samples, tracks, airframe),
         interval=replace(interval, measured=measured),
         training=TrainingRecord(
             date=date,
@@ -213,17 +213,17 @@ def train(
         rest = [tracks[i] for i in places if i not in unseen]
         folds.append(
             Fold(
-                model=_with_network(stack_networks(networks), seen, rest, airframe),
+                model=_model_of_network(stack_networks(networks), seen, rest, airframe),
                 flights=tuple(sorted(unseen)),
             )
         )
     return Trained(model=model, folds=tuple(folds), curves=tuple(curves))
 
 
-def _with_network(
+def _model_of_network(
     network: RotorNetwork, samples: Samples, tracks: Sequence[FlightTrack], airframe: Airframe
 ) -> RotorModel:
-    """A model with all that the rows and flights given say, and nothing that others do."""
+    """Build a model from a network and the training rows and flights given, and no other ones."""
     return RotorModel(
         airframe=airframe,
         network=network,
@@ -235,9 +235,10 @@ def _with_network(
 
 
 def _slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
-    """(N,) rows that a network learns from: all, but of a table faster than FASTEST every so many.
+    """Flag the rows (N,) to train on: all, but every n-th of a table faster than FASTEST.
 
-    What it learns goes with airspeed and tank; neighbours of a hundredth of a second add nothing.
+    Rotor speed depends on airspeed and tank here; neighbours of a hundredth of a second add no
+    information.
     """
     keep = np.ones(samples.flight.size, dtype=np.bool_)
     for flight, track in enumerate(tracks):
@@ -250,7 +251,8 @@ def _slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
 
 
 def _one_kind_of_speed(tracks: Sequence[FlightTrack]) -> SpeedBasis:
-    """What the rotor speeds of all flights are; DataError where they are of two kinds."""
+    """Return the basis that the rotor speeds of all flights have in common. Raises DataError if
+    they differ."""
     kinds = {track.name: speed_basis(track) for track in tracks}
     if len(set(kinds.values())) > 1:
         named = "; ".join(f"{name} {kind}" for name, kind in kinds.items())
@@ -261,14 +263,16 @@ def _one_kind_of_speed(tracks: Sequence[FlightTrack]) -> SpeedBasis:
     return next(iter(kinds.values()))
 
 
-def _only(rows: Rows, wanted: np.ndarray) -> Rows:
+def _select(rows: Rows, wanted: np.ndarray) -> Rows:
+    """Keep the row numbers that `wanted` (N,) flags."""
     return rows[wanted[rows]]
 
 
-def _left_out_speeds(
+def _held_out_speeds(
     samples: Samples, fits: Sequence[NetworkFit], splits: Sequence[Split]
 ) -> Floats:
-    """(N, R) rpm: mean over the members that left the row's flight out."""
+    """Return rotor speeds (N, R) rpm, each the mean of the members that held out the row's
+    flight."""
     total = np.zeros_like(samples.rotor_speed_rpm)
     count = np.zeros((samples.airspeed.size, 1))
     for fitted, split in zip(fits, splits, strict=True):
@@ -281,16 +285,18 @@ def _left_out_speeds(
 
 
 def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) -> SplitScore:
+    """Score one network on the training, validation and test rows of its split."""
     predicted = member_speeds(fitted.network, samples.airspeed, samples.tank_kg)[0]
 
-    def of(rows: Rows) -> Score:
+    def score_rows(rows: Rows) -> Score:
+        """Score the network on some rows."""
         return score(samples.rotor_speed_rpm[rows], predicted[rows], samples.flight[rows])
 
     return SplitScore(
         split=kind,
-        training=of(split.training),
-        validation=of(split.validation),
-        test=of(split.test),
+        training=score_rows(split.training),
+        validation=score_rows(split.validation),
+        test=score_rows(split.test),
         epochs=fitted.epochs,
         best_epoch=fitted.best_epoch,
         lowest_loss=fitted.lowest_loss,
@@ -298,7 +304,11 @@ def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) 
 
 
 def condition_scores(samples: Samples, predicted: Floats, seed: int) -> tuple[ConditionScore, ...]:
-    """Scores on flights left out: all rows, and the kinds of rows that say where the error is."""
+    """Score held-out predictions (N, R) rpm on all rows, under several conditions, and on the mean
+    of the rotors.
+
+    Conditions without rows are left out.
+    """
     measured, flight = samples.rotor_speed_rpm, samples.flight
     everything = np.arange(flight.size)
     kinds = {
@@ -321,7 +331,7 @@ def condition_scores(samples: Samples, predicted: Floats, seed: int) -> tuple[Co
 
 
 def training_domain(samples: Samples) -> TrainingDomain:
-    """The ranges of the rows."""
+    """Return the ranges of airspeed, load, air, height and wind of the training rows."""
     known = np.unique(samples.flight)
     return TrainingDomain(
         airspeed=_range(samples.airspeed),
@@ -334,34 +344,35 @@ def training_domain(samples: Samples) -> TrainingDomain:
 
 
 def _range(values: Floats) -> Range:
+    """Return the least and the largest known value; NaN without one."""
     known = values[np.isfinite(values)]
     return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
 
 
-#: m/s and shares of the tank at which the network is asked for Figure 10: the paper's three speeds
-#: and its three payloads 4, 10 and 16 of 16 kg.
+#: m/s and shares of the tank at which the network is evaluated for Figure 10: the paper's three
+#: speeds and its three payloads 4, 10 and 16 of 16 kg.
 FIGURE_AIRSPEEDS = (2.0, 4.0, 6.0)
 FIGURE_TANK_SHARES = (0.25, 0.625, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NetworkPoints:
-    """Rotor speeds that a learnt model predicts at P airspeeds and tank levels."""
+    """Rotor speeds that a trained model predicts at P airspeeds and tank levels."""
 
-    title: str  # of the aircraft whose flights taught it, which may be a simulated one
+    title: str  # of the aircraft of the training flights, which may be simulated
     airspeed: Floats  # (P,) m/s
     tank_kg: Floats  # (P,) kg
     rotor_speed_rpm: Floats  # (P, R)
-    load: Floats  # (P,) N that a rotor carries
+    load: Floats  # (P,) N for each rotor
     left_out: int  # points outside the model's training domain
 
 
 def network_points(airframe: Airframe, model: RotorModel) -> NetworkPoints:
-    """What the model's network predicts at the figure's airspeeds and shares of the tank.
+    """Predict rotor speeds at the figure's airspeeds and shares of the tank.
 
-    The model is asked in the air of its training, and Eq. 1 carries its speeds over to the air of
-    its airframe's thrust curve, in which the figure is drawn. Raises ModelError when it was made
-    for another aircraft, or when its network covers none of the points.
+    The model is evaluated in the air of its training, and Eq. 1 converts its speeds to the air of
+    its airframe's thrust curve, in which the figure is drawn. Raises ModelError when the model is
+    of another aircraft, or its network covers none of the points.
     """
     if not same_aircraft(airframe, model.airframe):
         raise ModelError(

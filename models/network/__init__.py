@@ -1,1 +1,1 @@
-"""The network from airspeed and tank level to rotor speeds: rows to learn from, fit, validity."""
+"""The network from airspeed and tank level to rotor speeds: training rows, fit and validity."""

@@ -1,8 +1,8 @@
-"""Learnt networks in plain numpy: M members as one batch of matrices, for one row or for many.
+"""Evaluate trained networks in plain numpy, M members as one batch of matrices.
 
     N = f(V, m):  V airspeed [m/s], m liquid in the tank [kg]  ->  N_1..N_R rotor speeds [rpm]
 
-Same numbers as torch to float32; how the weights come about is in `network`.
+Results equal torch's to float32; `network` trains the weights.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ CHUNK_ROWS = 4096
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RotorNetwork:
-    """M networks of the same shape with their standardisation: inputs (V, m), outputs R rotors.
+    """M networks of one shape with their standardisation: inputs (V, m), outputs R rotors.
 
-    Raises ModelError when the shapes do not fit together or a number is not finite.
+    Raises ModelError when shapes do not match or a number is not finite.
     """
 
     weights: tuple[Float32s, ...]  # each (M, units in, units out)
@@ -62,46 +62,53 @@ class RotorNetwork:
             raise ModelError("the network has a standardisation scale that is not positive")
 
     def _standardisation(self) -> tuple[Floats, ...]:
+        """Return the arrays that standardise inputs and outputs."""
         return self.input_mean, self.input_scale, self.output_mean, self.output_scale
 
     @property
     def members(self) -> int:
+        """Return the number of networks, M."""
         return self.input_mean.shape[0]
 
     @property
     def rotor_count(self) -> int:
+        """Return the number of rotors, R."""
         return self.output_mean.shape[1]
 
     @property
     def hidden(self) -> tuple[int, ...]:
+        """Return the units of each hidden layer."""
         return tuple(w.shape[2] for w in self.weights[:-1])
 
     def member(self, index: int) -> RotorNetwork:
-        """One of the networks, as an ensemble of one."""
-        return _made_of(lambda arrays: arrays[0][index : index + 1], self)
+        """Return one of the networks, by its index from 0, as an ensemble of one."""
+        return _combine(lambda arrays: arrays[0][index : index + 1], self)
 
 
 def stack_networks(networks: Sequence[RotorNetwork]) -> RotorNetwork:
-    """One ensemble of all members of the given networks, in order."""
-    return _made_of(np.concatenate, *networks)
+    """Combine the members of all given networks into one ensemble, in order."""
+    return _combine(np.concatenate, *networks)
 
 
-def _made_of(
+def _combine(
     make: Callable[[Sequence[np.ndarray]], np.ndarray], *networks: RotorNetwork
 ) -> RotorNetwork:
-    """Each array of the result is made of the like arrays of `networks`."""
+    """Apply `make` to the corresponding arrays of all networks, and return the network of the
+    results."""
 
-    def like(name: str) -> Any:
+    def combine_field(name: str) -> Any:
+        """Apply `make` to one array of all networks."""
         arrays = [getattr(network, name) for network in networks]
         if isinstance(arrays[0], tuple):
             return tuple(make(layer) for layer in zip(*arrays, strict=True))
         return make(arrays)
 
-    return RotorNetwork(**{f.name: like(f.name) for f in fields(RotorNetwork)})
+    return RotorNetwork(**{f.name: combine_field(f.name) for f in fields(RotorNetwork)})
 
 
 def member_speeds(network: RotorNetwork, airspeed: Floats, tank_kg: Floats) -> Floats:
-    """(M, N, R) rotor speeds in rpm that each member predicts for N rows of airspeed and tank."""
+    """Return the rotor speeds (M, N, R) rpm that each member predicts for N rows of airspeed and
+    tank."""
     inputs = np.stack(
         [np.asarray(airspeed, dtype=np.float64), np.asarray(tank_kg, dtype=np.float64)], axis=-1
     )
@@ -113,7 +120,8 @@ def member_speeds(network: RotorNetwork, airspeed: Floats, tank_kg: Floats) -> F
 
 
 def _forward(network: RotorNetwork, inputs: Floats) -> Floats:
-    """(M, N, R) from inputs (N, 2); the layers in float32 as they were trained."""
+    """Return the rotor speeds (M, N, R) rpm for inputs (N, 2); the layers are in float32 as in
+    training."""
     hidden = (inputs - network.input_mean[:, None]) / network.input_scale[:, None]
     hidden = hidden.astype(np.float32)
     last = len(network.weights) - 1
@@ -128,10 +136,10 @@ def _forward(network: RotorNetwork, inputs: Floats) -> Floats:
 def ensemble_speed(
     network: RotorNetwork, airspeed: Floats, tank_kg: Floats
 ) -> tuple[Floats, Floats]:
-    """Mean and spread of the members: two (N, R) arrays in rpm for N rows.
+    """Return mean and spread of the members: two (N, R) arrays in rpm for N rows.
 
     The spread is the sample standard deviation over members, the model's own uncertainty of its
-    mean function; 0 for a single member. It says nothing about scatter of the rotors themselves.
+    mean function; 0 for a single member. It does not include the scatter of the rotors themselves.
     """
     speeds = member_speeds(network, airspeed, tank_kg)
     if network.members == 1:

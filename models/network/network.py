@@ -1,12 +1,12 @@
-"""The rotor speed network of the paper, for any number of rotors, and how it is fitted.
+"""Define and fit the rotor speed network of the paper, for any number of rotors.
 
     N = f(V, m):  V airspeed [m/s], m liquid in the tank [kg]  ->  N_1..N_R rotor speeds [rpm]
 
 Fully connected, 117 / 103 / 76 hidden units, ReLU, linear output; AdamW, learning rate 0.0006,
-early stopping with patience 30 and delta 0.001 on the validation loss (Han et al., Drones 2024,
-8, 246). The loss is the mean square of standardised rotor speeds, so that loss is about 1 - R².
-The paper does not print the batch size, the weight decay, the initialisation and the largest
-number of epochs: here 256, 0.01, PyTorch's own and 1000.
+early stopping with patience 30 and delta 0.001 on the validation loss (Han et al., Drones 2024, 8,
+246). The loss is the mean square of standardised rotor speeds, so that loss is about 1 - R². The
+paper does not print the batch size, the weight decay, the initialisation and the largest number of
+epochs: here 256, 0.01, PyTorch's own and 1000.
 
 Fitting needs torch, which is imported inside functions because that takes seconds; prediction is
 plain numpy, in `ensemble`.
@@ -30,7 +30,7 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetConfig:
-    """Settings of the network and of its training; a fit leaves them as they are."""
+    """The settings of the network and of its training; the fit does not change them."""
 
     hidden: tuple[int, ...] = (117, 103, 76)
     learning_rate: float = 6e-4
@@ -43,27 +43,30 @@ class NetConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EarlyStopping:
-    """Stops when the loss has not fallen by more than `delta` for `patience` epochs."""
+    """The state of early stopping: stop if the loss has not fallen by more than `delta` for
+    `patience` epochs."""
 
     patience: int
     delta: float
     best: float = float("inf")
     waited: int = 0
 
-    def after(self, loss: float) -> EarlyStopping:
-        """The state after one more epoch with this validation loss."""
+    def next_epoch(self, loss: float) -> EarlyStopping:
+        """Return the state after one more epoch with this validation loss."""
         if loss < self.best - self.delta:
             return replace(self, best=loss, waited=0)
         return replace(self, waited=self.waited + 1)
 
     @property
     def stop(self) -> bool:
+        """Return whether training should stop."""
         return self.waited >= self.patience
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NetworkFit:
-    """What one fit gives: the network at its lowest validation loss, and the way there."""
+    """The result of one fit: the network at its lowest validation loss, and the loss of each
+    epoch."""
 
     network: RotorNetwork  # one member
     training_loss: Floats  # (E,) mean over the batches of each epoch
@@ -71,16 +74,17 @@ class NetworkFit:
 
     @property
     def epochs(self) -> int:
-        """Epochs run until early stopping."""
+        """Return the number of epochs until early stopping."""
         return self.validation_loss.size
 
     @property
     def best_epoch(self) -> int:
-        """Epoch of the lowest validation loss, counted from 1."""
+        """Return the epoch of the lowest validation loss, counted from 1."""
         return int(np.argmin(self.validation_loss)) + 1
 
     @property
     def lowest_loss(self) -> float:
+        """Return the lowest validation loss."""
         return float(np.min(self.validation_loss))
 
 
@@ -101,7 +105,7 @@ def fit_network(
     """Fit one network to the rows `training`, stopped early on the rows `validation`.
 
     inputs (N, 2): airspeed m/s and tank kg; rotor_speed_rpm (N, R); both finite. The same seed,
-    data and settings give the same weights: one thread, and torch's global state is left as found.
+    data and settings give the same weights: one thread, and torch's global state is restored.
     Raises DataError when either set of rows is empty or the inputs are not finite.
     """
     if training.size == 0 or validation.size == 0:
@@ -124,7 +128,8 @@ def fit_network(
 
 
 def _scale(rows: Floats) -> Floats:
-    """Standard deviation a column; 1 where a column does not vary, so that it divides safely."""
+    """Return the standard deviation of each column; 1 where a column is constant, for safe
+    division."""
     scale = rows.std(axis=0)
     return np.where(scale > 1e-9, scale, 1.0)
 
@@ -137,6 +142,7 @@ def _fit(
     config: NetConfig,
     on_epoch: OnEpoch | None,
 ) -> NetworkFit:
+    """Fit one network with torch, seeded by the caller."""
     import torch
 
     input_mean, input_scale = inputs[training].mean(axis=0), _scale(inputs[training])
@@ -146,6 +152,7 @@ def _fit(
     )
 
     def standard(rows: Rows) -> tuple[Any, Any]:
+        """Return standardised inputs and outputs of some rows as tensors."""
         x = (inputs[rows] - input_mean) / input_scale
         y = (rotor_speed_rpm[rows] - output_mean) / output_scale
         return torch.from_numpy(x.astype(np.float32)), torch.from_numpy(y.astype(np.float32))
@@ -159,7 +166,7 @@ def _fit(
     stopping = EarlyStopping(patience=config.patience, delta=config.delta)
     training_loss: list[float] = []
     validation_loss: list[float] = []
-    best = _arrays(net)
+    best = _copy_weights(net)
     while not stopping.stop and len(validation_loss) < config.max_epochs:
         total = torch.zeros(())
         for batch in torch.randperm(training.size).split(config.batch_size):
@@ -171,10 +178,10 @@ def _fit(
         with torch.no_grad():
             now = float(torch.nn.functional.mse_loss(net(x_validation), y_validation))
         if not validation_loss or now < min(validation_loss):
-            best = _arrays(net)
+            best = _copy_weights(net)
         training_loss.append(float(total) / training.size)
         validation_loss.append(now)
-        stopping = stopping.after(now)
+        stopping = stopping.next_epoch(now)
         if on_epoch is not None:
             on_epoch(len(validation_loss), now)
     network = RotorNetwork(
@@ -193,7 +200,8 @@ def _fit(
 
 
 def build_torch_network(rotor_count: int, config: NetConfig) -> Any:
-    """The untrained `torch.nn.Sequential`: 2 inputs, the hidden layers with ReLU, R outputs."""
+    """Build the untrained `torch.nn.Sequential`: 2 inputs, the hidden layers with ReLU, R
+    outputs."""
     import torch
 
     layers: list[Any] = []
@@ -204,8 +212,8 @@ def build_torch_network(rotor_count: int, config: NetConfig) -> Any:
     return torch.nn.Sequential(*layers, torch.nn.Linear(width, rotor_count))
 
 
-def _arrays(net: Any) -> tuple[tuple[Float32s, ...], tuple[Float32s, ...]]:
-    """Copies of the weights (1, in, out) and biases (1, out) of a torch network."""
+def _copy_weights(net: Any) -> tuple[tuple[Float32s, ...], tuple[Float32s, ...]]:
+    """Copy the weights (1, in, out) and biases (1, out) of a torch network."""
     linear = [layer for layer in net if hasattr(layer, "weight")]
     weights = tuple(np.ascontiguousarray(m.weight.detach().numpy().T)[None].copy() for m in linear)
     biases = tuple(m.bias.detach().numpy()[None].copy() for m in linear)

@@ -1,7 +1,7 @@
-"""What a model file remembers: how its network was trained, and how its good flights differ.
+"""Define the records of a model file: how its network was trained, and how good flights differ.
 
-A number found on new flights means nothing where sound flights scatter as much by themselves. A
-model file keeps that scatter, so that a search on new flights needs none of the old ones.
+A change found on new flights is not significant where sound flights vary as much. A model file
+stores that variance, so that a search on new flights does not need the old ones.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SplitScore:
-    """One network on its own three sets, as the paper's table has it."""
+    """The scores of one network on its own three sets, as in the paper's table."""
 
     split: str  # "samples" or "flights"
     training: Score
@@ -34,7 +34,7 @@ class SplitScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionScore:
-    """The ensemble on flights left out, on the rows of one condition."""
+    """The score of the ensemble on held-out flights, on the rows of one condition."""
 
     condition: str
     score: Score
@@ -42,7 +42,7 @@ class ConditionScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingRecord:
-    """How a network came to be and how good it is."""
+    """The record of a training run, with its scores."""
 
     date: str  # ISO 8601
     version: str  # of thrustmargin
@@ -50,15 +50,15 @@ class TrainingRecord:
     members: int
     config: NetConfig
     rows: int  # training rows of all flights
-    learnt_rows: int  # those outside yaw turns, from which the members learn
+    learnt_rows: int  # rows outside yaw turns, on which the members are trained
     splits: tuple[SplitScore, ...]
-    left_out: tuple[ConditionScore, ...]  # each flight predicted by members that never saw it
-    speed: str = "measured"  # or "from motor outputs": what the rotor speeds learnt from were
+    left_out: tuple[ConditionScore, ...]  # each flight predicted by members that held it out
+    speed: str = "measured"  # or "from motor outputs": basis of the training rotor speeds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GoodFlights:
-    """Scatter over the flights that a model was made from, with its standard effects in place.
+    """The variation between the flights that a model was made from, with its standard effects.
 
     Raises ModelError when a scatter is negative or not a number.
     """
@@ -67,17 +67,17 @@ class GoodFlights:
     #: "effect_key.parameter" -> standard deviation from flight to flight, in the parameter's unit
     scatter: Mapping[str, float] = field(default_factory=dict)
     mode_scatter_rpm: tuple[float, ...] = ()  # of each mode's mean residual; R, or none
-    slow_rpm: tuple[float, ...] = ()  # by which each mode wanders within a flight; R, or none
+    slow_rpm: tuple[float, ...] = ()  # slow variation of each mode within a flight; R, or none
     #: in model files from before 0.3; nothing reads it any more
     free_form_rpm: tuple[float, ...] = ()
     #: "mode.channel" -> RMS in rpm of the smooth curve of the residual over that channel, as far as
-    #: flights left out confirm it; 0 where they do not
+    #: held-out flights confirm it; 0 where they do not
     curve_rpm: Mapping[str, float] = field(default_factory=dict)
-    #: of each flight left out of its own prediction in turn, all choices made without it
+    #: cross-validated over flights, with all choices made without the held-out flight
     errors: tuple[ConditionScore, ...] = ()
     flight_rmse_rpm: Mapping[str, float] = field(default_factory=dict)  # name of the flight -> rpm
     mean_speed_rpm: float = float("nan")
-    delay_s: float = float("nan")  # of their rotor speeds beyond the model's, by fast rows
+    delay_s: float = float("nan")  # of the rotor speeds beyond the model's, by fast rows
     delay_scatter_s: float = float("nan")  # its standard deviation from flight to flight
 
     def __post_init__(self) -> None:
@@ -90,8 +90,10 @@ class GoodFlights:
                 raise ModelError(f"has the scatter {value} of {name}")
 
     def most_rmse_rpm(self, confidence: float = 0.95) -> float:
-        """rpm that the RMSE of a new sound flight stays below: Student's prediction limit of the
-        logarithm. NaN from fewer than 3 flights."""
+        """Return the RMSE, rpm, that a new sound flight stays below with `confidence`.
+
+        Student's prediction limit of the logarithm. NaN with fewer than 3 flights.
+        """
         logs = np.log(list(self.flight_rmse_rpm.values()))
         if logs.size < 3:
             return float("nan")
@@ -100,11 +102,11 @@ class GoodFlights:
 
 
 def scatter_between(estimates: Floats, errors: Floats) -> float:
-    """Standard deviation between flights of a quantity that each flight shows with its own error.
+    """Estimate the standard deviation between flights of a quantity with an error in each flight.
 
-    estimates and errors (F,), errors standard deviations above 0. What the errors alone make
-    flights differ is taken off, so that 0 means "no more than chance". NaN for fewer than 2
-    flights, and where one alone is known. Method of moments: DerSimonian and Laird, Control. Clin.
+    estimates and errors (F,), errors standard deviations above 0. The variation due to the errors
+    is subtracted, so that 0 means "no more than chance". NaN for fewer than 2 flights, or if the
+    errors leave weight on one alone. Method of moments: DerSimonian and Laird, Control. Clin.
     Trials 7, 177 (1986), Eq. 8.
     """
     if estimates.size < 2:

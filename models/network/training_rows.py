@@ -1,8 +1,8 @@
-"""Rows of flights that a rotor speed model may learn from, and ways to split them.
+"""Select the rows of flights that a rotor speed model may be trained on, and split them.
 
-Rows of one flight are correlated: neighbours are 0.1 s apart, and a tank level says which turn of
-which flight a row is from. A split by samples, as the paper's, therefore asks about rows whose
-neighbours were learnt; a split by flight asks about a flight that the model has not seen.
+Rows of one flight are correlated: neighbours are 0.1 s apart, and a tank level identifies the turn
+and flight of a row. A split by samples, as in the paper, therefore tests on rows whose neighbours
+were in the training; a split by flight tests on held-out flights.
 """
 
 from __future__ import annotations
@@ -42,27 +42,27 @@ class Samples:
 
     @property
     def inputs(self) -> Floats:
-        """(N, 2) airspeed and tank mass, the inputs of the network."""
+        """Return airspeed and tank mass (N, 2), the inputs of the network."""
         return np.stack([self.airspeed, self.tank_kg], axis=1)
 
     def only(self, rows: Rows) -> Samples:
-        """The table with the chosen rows alone; all flights keep their numbers."""
+        """Return the samples of the chosen rows; flight indices stay."""
         columns = (f.name for f in fields(self) if f.name != "flights")
         return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
     def of_flights(self, chosen: Rows) -> Rows:
-        """Rows of the flights with the given indices."""
+        """Return the row numbers of the flights with the given indices."""
         return np.flatnonzero(np.isin(self.flight, chosen))
 
 
 def gather(
     tracks: Sequence[FlightTrack], inputs: Sequence[str] = ("airspeed", "tank_kg")
 ) -> Samples:
-    """Training rows of all flights as one table; flights without any are left out.
+    """Collect the training rows of all flights; flights without any are left out.
 
-    `inputs` are the channels that a row must have beside rotor speeds. Raises DataError when no
-    flight has a usable row, flights differ in rotor count, or one flight is given twice (it would
-    be learnt and tested on at once).
+    `inputs` are the channels that a row needs beside rotor speeds. Raises DataError when no flight
+    has a usable row, flights differ in rotor count, or one flight is given twice (it would be in
+    training and test at once).
     """
     kept = [(track, rows) for track in tracks if (rows := training_rows(track, inputs)).any()]
     if not kept:
@@ -104,6 +104,7 @@ def gather(
 
 
 def _nothing_usable(tracks: Sequence[FlightTrack]) -> str:
+    """Return the message for flights without usable rows."""
     lacking = [
         words
         for channel, words in (
@@ -123,7 +124,7 @@ def _nothing_usable(tracks: Sequence[FlightTrack]) -> str:
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """The names, with a number behind those that were there before."""
+    """Make names distinct by a number after repeated ones."""
     result: list[str] = []
     for name in names:
         unique, count = name, 2
@@ -143,7 +144,7 @@ class Split:
 
 
 def split_by_samples(samples: Samples, seed: int) -> Split:
-    """Rows drawn at random into 0.70 : 0.15 : 0.15, as the paper does."""
+    """Split rows at random 0.70 : 0.15 : 0.15, as the paper does."""
     rows = np.random.default_rng(seed).permutation(samples.airspeed.size)
     first = round(SHARES[0] * rows.size)
     second = round((SHARES[0] + SHARES[1]) * rows.size)
@@ -155,7 +156,7 @@ def split_by_samples(samples: Samples, seed: int) -> Split:
 
 
 def split_by_flight(samples: Samples, seed: int) -> Split:
-    """Whole flights drawn into 0.70 : 0.15 : 0.15; at least one in each set.
+    """Split whole flights at random 0.70 : 0.15 : 0.15; at least one in each set.
 
     Raises DataError for fewer than 3 flights.
     """
@@ -169,10 +170,10 @@ def split_by_flight(samples: Samples, seed: int) -> Split:
 
 
 def member_splits(samples: Samples, members: int, seed: int) -> tuple[Split, ...]:
-    """One split by flight a member; every flight is in the `test` of at least one member.
+    """Return one split by flight for each member; every flight is in the `test` of at least one.
 
     The flights are dealt into as many folds as there are members (at most one a flight). Member k
-    leaves out fold k (`test`), stops early on 15 % of the other flights and learns the rest.
+    holds out fold k (`test`), stops early on 15 % of the other flights and trains on the rest.
     Raises DataError for fewer than 3 flights or 3 members.
     """
     if members < 3:
@@ -196,6 +197,7 @@ def member_splits(samples: Samples, members: int, seed: int) -> tuple[Split, ...
 
 
 def _flight_count(samples: Samples) -> int:
+    """Return the number of flights. Raises DataError for fewer than 3."""
     count = len(samples.flights)
     if count < 3:
         raise DataError(

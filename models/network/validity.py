@@ -1,18 +1,18 @@
-"""Where a network may be asked, and how sure it is there.
+"""Define where a network is valid, and calibrate its prediction interval there.
 
 The training domain is the range of each input over the training flights. Inside it the predicted
-rotor speed has an interval, calibrated on flights that the network has not seen:
+rotor speed has an interval, calibrated on held-out flights:
 
     half width of rotor i = q_i s_i,   s_i = sqrt(c_i(V)^2 + (z spread_i)^2)
 
-c_i(V) is how far rotor i usually is from its prediction at airspeed V (the `coverage` quantile of
+c_i(V) is the usual residual of rotor i at airspeed V (the `coverage` quantile of
 its residual at like airspeeds: below 3 m/s an aircraft turns and hovers, at 6 m/s it flies
 straight). spread_i is the standard deviation over the ensemble, z the normal quantile; so the
 interval widens where the members disagree. q_i is the conformal factor.
 
 Residuals are cross-conformal (Vovk, Ann. Math. Artif. Intell. 74, 2015): those of a flight come
-from members that have not seen it. Scores |residual|/s are locally weighted (Lei et al., J. Am.
-Stat. Assoc. 113, 2018). Rows of one flight are correlated, so the flight is what is exchangeable:
+from members that held it out. Scores |residual|/s are locally weighted (Lei et al., J. Am.
+Stat. Assoc. 113, 2018). Rows of one flight are correlated, so flights are the exchangeable units:
 each of K flights weighs 1/(K+1), shared among its rows, and the last 1/(K+1) lies at infinity
 (Lee, Barber and Willett, "Distribution-free inference with hierarchical data", 2023). The promise
 is for one row of a new flight like those of the training, on average over such flights; it is not
@@ -38,20 +38,20 @@ from thrustmargin.models.scores import t_quantile
 
 KNOT_STEP = 0.5  # m/s between the airspeeds at which the scatter is kept
 BANDWIDTH = 0.5  # m/s, standard deviation of the weights of like airspeeds
-#: rpm below which a scatter is not believed: no rotor speed sensor is better than this
+#: rpm, least scatter: no rotor speed sensor is better than this
 SCATTER_FLOOR_RPM = 1.0
-#: How far beyond its training the network is still asked: m/s, kg, share of density.
+#: How far beyond its training range the network is still used: m/s, kg, share of density.
 #: 2 % of density is 1 % of rotor speed, about the error of the network in straight flight.
 AIRSPEED_TOLERANCE, TANK_TOLERANCE, DENSITY_TOLERANCE = 0.25, 0.25, 0.02
 
-FEWEST_FLIGHTS = 3  # that make an interval
+FEWEST_FLIGHTS = 3  # for an interval
 
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingDomain:
-    """Ranges that the training flights covered, lowest and highest; NaN where unreported."""
+    """The ranges that the training flights covered, lowest and highest; NaN where unreported."""
 
     airspeed: Range  # m/s
     tank_kg: Range
@@ -61,9 +61,10 @@ class TrainingDomain:
     flights: tuple[str, ...]
 
     def covers_inputs(self, airspeed: Floats, tank_kg: Floats) -> Bools:
-        """(N,) rows whose airspeed and tank level the flights had; NaN is not covered.
+        """Flag the rows (N,) with airspeed and tank level inside the training ranges; NaN is
+        outside.
 
-        What no flight reported limits nothing.
+        An airspeed that no training flight reported sets no limit.
         """
         inside = np.ones(tank_kg.shape, dtype=np.bool_)
         if not np.isnan(self.airspeed[0]):
@@ -71,20 +72,22 @@ class TrainingDomain:
         return inside & _within(tank_kg, self.tank_kg, TANK_TOLERANCE)
 
     def covers(self, airspeed: Floats, tank_kg: Floats, density: Floats) -> Bools:
-        """(N,) rows that are covered in airspeed, tank level and air density."""
+        """Flag the rows (N,) with airspeed, tank level and air density inside the training
+        ranges."""
         return self.covers_inputs(airspeed, tank_kg) & _within(
             density, self.density, DENSITY_TOLERANCE * self.density[1]
         )
 
 
 def _within(values: Floats, limits: Range, tolerance: float) -> Bools:
+    """Flag values inside limits widened by a tolerance; NaN is outside."""
     with np.errstate(invalid="ignore"):
         return (values >= limits[0] - tolerance) & (values <= limits[1] + tolerance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredCoverage:
-    """Share of rows inside the interval on flights that took no part in calibrating it."""
+    """The share of rows inside the interval on flights that did not calibrate it."""
 
     per_rotor: tuple[float, ...]  # mean over flights
     per_flight: tuple[float, ...]  # mean over rotors, in the order of the training domain's flights
@@ -97,17 +100,19 @@ class Interval:
     """A calibrated interval of R rotors with scatter at B airspeeds."""
 
     coverage: float
-    flights: int  # that it was calibrated on
+    flights: int  # number that it was calibrated on
     airspeed: tuple[float, ...]  # (B,) m/s
     scatter_rpm: tuple[tuple[float, ...], ...]  # (B, R)
     factor: tuple[float, ...]  # (R,) NaN when the flights are too few
     measured: MeasuredCoverage | None = None
 
     def half_width_rpm(self, airspeed: Floats, spread_rpm: Floats) -> Floats:
-        """(N, R) rpm for airspeeds (N,) m/s and spreads over the ensemble (N, R) rpm."""
+        """Return the half width (N, R) rpm at airspeeds (N,) m/s and ensemble spreads (N, R)
+        rpm; NaN if not calibrated."""
         return np.asarray(self.factor) * self._scale(airspeed, spread_rpm)
 
     def _scale(self, airspeed: Floats, spread_rpm: Floats) -> Floats:
+        """Return s (N, R) rpm, the scatter and spread before the conformal factor."""
         scatter = np.asarray(self.scatter_rpm)
         place = np.interp(airspeed, self.airspeed, np.arange(len(self.airspeed), dtype=np.float64))
         below = np.minimum(place.astype(np.intp), len(self.airspeed) - 1)
@@ -118,17 +123,19 @@ class Interval:
 
 
 def _normal(coverage: float) -> float:
-    """Half width of the central interval of a normal distribution, in standard deviations."""
+    """Return the half width of the central interval of a normal distribution, in standard
+    deviations."""
     return NormalDist().inv_cdf(0.5 + coverage / 2.0)
 
 
 def flights_needed(coverage: float) -> int:
-    """Fewest flights with which a conformal interval of this coverage is finite."""
+    """Return the fewest flights with which a conformal interval of this coverage is finite."""
     return math.ceil(coverage / (1.0 - coverage) - 1e-9)
 
 
 def hierarchical_quantile(scores: Floats, flight: Rows, level: float) -> float:
-    """Score that a row of a new flight stays below with probability `level`; infinite if unknown.
+    """Return the score that a row of a new flight stays below with probability `level`; inf if
+    unknown.
 
     scores (N,) of rows that belong to `flight` (N,), any labels. Each of K flights weighs 1/(K+1).
     """
@@ -140,7 +147,8 @@ def hierarchical_quantile(scores: Floats, flight: Rows, level: float) -> float:
 
 
 def student_quantile(scores: Floats, flight: Rows, level: float) -> float:
-    """Size that a row of a new flight stays below with probability `level`, from few flights.
+    """Return the score that a row of a new flight stays below with probability `level`, for few
+    flights.
 
     scores (N,) of rows that belong to `flight` (N,), any labels. Infinite with fewer flights than
     FEWEST_FLIGHTS.
@@ -155,11 +163,11 @@ def student_quantile(scores: Floats, flight: Rows, level: float) -> float:
 def calibrate(
     residual_rpm: Floats, spread_rpm: Floats, airspeed: Floats, flight: Rows, *, coverage: float
 ) -> Interval:
-    """Interval from residuals (N, R) of members that have not seen the rows' flights.
+    """Calibrate the interval on residuals (N, R) rpm of members that held out the rows' flights.
 
     spread_rpm (N, R) over the ensemble, airspeed (N,) m/s, flight (N,) labels. Conformal from
     `flights_needed(coverage)` flights on, by Student's t from FEWEST_FLIGHTS on; with fewer the
-    factor is NaN: no number is made up.
+    factor is NaN.
     """
     count = np.unique(flight).size
     knots = _knots(airspeed)
@@ -178,6 +186,7 @@ def calibrate(
 
 
 def _knots(airspeed: Floats) -> Floats:
+    """Return airspeeds (B,) m/s about KNOT_STEP apart, over the range."""
     low, high = float(airspeed.min()), float(airspeed.max())
     return np.linspace(low, high, max(2, 1 + round((high - low) / KNOT_STEP)))
 
@@ -185,9 +194,9 @@ def _knots(airspeed: Floats) -> Floats:
 def _scatter(
     size: Floats, airspeed: Floats, flight: Rows, knots: Floats, coverage: float
 ) -> Floats:
-    """(B, R) `coverage` quantile of the residual's size (N, R) at like airspeeds.
+    """Return the `coverage` quantile (B, R) of the residual's size (N, R) near each airspeed (B,).
 
-    Every flight weighs the same within reach of a knot, whatever its number of rows.
+    Every flight has the same weight near a knot, whatever its number of rows.
     """
     _, which, counts = np.unique(flight, return_inverse=True, return_counts=True)
     order = np.argsort(size, axis=0)
@@ -204,9 +213,9 @@ def _scatter(
 def measure_coverage(
     residual_rpm: Floats, spread_rpm: Floats, airspeed: Floats, flight: Rows, *, coverage: float
 ) -> MeasuredCoverage | None:
-    """Coverage of each flight by an interval calibrated on the other flights alone.
+    """Measure the coverage of each flight by an interval calibrated on the other flights.
 
-    None when leaving one out leaves another way to calibrate, or none.
+    None with too few flights, or if one flight less changes the method of calibration.
     """
     labels = np.unique(flight)
     needed = flights_needed(coverage)

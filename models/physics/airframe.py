@@ -1,13 +1,13 @@
-"""Airframe: what the aircraft is, read once from a TOML file in which every value has its source.
+"""Read an airframe, the description of one aircraft, from a TOML file.
 
-A file is a set of tables of quantities `{ value = 21.1, unit = "kg", source = "..." }`, with
-`guessed = true` where nobody measured or printed the value.
-`extends = "other"` takes every value of another airframe and replaces those given; other is a
-shipped name, or the path of a .toml file as seen from this one. `tank_source` may name the message
-that carries the tank level, say "BATTERY_STATUS 1"; without it the best that is heard is taken.
-Without `[[rotors]]` they are made from a known `layout` (`motor_layouts`) and the quantity `arm`.
-Rotor order is the autopilot's motor order; positions are `_frd` from the centre of gravity.
-`spin` is +1 for a rotor that turns counter-clockwise seen from above, -1 for clockwise.
+A file contains tables of quantities `{ value = 21.1, unit = "kg", source = "..." }`, with `guessed
+= true` where nobody measured or printed the value. `extends = "other"` takes every value of another
+airframe and replaces those given; other is a shipped name, or the path of a .toml file relative to
+this one. `tank_source` may name the message that reports the tank level, for example
+"BATTERY_STATUS 1"; without it the best source is used. Without `[[rotors]]` they are made from a
+known `layout` (`motor_layouts`) and the quantity `arm`. Rotor order is the autopilot's motor order;
+positions are `_frd` from the centre of gravity. `spin` is +1 for a rotor that turns
+counter-clockwise seen from above, -1 for clockwise.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from thrustmargin.models.whole_file import regular
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number of the airframe file with its unit and where it comes from."""
+    """A number of the airframe file with its unit and its source."""
 
     value: float
     unit: str
     source: str
-    guessed: bool = False  # nobody measured or printed it: say so where a result depends on it
+    guessed: bool = False  # nobody measured or printed it; results that depend on it say so
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,7 +62,9 @@ class Airframe:
     max_rotor_speed_rpm: float  # rpm reached at full throttle and ceiling_voltage
     nameplate_max_thrust: float  # N a rotor, as the maker prints it
     ceiling_voltage: float  # V at which max_rotor_speed_rpm holds
-    ceiling_voltage_exponent: float  # max rotor speed goes with (voltage/ceiling_voltage)^this
+    ceiling_voltage_exponent: (
+        float  # max rotor speed is proportional to (voltage/ceiling_voltage)^this
+    )
     nominal_voltage: float  # V of the battery
     torque_ratio: float  # m, rotor torque over rotor thrust
     motor_poles: float
@@ -82,32 +84,33 @@ class Airframe:
 
     @property
     def rotor_count(self) -> int:
+        """Return the number of rotors, R."""
         return self.rotor_spin.size
 
     @property
     def arm(self) -> float:
-        """Longest level distance of a rotor from the centre, m."""
+        """Return the largest horizontal distance of a rotor from the centre, m."""
         return float(np.max(np.hypot(*self.rotor_position_frd[:, :2].T), initial=0.0))
 
     @property
     def max_takeoff_mass(self) -> float:
-        """The maker's largest mass in flight, kg; inf where the file has none."""
+        """Return the maker's largest mass in flight, kg; inf where the file states none."""
         stated = self.quantities.get("max_takeoff_mass")
         return float("inf") if stated is None else stated.value
 
     @property
     def guessed(self) -> tuple[str, ...]:
-        """Names of the quantities that are guesses, in the order of the file."""
+        """Return the names of the guessed quantities, in the order of the file."""
         return tuple(name for name, quantity in self.quantities.items() if quantity.guessed)
 
     @property
     def tank_capacity_kg(self) -> float:
-        """Mass of a full tank, kg."""
+        """Return the mass of a full tank, kg."""
         return self.tank_volume_l * self.liquid_density
 
 
 def airframe_names() -> list[str]:
-    """Names of the airframes that ship with the package, sorted."""
+    """List the names of the shipped airframes, sorted."""
     folder = resources.files("thrustmargin.models") / "airframes"
     return sorted(
         p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
@@ -115,14 +118,16 @@ def airframe_names() -> list[str]:
 
 
 def load_airframe(name_or_path: str | Path) -> Airframe:
-    """Read a shipped airframe by name, or any airframe file by path.
+    """Load a shipped airframe by name, or an airframe file by its path, which ends in .toml.
 
-    Raises AirframeError when it is not there, lacks a value, or a value is in another unit.
+    Raises AirframeError when it is missing, lacks a value, or a value is in another unit.
     """
     return airframe_from_table(_read(str(name_or_path), ()), where=str(name_or_path))
 
 
 def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
+    """Read the table of an airframe, with the values it extends; `children` are the files that
+    extend it."""
     path = Path(name_or_path)
     if path.suffix == ".toml":
         try:
@@ -144,9 +149,9 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
         ).read_text("utf-8")
     try:
         table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # of too many digits, too
+    except (ValueError, RecursionError) as error:  # ValueError: too many digits, too
         raise AirframeError(f"{name_or_path}: not a TOML file: {error}") from error
-    _raise(wrong_kinds(table), name_or_path)
+    _raise_problems(wrong_kinds(table), name_or_path)
     parent = table.pop("extends", None)
     if parent is None:
         return table
@@ -156,12 +161,15 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
     if parent in (name_or_path, *children):
         raise AirframeError(f"{name_or_path}: extends {parent!r}, which extends it again")
     base = _read(parent, (name_or_path, *children))
-    return _extended(base, table)
+    return _extend(base, table)
 
 
-def _extended(base: dict[str, Any], table: dict[str, Any]) -> dict[str, Any]:
-    """`base` with what `table` replaces. The rotors go with the layout and the arm: a new layout or
-    arm without rotors of its own does not keep those of the base."""
+def _extend(base: dict[str, Any], table: dict[str, Any]) -> dict[str, Any]:
+    """Return `base` with the values that `table` replaces.
+
+    Rotors depend on layout and arm: if `table` has a new layout or arm but no rotors, those of
+    `base` are dropped.
+    """
     own, inherited = table.get("quantities", {}), dict(base.get("quantities", {}))
     base = dict(base)
     if "rotors" in table:
@@ -174,13 +182,13 @@ def _extended(base: dict[str, Any], table: dict[str, Any]) -> dict[str, Any]:
 
 
 def quantity_table(quantity: Quantity) -> dict[str, Any]:
-    """A quantity as its file holds it; only a guess says whether it is one."""
+    """Return a quantity as in its file; `guessed` is there only if true."""
     table = {"value": quantity.value, "unit": quantity.unit, "source": quantity.source}
     return table | ({"guessed": True} if quantity.guessed else {})
 
 
 def airframe_table(airframe: Airframe) -> dict[str, Any]:
-    """The airframe as the table that its file holds: plain strings, numbers, lists and tables."""
+    """Return the airframe as the table of its file: plain strings, numbers, lists and tables."""
     return {
         "name": airframe.name,
         "title": airframe.title,
@@ -206,14 +214,14 @@ def airframe_table(airframe: Airframe) -> dict[str, Any]:
 
 
 def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
-    """The airframe of a complete table; `where` it is from goes into the messages.
+    """Build the airframe of a complete table; `where` names its origin in messages.
 
-    Rotors that it lacks are made from a known layout and its arm. Raises AirframeError, which
-    lists every value that is missing, impossible, misspelt or in another unit.
+    Missing rotors are made from a known layout and its arm. Raises AirframeError, which lists every
+    value that is missing, impossible, misspelt or in another unit.
     """
-    _raise(wrong_kinds(table), where)
+    _raise_problems(wrong_kinds(table), where)
     table = with_rotors(table)
-    _raise(table_problems(table), where)
+    _raise_problems(table_problems(table), where)
     given, rotors = table["quantities"], table["rotors"]
     quantities = {
         name: Quantity(
@@ -239,7 +247,8 @@ def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
     )
 
 
-def _raise(problems: list[str], where: str) -> None:
+def _raise_problems(problems: list[str], where: str) -> None:
+    """Raise AirframeError with all problems, if there are any."""
     if len(problems) == 1:
         raise AirframeError(f"{where}: {problems[0]}")
     if problems:

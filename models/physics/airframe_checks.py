@@ -1,7 +1,7 @@
-"""What an airframe file must hold, and all that is wrong with one, listed at once.
+"""Check the table of an airframe file, and list all of its problems at once.
 
-A table is what a TOML file becomes: `quantities` of `{ value, unit, source, guessed }` and a list
-of `rotors`. Nothing here reads a file.
+A table is a parsed TOML file: `quantities` of `{ value, unit, source, guessed }` and a list of
+`rotors`. Nothing here reads a file.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ QUANTITIES = MappingProxyType(
         "motor_poles": "1",
     }
 )
-#: What a file may lack. From the first two [[rotors]] are made where it has none: how far the
-#: farthest rotor is from the centre, and what a lower coaxial rotor makes of the thrust of a free
-#: one. The third is the maker's largest mass in flight.
+#: Quantities that a file may lack. The first two serve to make missing [[rotors]]: distance of the
+#: farthest rotor from the centre, and thrust of a lower coaxial rotor over that of a free one. The
+#: third is the maker's largest mass in flight.
 OPTIONAL_QUANTITIES = MappingProxyType(
     {"arm": "m", "lower_rotor_effectiveness": "1", "max_takeoff_mass": "kg"}
 )
@@ -47,8 +47,8 @@ OPTIONAL_QUANTITIES = MappingProxyType(
 MAY_BE_ZERO = frozenset({"ceiling_voltage_exponent", "tank_volume_l", "pump_max_flow_l_min"})
 #: C_T = a 3600/(rho D^4) of propellers: UIUC's and the makers' tables lie between 0.02 and 0.2.
 _COEFFICIENT_RANGE = (0.01, 0.5)
-_LIQUIDS = (0.5, 3.0)  # kg/L, of all that is sprayed
-#: Times what all rotors lift, beyond which a full tank is in another unit: millilitres are 1000.
+_LIQUIDS = (0.5, 3.0)  # kg/L, of sprayed liquids
+#: Weight of a full tank over the lift of all rotors, beyond which its unit is wrong: ml are 1000.
 _MILLILITRES = 10.0
 _GRAVITY = 9.80665  # m/s^2
 _LARGEST = 1e30  # of any number in a file
@@ -58,7 +58,7 @@ _ROTOR_KEYS = ("name", "position_frd", "spin", "effectiveness")
 
 
 def wrong_kinds(table: dict[str, Any]) -> list[str]:
-    """What of a table is no table at all, so that nothing else of it can be looked at."""
+    """List the sections that have the wrong type, so that the rest cannot be checked."""
     kinds = (("quantities", dict), ("rotors", list))
     return [
         f"{key} must be a table, is {table[key]!r}"
@@ -68,7 +68,7 @@ def wrong_kinds(table: dict[str, Any]) -> list[str]:
 
 
 def with_rotors(table: dict[str, Any]) -> dict[str, Any]:
-    """`table` with the [[rotors]] of its layout where it has none but a known layout and an arm."""
+    """Add the [[rotors]] of the layout, if the table has none but a known layout and an arm."""
     layout = motor_layouts().get(str(table.get("layout")))
     arm = _value(table, "arm")
     if "rotors" in table or layout is None or not 0.0 < arm < inf:
@@ -80,7 +80,7 @@ def with_rotors(table: dict[str, Any]) -> dict[str, Any]:
 
 
 def table_problems(table: dict[str, Any]) -> list[str]:
-    """All that is wrong with a complete table, each with what to write instead; [] when nothing."""
+    """List all problems of a complete table, each with its correction; empty without one."""
     problems = _unknown(table, _KEYS, "key")
     problems += [f"{key} must be text" for key in ("title", "layout") if not _is_text(table, key)]
     given = table.get("quantities", {})
@@ -89,10 +89,11 @@ def table_problems(table: dict[str, Any]) -> list[str]:
             problems += _quantity_problems(name, unit, given.get(name))
     problems += _unknown(given, (*QUANTITIES, *OPTIONAL_QUANTITIES), "quantity")
     rotors = _rotors_problems(table)
-    return [*problems, *rotors] or _impossible(table)
+    return [*problems, *rotors] or _impossible_together(table)
 
 
 def _quantity_problems(name: str, unit: str, entry: Any) -> list[str]:
+    """List the problems of one quantity."""
     if not isinstance(entry, dict) or not {"value", "unit", "source"} <= entry.keys():
         return [f"{name} needs value, unit ({unit}) and source"]
     problems = _unknown(entry, _QUANTITY_KEYS, f"key of {name}")
@@ -108,6 +109,7 @@ def _quantity_problems(name: str, unit: str, entry: Any) -> list[str]:
 
 
 def _rotors_problems(table: dict[str, Any]) -> list[str]:
+    """List the problems of layout and rotors."""
     name = table.get("layout")
     layout = motor_layouts().get(str(name))
     if "rotors" not in table:
@@ -144,6 +146,7 @@ def _rotors_problems(table: dict[str, Any]) -> list[str]:
 
 
 def _rotor_problems(number: int, rotor: Any) -> list[str]:
+    """List the problems of one rotor; `number` counts from 1."""
     where = f"rotor {number}"
     if not isinstance(rotor, dict):
         return [f"{where} must be a table with name, position_frd and spin"]
@@ -154,7 +157,7 @@ def _rotor_problems(number: int, rotor: Any) -> list[str]:
     if (
         not isinstance(position, list | tuple)
         or len(position) != 3
-        or not all(map(_real, position))
+        or not all(map(_is_number, position))
     ):
         problems.append(f"{where}: position_frd must be three numbers in m")
     elif max(map(abs, position)) > 50.0:
@@ -162,18 +165,18 @@ def _rotor_problems(number: int, rotor: Any) -> list[str]:
     if rotor.get("spin") not in ("ccw", "cw"):
         problems.append(f"{where}: spin is {rotor.get('spin')!r}; write 'ccw' or 'cw'")
     effectiveness = rotor.get("effectiveness", 1.0)
-    if not _real(effectiveness) or not 0.0 < effectiveness <= 1.0:
+    if not _is_number(effectiveness) or not 0.0 < effectiveness <= 1.0:
         problems.append(f"{where}: effectiveness of a rotor must be above 0 and at most 1")
     return problems
 
 
-def _impossible(table: dict[str, Any]) -> list[str]:
-    """Values that are right each alone and impossible together: mostly a wrong unit."""
+def _impossible_together(table: dict[str, Any]) -> list[str]:
+    """List values that are plausible alone but impossible together, mostly due to a wrong unit."""
     problems = []
     slope, top = _value(table, "thrust_coefficient"), _value(table, "max_rotor_speed_rpm")
     density, diameter = _value(table, "reference_density"), _value(table, "propeller_diameter")
     low, high = _COEFFICIENT_RANGE
-    per_coefficient = density * diameter**4  # rounds to 0 for a diameter that is none
+    per_coefficient = density * diameter**4  # rounds to 0 for an impossibly small diameter
     coefficient = slope * 3600.0 / per_coefficient if per_coefficient > 0.0 else inf
     if not isfinite(coefficient):
         problems.append(
@@ -212,6 +215,7 @@ def _impossible(table: dict[str, Any]) -> list[str]:
 
 
 def _unknown(given: dict[str, Any], known: Iterable[str], kind: str) -> list[str]:
+    """List unknown keys, each with the nearest known one."""
     known = tuple(known)
     return [
         f"unknown {kind} {key!r}{_suggestion(key, known) or '; check its spelling'}"
@@ -221,21 +225,24 @@ def _unknown(given: dict[str, Any], known: Iterable[str], kind: str) -> list[str
 
 
 def _suggestion(word: str, known: Iterable[str]) -> str:
+    """Return a question with the nearest known word; empty without."""
     near = get_close_matches(word, list(known), n=1)
     return f"; did you mean {near[0]}?" if near else ""
 
 
 def _is_text(table: dict[str, Any], key: str) -> bool:
+    """Return whether the value of a key is text."""
     return isinstance(table.get(key), str)
 
 
-def _real(value: Any) -> bool:
+def _is_number(value: Any) -> bool:
+    """Return whether a value is a number below _LARGEST."""
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return number and abs(value) < _LARGEST
 
 
 def _value(table: dict[str, Any], name: str) -> float:
-    """A quantity's number; NaN where there is none."""
+    """Return a quantity's number; NaN if there is none."""
     entry = table.get("quantities", {}).get(name)
     value = entry.get("value") if isinstance(entry, dict) else None
-    return float("nan") if value is None or not _real(value) else float(value)
+    return float("nan") if value is None or not _is_number(value) else float(value)

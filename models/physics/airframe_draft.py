@@ -1,11 +1,11 @@
-"""The quantities of an airframe that nobody stated, from those that somebody did.
+"""Complete the quantities of a new airframe by formulas and typical values.
 
     k      = C_T rho D^4/3600            thrust coefficient [N/rpm^2] (Eq. 1 of the paper)
     N_max  = sqrt(T_max/k)               largest rotor speed [rpm]
     v_i    = sqrt(T/(2 rho A)),  q = v_i/(FM w)     rotor torque over thrust [m] in hover
 
 T thrust of one rotor [N], D propeller diameter [m], A its disc [m^2], w = 2 pi N/60 [rad/s], FM the
-figure of merit. What is filled in like this is marked as guessed.
+figure of merit. Quantities that are filled in are marked as guessed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _PUMP_PER_LITRE = 0.29
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerSet:
-    """Motor, ESC and propeller as its maker describes them."""
+    """A motor, ESC and propeller as described by their maker."""
 
     name: str
     title: str
@@ -44,7 +44,7 @@ class PowerSet:
 
 @cache
 def power_sets() -> MappingProxyType[str, PowerSet]:
-    """The power sets that ship with the package, by name."""
+    """Return the shipped power sets, by name."""
     text = (resources.files("thrustmargin.models.shipped") / "power_sets.toml").read_text("utf-8")
     return MappingProxyType(
         {
@@ -59,25 +59,26 @@ def power_sets() -> MappingProxyType[str, PowerSet]:
 
 
 def guess(name: str, value: float, source: str) -> Quantity:
-    """A quantity that nobody stated."""
+    """Return a quantity marked as guessed, with the unit of its name."""
     return Quantity(value, (QUANTITIES | OPTIONAL_QUANTITIES)[name], f"guessed: {source}", True)
 
 
 def lower_effectiveness() -> Quantity:
-    """What the lower rotor of a coaxial pair makes of a free rotor's thrust, where none says so."""
+    """Return the assumed thrust of the lower rotor of a coaxial pair over that of a free rotor."""
     return guess("lower_rotor_effectiveness", 0.8, "it works in the wash of the upper rotor")
 
 
-def completed(given: Mapping[str, Quantity]) -> dict[str, Quantity]:
-    """All quantities of an airframe, in the order of its file.
+def complete_quantities(given: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    """Return all quantities of an airframe, in the order of its file.
 
-    `given` must hold empty_mass, tank_volume_l, propeller_diameter, propeller_pitch,
-    nominal_voltage, and nameplate_max_thrust or thrust_coefficient with max_rotor_speed_rpm.
-    Raises KeyError when it does not.
+    `given` must contain empty_mass, tank_volume_l, propeller_diameter, propeller_pitch,
+    nominal_voltage, and nameplate_max_thrust or thrust_coefficient with max_rotor_speed_rpm. Raises
+    KeyError when it does not.
     """
     q = dict(given)
 
     def fill(name: str, value: float, source: str) -> None:
+        """Add a guessed quantity unless it is given."""
         if name not in q:
             q[name] = guess(name, value, source)
 
@@ -130,7 +131,8 @@ def completed(given: Mapping[str, Quantity]) -> dict[str, Quantity]:
 
 
 def airframe_toml(airframe: Airframe, heading: str = "") -> str:
-    """The airframe as the text of its file; each line of `heading` becomes a comment at the top."""
+    """Return the text of the airframe's file; each line of `heading` becomes a comment at the
+    top."""
     table = airframe_table(airframe)
     lines = [f"# {line}".rstrip() for line in heading.splitlines()]
     lines += [f"{key} = {_toml(table[key])}" for key in ("name", "title", "layout", "tank_source")]
@@ -142,6 +144,7 @@ def airframe_toml(airframe: Airframe, heading: str = "") -> str:
 
 
 def _toml(value: Any) -> str:
+    """Format a value as TOML."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {_toml(v)}" for key, v in value.items()) + " }"
     if isinstance(value, list):

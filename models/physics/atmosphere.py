@@ -1,9 +1,9 @@
-"""Density of the air that the rotors work in.
+"""Compute the density of the air that the rotors work in.
 
 International Standard Atmosphere, troposphere (ISO 2533:1975, U.S. Standard Atmosphere 1976):
     T = T0 - L h          p = p0 (T/T0)^(g0/(R L))          rho = p/(R T)
 with h the altitude in m AMSL, taken as geopotential (0.05 % apart at 3 km).
-A temperature offset moves T at a given altitude and leaves p as it is ("ISA + 15").
+A temperature offset changes T at a given altitude, not p ("ISA + 15").
 Air is taken as dry: at 30 degC and 80 % humidity the true density is 1.5 % lower.
 """
 
@@ -35,68 +35,71 @@ BOARD_WARMER, BOARD_ERROR = 20.0, 6.0
 #: K: weather about the standard atmosphere, from a cold morning to a hot noon of the season
 STANDARD_ERROR = 10.0
 FARTHEST_FROM_STANDARD = 40.0  # K beyond which a reading is a fault
-#: Standard errors as shares of density: a static sensor with dry air assumed; the day's weather too
+#: Standard errors as shares of density: a static sensor with dry air assumed; with unknown weather
 SENSOR_ERROR, WEATHER_ERROR = 0.005, 0.012
 ASSUMED_ERROR = 0.1  # kg/m³ of air of which nothing is known: sea level to 2 km
 
 
 def isa_temperature(altitude: ArrayLike, temperature_offset: float = 0.0) -> Floats:
-    """Temperature, K, at `altitude` in m AMSL (any shape); ISO 2533."""
+    """Return the temperature, K, at `altitude` in m AMSL (any shape); ISO 2533."""
     return SEA_LEVEL_TEMPERATURE - LAPSE_RATE * _floats(altitude) + temperature_offset
 
 
 def isa_pressure(altitude: ArrayLike) -> Floats:
-    """Static pressure, Pa, at `altitude` in m AMSL (any shape); ISO 2533."""
+    """Return the static pressure, Pa, at `altitude` in m AMSL (any shape); ISO 2533."""
     return SEA_LEVEL_PRESSURE * (isa_temperature(altitude) / SEA_LEVEL_TEMPERATURE) ** _EXPONENT
 
 
 def pressure_altitude(pressure: ArrayLike) -> Floats:
-    """Altitude, m, at which the standard atmosphere has `pressure` in Pa; ISO 2533 inverted."""
+    """Return the altitude, m, at which the standard atmosphere has `pressure` in Pa; ISO 2533
+    inverted."""
     ratio = _floats(pressure) / SEA_LEVEL_PRESSURE
     return SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - ratio ** (1.0 / _EXPONENT))
 
 
 def air_density(pressure: ArrayLike, temperature: ArrayLike) -> Floats:
-    """Density, kg/m³, of dry air at `pressure` in Pa and outside `temperature` in K."""
+    """Return the density, kg/m³, of dry air at `pressure` in Pa and outside `temperature` in K."""
     return _floats(pressure) / (GAS_CONSTANT * _floats(temperature))
 
 
 def isa_density(altitude: ArrayLike, temperature_offset: float = 0.0) -> Floats:
-    """Density, kg/m³, at `altitude` in m AMSL with the temperature `temperature_offset` K off."""
+    """Return the density, kg/m³, at `altitude` in m AMSL, `temperature_offset` K warmer than
+    standard."""
     return air_density(isa_pressure(altitude), isa_temperature(altitude, temperature_offset))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Air:
-    """The air of T rows of a flight, and in words what it was found from."""
+    """The air of T rows of a flight, with its origin in words."""
 
     density: Floats  # (T,) kg/m³
     density_error: Floats  # (T,) kg/m³, standard error
-    temperature: Floats  # (T,) K, outside, as the density has it
+    temperature: Floats  # (T,) K, outside, consistent with the density
     basis: str
 
 
-#: The air of the tracks in use by temperature offset: five parts of an analysis ask for it.
+#: Cache by track and temperature offset: several parts of an analysis need the air.
 _AIR: WeakKeyDictionary[FlightTrack, dict[float, Air]] = WeakKeyDictionary()
 
 
 def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
-    """The air of a flight: pressure and outside temperature, row by row the best that is there.
+    """Return the air of a flight, from the best pressure and outside temperature in each row.
 
-    Pressure: static; by altitude AMSL in the standard atmosphere; the flight's median density (a
-    field differs by some tens of metres, 1 % of density is 100 m). With neither in the whole
-    flight, density is 1.225 kg/m³, called assumed.
-    Temperature: outside, where the track has it with a standard error; a reading whose source says
-    that it is the board's, less BOARD_WARMER; the standard atmosphere. 10 K are 3.5 % of density.
-    `temperature_offset` in K is what the air is known to be warmer than that.
+    Pressure: static; else by altitude AMSL in the standard atmosphere; else the flight's median
+    density (over a field altitude differs by some tens of metres, and 1 % of density is 100 m).
+    With neither in the whole flight, density is assumed as 1.225 kg/m³. Temperature: outside, if
+    the track has it with a standard error; else a reading of the autopilot's board less
+    BOARD_WARMER; else the standard atmosphere. 10 K are 3.5 % of density. `temperature_offset`, K,
+    is added to the temperature.
     """
     made = _AIR.setdefault(track, {})
     if temperature_offset not in made:
-        made[temperature_offset] = _found_air(track, temperature_offset)
+        made[temperature_offset] = _compute_air(track, temperature_offset)
     return made[temperature_offset]
 
 
-def _found_air(track: FlightTrack, temperature_offset: float) -> Air:
+def _compute_air(track: FlightTrack, temperature_offset: float) -> Air:
+    """Compute the air, as `track_air` without its cache."""
     low, high = PLAUSIBLE_PRESSURE
     reported = np.isfinite(track.pressure)
     by_pressure = reported & (track.pressure >= low) & (track.pressure <= high)
@@ -104,7 +107,7 @@ def _found_air(track: FlightTrack, temperature_offset: float) -> Air:
     altitude = np.where(np.isfinite(track.altitude), track.altitude, np.nan)
     pressure = np.where(by_pressure, track.pressure, np.nan)
     level = np.where(np.isfinite(altitude), altitude, pressure_altitude(pressure))
-    temperature, error, source = _outside(track, np.nan_to_num(level))
+    temperature, error, source = _outside_temperature(track, np.nan_to_num(level))
     temperature = temperature + temperature_offset
     density = air_density(np.where(by_pressure, pressure, isa_pressure(altitude)), temperature)
     known = np.isfinite(density)
@@ -146,8 +149,9 @@ def _found_air(track: FlightTrack, temperature_offset: float) -> Air:
     )
 
 
-def _outside(track: FlightTrack, level: Floats) -> tuple[Floats, Floats, str]:
-    """Outside temperature (T,) K at `level` m AMSL, its standard error, and where it is from."""
+def _outside_temperature(track: FlightTrack, level: Floats) -> tuple[Floats, Floats, str]:
+    """Return the outside temperature (T,) K at `level` m AMSL, its standard error (T,), and its
+    source."""
     standard = isa_temperature(level)
     if "temperature" in track.standard_errors:
         found, error = track.temperature, track.standard_errors["temperature"]
@@ -169,9 +173,11 @@ def _outside(track: FlightTrack, level: Floats) -> tuple[Floats, Floats, str]:
 
 
 def _floats(values: ArrayLike) -> Floats:
+    """Convert to an array of float64."""
     return np.asarray(values, dtype=np.float64)
 
 
 def _rows(mask: np.ndarray) -> str:
+    """Return the number of rows for people."""
     count = int(np.count_nonzero(mask))
     return f"{count} row" + ("s" if count != 1 else "")

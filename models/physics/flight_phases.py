@@ -1,4 +1,5 @@
-"""Phases of a flight: between take-off and landing, steady hover, and yaw turns."""
+"""Find the phases of a flight: usable rows between take-off and landing, steady hover, yaw
+turns."""
 
 from __future__ import annotations
 
@@ -16,21 +17,20 @@ LOW_SHARE = 0.5
 TURN_RATE, TURN_SECONDS = np.radians(5.0), 1.0
 #: cosine of the tilt, m/s level: a hover within these needs its weight in thrust to about 1 %
 HOVER_UPRIGHT, HOVER_SPEED = 0.99, 2.0
-#: mean motor output from which none is in hand to steer with: motors run up without a climb are
-#: those of an aircraft that is held, or without propellers
+#: mean motor output that leaves no reserve to steer with: without a climb the aircraft is then
+#: held, or without propellers
 NOTHING_IN_HAND = 0.95
 
 
 def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank_kg")) -> Bools:
-    """(T,) rows of a flight that can train or check a rotor speed model.
+    """Flag the rows (T,) of a flight that can train or check a rotor speed model.
 
-    Kept: off the ground, between take-off and landing, with the `inputs` of the model measured and
-    every rotor's speed known, the speeds above 0. Each stretch of flight begins with its first
-    second of level flight (climb rate below 0.3 m/s) or where it first sinks after a climb, and
-    ends with its last such second or where it last climbs before it sinks, none of it lower than
-    half its usual low height. So climbs in between stay, as do yaw turns and hover: the aircraft
-    flies them, so the model is checked on them. With neither climb rate nor height reported, the
-    stretch is kept whole.
+    They are in flight, between take-off and landing, with the `inputs` of the model measured and
+    every rotor's speed above 0. Each run in flight begins with its first second of level flight
+    (climb rate below 0.3 m/s) or where it first sinks after a climb, and ends with its last such
+    second or where it last climbs before it sinks, none of it lower than half its usual low height.
+    So climbs in between, yaw turns and hover are kept, because the model must predict them too.
+    With neither climb rate nor height reported, the whole run is kept.
     """
     with np.errstate(invalid="ignore"):
         known = np.all(track.rotor_speed_rpm > 0.0, axis=1)
@@ -61,11 +61,11 @@ def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank
 
 
 def hover_rows(track: FlightTrack) -> Bools:
-    """(T,) rows of steady hover: off the ground, upright, slow, neither climbing nor turning, and
-    with motor outputs, where known, that leave some in hand.
+    """Flag the rows (T,) of steady hover: in flight, upright, slow, neither climbing nor turning.
 
-    Each lies in a second or more of it. Tilt and climb rate must be known; level speed is that
-    through the air where it is reported, else over ground, and may be unknown. Wind may blow.
+    Motor outputs, where known, must leave a reserve. Each row lies in a second or more of hover.
+    Tilt and climb rate must be known; horizontal speed is airspeed where reported, else ground
+    speed, and may be unknown. Wind may blow.
     """
     climb = _climb_rate(track)
     if climb is None:
@@ -84,7 +84,7 @@ def hover_rows(track: FlightTrack) -> Bools:
 
 
 def _climb_rate(track: FlightTrack) -> Floats | None:
-    """(T,) m/s upwards from the vertical speed, else from the height; None with neither."""
+    """Return the climb rate (T,) m/s by vertical speed, else by height; None with neither."""
     if np.any(np.isfinite(track.velocity_ned[:, 2])):
         return -track.velocity_ned[:, 2]
     if np.any(np.isfinite(track.height_agl)) and track.time_s.size > 1:
@@ -93,13 +93,13 @@ def _climb_rate(track: FlightTrack) -> Floats | None:
 
 
 def stretches(mask: Bools) -> list[tuple[int, int]]:
-    """(first, end) of each run of True."""
+    """List (first, end) of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def turning_rows(track: FlightTrack) -> Bools:
-    """(T,) rows in or within a second of a yaw turn of more than 5 deg/s; all False if unknown."""
+    """Flag the rows (T,) within a second of a yaw rate above 5 deg/s; all False if unknown."""
     with np.errstate(invalid="ignore"):
         fast = np.abs(track.angular_rate_frd[:, 2]) > TURN_RATE
     when = track.time_s[fast]

@@ -1,4 +1,4 @@
-"""How thrust at a rotor speed goes with airspeed, by physics: what carries a network on in wind.
+"""Model how thrust at a rotor speed depends on airspeed, to extrapolate a network in wind.
 
     T cos(tilt) = m (g - a_down)                        vertical balance: drag is level
     D = (mu m + rho CdA V / 2) V                        rotor drag and parasite drag
@@ -6,7 +6,7 @@
     apparent thrust / weight = sqrt(1 + (D/W)^2) / kappa
 
 Rotor drag: Martin and Salaun, "The true role of accelerometer feedback in quadrotor control", 2010.
-Drag is read from tilt and acceleration, without rotor speeds; k from rotor speeds against tilt.
+Drag is fitted to tilt and acceleration, without rotor speeds; k to rotor speeds against tilt.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from thrustmargin.models.physics.flight_phases import training_rows, turning_row
 from thrustmargin.models.physics.smoothing import derivative
 
 LEAST_ROWS = 300  # in straight flight, with attitude
-KNOWN_SHARE = 0.95  # of the training rows, whose airspeed the network knows well
+KNOWN_SHARE = 0.95  # quantile of training airspeeds up to which the network is used
 SMOOTH_SECONDS = 1.0  # over which velocity is differentiated
-HUBER_SHARE = 0.01  # of weight, beyond which a row counts linearly
+HUBER_SHARE = 0.01  # share of weight, beyond which the loss is linear
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForwardFlight:
-    """What forward flight costs and gives, from the training flights."""
+    """Drag and lift in forward flight, fitted to the training flights."""
 
-    rotor_drag: float  # mu, 1/s: m/s² of slowing down a m/s of airspeed
+    rotor_drag: float  # mu, 1/s: drag over mass and airspeed
     drag_area: float  # CdA, m²
     lift_gain: float  # k, 1
-    known_airspeed: float  # m/s, up to which the network itself is asked
+    known_airspeed: float  # m/s, up to which the network itself is used
 
 
 class Straight(NamedTuple):
@@ -45,18 +45,19 @@ class Straight(NamedTuple):
     airspeed: Floats  # m/s
     mass: Floats  # kg
     density: Floats  # kg/m³
-    slowing: Floats  # drag over mass along the airspeed, m/s²
+    slowing: Floats  # m/s², drag over mass along the airspeed
     lift: Floats  # rotor force over apparent thrust
 
 
 def hover_induced_velocity(mass: Floats, density: Floats | float, airframe: Airframe) -> Floats:
-    """v_h, m/s, of rotors that carry `mass` kg in air of `density` kg/m³ (momentum theory)."""
+    """Return v_h, m/s, of rotors that carry `mass` kg in air of `density` kg/m³ (momentum
+    theory)."""
     disc = np.pi * airframe.propeller_diameter**2 / 4 * airframe.rotor_count
     return np.sqrt(mass * G0 / (2 * density * disc))
 
 
 def induced_ratio(airspeed_ratio: Any) -> Any:
-    """v_i/v_h at V/v_h, for flight across the disc (Glauert)."""
+    """Return v_i/v_h at V/v_h, for flight across the disc (Glauert)."""
     square = airspeed_ratio**2
     return np.sqrt(np.sqrt(1.0 + 0.25 * square**2) - 0.5 * square)
 
@@ -64,21 +65,22 @@ def induced_ratio(airspeed_ratio: Any) -> Any:
 def steady_slowing(
     flight: ForwardFlight, airspeed: Floats, mass: Floats, density: Floats | float
 ) -> Floats:
-    """Drag over mass (N,) m/s² at airspeeds (N,) m/s."""
+    """Return drag over mass (N,) m/s² at airspeeds (N,) m/s and masses (N,) kg."""
     return (flight.rotor_drag + 0.5 * density * flight.drag_area / mass * airspeed) * airspeed
 
 
 def steady_load(
     flight: ForwardFlight, airspeed: Floats, mass: Floats, density: Floats | float
 ) -> Floats:
-    """Rotor force over weight (N,) in steady level flight: what drag adds to the weight."""
+    """Return rotor force over weight (N,) in steady level flight, drag included."""
     return np.hypot(1.0, steady_slowing(flight, airspeed, mass, density) / G0)
 
 
 def thrust_ratio(
     flight: ForwardFlight, airspeed: Floats, mass: Floats, density: float, airframe: Airframe
 ) -> Floats:
-    """Apparent thrust over weight (N,) in steady flight at `airspeed` (N,) m/s, mass (N,) kg."""
+    """Return apparent thrust over weight (N,) in steady flight at `airspeed` (N,) m/s, mass (N,)
+    kg."""
     induced = induced_ratio(airspeed / hover_induced_velocity(mass, density, airframe))
     lift = 1.0 + flight.lift_gain * (1.0 - induced)
     return steady_load(flight, airspeed, mass, density) / lift
@@ -87,10 +89,11 @@ def thrust_ratio(
 def manoeuvre_load(
     flight: ForwardFlight, track: FlightTrack, airframe: Airframe, span: float
 ) -> Floats:
-    """Rotor force over that of steady flight at the airspeed (T,), velocity derived over `span` s.
+    """Return rotor force (T,) over that of steady flight at the airspeed.
 
-    Speeding up against drag takes more than both do apart; gusts that no channel reports are not
-    in it, so that a wind or drag that is missing stays in the rotor speeds.
+    Velocity is differentiated over `span` s. Accelerating against drag needs more than the sum of
+    both alone. Gusts that no channel reports are not included, so that a missing wind or drag
+    remains in the residual of the rotor speeds.
     """
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
     way = (track.velocity_ned - wind) * np.array([1.0, 1.0, 0.0])
@@ -103,17 +106,18 @@ def manoeuvre_load(
 
 
 def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> ForwardFlight | None:
-    """Drag and lift of the training flights; None where their rows do not show them."""
+    """Fit drag and lift to the training flights; None with too few rows or too little range of
+    airspeed."""
     parts = [straight_flight(track, airframe) for track in tracks]
     x = Straight(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     if x.airspeed.size < LEAST_ROWS or np.ptp(x.airspeed) < 1.0:
         return None
     per_mass = np.stack([x.airspeed, 0.5 * x.density * x.airspeed**2 / x.mass], axis=1)
-    # The air pushes nothing along: neither part of drag is less than none.
-    rotor_drag, drag_area = _robust(per_mass, x.slowing, HUBER_SHARE * G0, least=0.0)
+    # Drag never accelerates, so neither part is negative.
+    rotor_drag, drag_area = _huber_fit(per_mass, x.slowing, HUBER_SHARE * G0, least=0.0)
     induced = induced_ratio(x.airspeed / hover_induced_velocity(x.mass, x.density, airframe))
     columns = np.stack([np.ones_like(induced), 1.0 - induced], axis=1)
-    level, gain = _robust(columns, x.lift, HUBER_SHARE)
+    level, gain = _huber_fit(columns, x.lift, HUBER_SHARE)
     return ForwardFlight(
         rotor_drag=float(rotor_drag),
         drag_area=float(drag_area),
@@ -123,7 +127,7 @@ def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> For
 
 
 def wind_by_drag(track: FlightTrack, airframe: Airframe, flight: ForwardFlight) -> Floats:
-    """(T, 2) m/s north, east: the wind in which drag would tilt the aircraft as it is tilted."""
+    """Return the wind (T, 2) m/s, north and east, whose drag would explain the aircraft's tilt."""
     _, pushed = _balance(track)
     mass = airframe.empty_mass + track.tank_kg
     linear, square = flight.rotor_drag, 0.5 * track_air(track).density * flight.drag_area / mass
@@ -134,7 +138,7 @@ def wind_by_drag(track: FlightTrack, airframe: Airframe, flight: ForwardFlight) 
 
 
 def _balance(track: FlightTrack) -> tuple[Floats, Floats]:
-    """Rotor force over mass (T,), and what of it works against level drag (T, 2), m/s²."""
+    """Return rotor force over mass (T,), m/s², and its part (T, 2) against level drag, m/s²."""
     gained = derivative(track.time_s, track.velocity_ned, SMOOTH_SECONDS)
     up = -down_axis(track.attitude)
     force = (G0 - gained[:, 2]) / -up[:, 2]
@@ -142,7 +146,7 @@ def _balance(track: FlightTrack) -> tuple[Floats, Floats]:
 
 
 def straight_flight(track: FlightTrack, airframe: Airframe) -> Straight:
-    """The straight rows of a flight that report everything."""
+    """Return the rows of straight flight with all channels reported."""
     force, pushed = _balance(track)
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
     way = (track.velocity_ned - wind)[:, :2]
@@ -162,12 +166,12 @@ def straight_flight(track: FlightTrack, airframe: Airframe) -> Straight:
 
 
 def straight_rows(track: FlightTrack) -> Bools:
-    """(T,) training rows outside yaw turns."""
+    """Flag the training rows (T,) outside yaw turns."""
     return training_rows(track) & ~turning_rows(track)
 
 
-def _robust(columns: Floats, wanted: Floats, scale: float, least: float = -np.inf) -> Floats:
-    """Coefficients, none below `least`, of a linear fit with Huber's loss at `scale`."""
+def _huber_fit(columns: Floats, wanted: Floats, scale: float, least: float = -np.inf) -> Floats:
+    """Return the coefficients, at least `least`, of a linear fit with Huber's loss at `scale`."""
     from scipy.optimize import least_squares
 
     start = np.maximum(np.linalg.lstsq(columns, wanted, rcond=None)[0], least)

@@ -1,13 +1,13 @@
-"""Thrust margin, redundancy and largest fill: defined here once for forecast, view and report.
+"""Define thrust margin, redundancy and largest fill, once for forecast, view and report.
 
     ceiling          N_max = N_max,ref min(V/V_ref, 1)^n,   T_max,i = a e_i rho/rho_ref N_max²
     utilisation      u_i = T_i/T_max,i = (N_i/N_max)²       thrust margin = 1 - u_i
     redundancy       largest level collective with one rotor lost / weight; >= 1 survives in trim
-    trimmable loss   largest share of one rotor's thrust that can go while the weight is held level
+    trimmable loss   largest share of one rotor's thrust that may be lost with the weight held level
 
 a thrust coefficient at rho_ref, e_i effectiveness of rotor i, V battery voltage. Rotors are the
 last axis, time the first: T rows, R rotors. NaN in gives NaN out. On a quad redundancy with yaw
-uncontrolled is 1/(2u): it crosses 1 at u = 0.5, which is where the 50 % line comes from.
+uncontrolled is 1/(2u): it crosses 1 at u = 0.5, the origin of the 50 % limit.
 """
 
 from __future__ import annotations
@@ -29,19 +29,20 @@ Criterion = Literal["utilisation", "yaw uncontrolled", "yaw kept"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ceiling:
-    """What the rotors can make at most in T rows."""
+    """The largest speed and thrust of the rotors in T rows."""
 
     max_rotor_speed_rpm: Floats  # (T,) rpm
-    free_thrust: Floats  # (T,) N, a rotor that works in no other's wash
+    free_thrust: Floats  # (T,) N of a rotor outside other rotors' wash
     max_thrust: Floats  # (T, R) N
     voltage_basis: str
 
 
 def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = None) -> Ceiling:
-    """Ceiling at `density` (T,) or a number, kg/m³, and battery `voltage` (T,) V; NaN is unknown.
+    """Compute the ceiling at `density` (T,) or a number, kg/m³, and battery `voltage` (T,) V, NaN
+    unknown.
 
-    An unknown voltage is taken as the battery's nominal one, and `voltage_basis` says so. Above the
-    voltage of the ceiling nothing is added: the bench did not go there.
+    An unknown voltage is replaced by the battery's nominal one, as `voltage_basis` states. Above
+    the ceiling's own voltage the speed does not increase, because it was not measured there.
     """
     rho = np.atleast_1d(np.asarray(density, dtype=np.float64))
     given = np.nan if voltage is None else voltage
@@ -74,7 +75,8 @@ def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = 
 
 
 def nameplate_ceiling(airframe: Airframe) -> Ceiling:
-    """One row: the maker's printed maximum thrust, whatever the air and the battery."""
+    """Return the ceiling, one row, by the maker's printed maximum thrust, for any air and
+    battery."""
     free = np.array([airframe.nameplate_max_thrust])
     return Ceiling(
         max_rotor_speed_rpm=speed_from_thrust(free, coefficient=airframe.thrust_coefficient),
@@ -85,12 +87,13 @@ def nameplate_ceiling(airframe: Airframe) -> Ceiling:
 
 
 def weight(airframe: Airframe, tank_kg: ArrayLike) -> Floats:
-    """Weight, N, of the aircraft with `tank_kg` of liquid (any shape)."""
+    """Return the weight, N, of the aircraft with `tank_kg` of liquid (any shape)."""
     return (airframe.empty_mass + np.asarray(tank_kg, dtype=np.float64)) * G0
 
 
 def rotor_thrust(airframe: Airframe, rotor_speed_rpm: Floats, density: Floats) -> Floats:
-    """Thrust (T, R), N, of rotor speeds (T, R) in air of `density` (T,), by the thrust curve."""
+    """Return the thrust (T, R), N, of rotor speeds (T, R) in air of `density` (T,), by the
+    thrust curve."""
     free = thrust_from_speed(
         rotor_speed_rpm,
         coefficient=airframe.thrust_coefficient,
@@ -101,7 +104,7 @@ def rotor_thrust(airframe: Airframe, rotor_speed_rpm: Floats, density: Floats) -
 
 
 def utilisation(rotor_speed_rpm: Floats, max_rotor_speed_rpm: Floats) -> Floats:
-    """u (T, R) of rotor speeds (T, R) under a ceiling (T,), both rpm.
+    """Return u (T, R) of rotor speeds (T, R) under a ceiling (T,), both rpm.
 
     Thrust over largest thrust at one density and one coefficient: both cancel.
     """
@@ -109,7 +112,8 @@ def utilisation(rotor_speed_rpm: Floats, max_rotor_speed_rpm: Floats) -> Floats:
 
 
 def hover_use(airframe: Airframe, limits: Ceiling, load: ArrayLike) -> Floats:
-    """Worst rotor's u (T,) when the rotors share the `load` in N, (T,) or a number, at their best.
+    """Return the worst rotor's u (T,) for a `load` in N, (T,) or a number, shared as well as
+    possible.
 
     On a symmetric airframe that is the equal share of hover.
     """
@@ -117,7 +121,8 @@ def hover_use(airframe: Airframe, limits: Ceiling, load: ArrayLike) -> Floats:
 
 
 def redundancy(airframe: Airframe, limits: Ceiling, load: ArrayLike, *, yaw_kept: bool) -> Floats:
-    """(T,) largest level thrust with the worst single rotor lost, over `load` (T,) in N."""
+    """Return the largest level thrust (T,) with the worst single rotor lost, over `load` (T,) in
+    N."""
     held = holdable(airframe)
     worst = float(np.min(held.yaw_kept if yaw_kept else held.yaw_uncontrolled))
     return worst * limits.free_thrust / np.asarray(load, dtype=np.float64)
@@ -126,10 +131,12 @@ def redundancy(airframe: Airframe, limits: Ceiling, load: ArrayLike, *, yaw_kept
 def trimmable_loss(
     airframe: Airframe, limits: Ceiling, load: ArrayLike, *, yaw_kept: bool = True
 ) -> Floats:
-    """(T,) share of its largest thrust that the worst-placed rotor can lose with `load` held level.
+    """Return the share (T,) of its largest thrust that any one rotor can lose with `load` held
+    level.
 
-    1 where a rotor can be lost altogether, 0 where there is nothing to lose. On a quad with heading
-    kept it is the thrust margin 1 - u, with yaw uncontrolled 2 (1 - u) up to 1.
+    It is that of the worst-placed rotor: 1 where a rotor can be lost altogether, 0 without
+    a reserve. On a quad with heading kept it is the thrust margin 1 - u, with yaw uncontrolled 2 (1
+    - u) up to 1.
     """
     collective = np.asarray(load, dtype=np.float64) / limits.free_thrust
     worst = np.where(np.isnan(collective), np.nan, np.inf)
@@ -147,10 +154,11 @@ def largest_fill(
     criterion: Criterion = "utilisation",
     limit: float | None = None,
 ) -> Floats:
-    """(T,) kg of liquid at which the worst rotor's u, or the redundancy, just meets `limit`.
+    """Return the fill (T,) kg at which the worst rotor's u, or the redundancy, equals `limit`.
 
-    `limit` is 0.5 for utilisation and 1 for redundancy unless given. The answer is not cut to the
-    tank: above its capacity a full tank is within the limit, below 0 the empty aircraft is beyond.
+    `limit` is 0.5 for utilisation and 1 for redundancy unless given. The result is not limited to
+    the tank: above its capacity a full tank is within the limit, below 0 even the empty aircraft
+    exceeds it.
     """
     held = holdable(airframe)
     if criterion == "utilisation":

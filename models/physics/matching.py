@@ -1,4 +1,4 @@
-"""Matching of power system and load: the paper's Eq. 6-8 and Figure 10 for any airframe.
+"""Match power system and load of any airframe: the paper's Eq. 6-8 and Figure 10.
 
 Everything is for hover in the air of the airframe's thrust curve. Thrust of "a rotor" is the mean
 over the rotors when all turn at one speed; on a coaxial airframe the upper ones make more of it.
@@ -32,7 +32,7 @@ from thrustmargin.models.physics.thrust import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CeilingMatch:
-    """The load against one ceiling; `full` and `empty` are of the tank."""
+    """The load compared with one ceiling; `full` and `empty` refer to the tank."""
 
     name: str
     max_thrust: float  # N, mean over the rotors
@@ -46,7 +46,7 @@ class CeilingMatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Matching:
-    """Load and power system of one airframe side by side."""
+    """The comparison of load and power system of one airframe."""
 
     airframe: Airframe
     load: LoadMatching
@@ -58,10 +58,11 @@ class Matching:
 
 
 def match_airframe(airframe: Airframe) -> Matching:
-    """Eq. 6-8, the two thrust coefficients, and the load against each ceiling of the airframe.
+    """Compute Eq. 6-8, the two thrust coefficients, and the load against each ceiling of the
+    airframe.
 
-    Ceilings are the nameplate or what stands for it, the maximum of the thrust curve at its own
-    voltage, and that at the battery's nominal voltage where this is lower.
+    Ceilings are the nameplate or its estimate, the maximum of the thrust curve at its own voltage,
+    and that at the battery's nominal voltage where this is lower.
     """
     full, empty = weight(airframe, airframe.tank_capacity_kg), weight(airframe, 0.0)
     effective = float(airframe.rotor_effectiveness.sum()) * airframe.thrust_coefficient
@@ -92,13 +93,16 @@ def match_airframe(airframe: Airframe) -> Matching:
             diameter=airframe.propeller_diameter,
             blades=airframe.propeller_blades,
         ),
-        ceilings=tuple(_against(airframe, name, limits, full, empty) for name, limits in named),
+        ceilings=tuple(
+            _ceiling_match(airframe, name, limits, full, empty) for name, limits in named
+        ),
     )
 
 
-def _against(
+def _ceiling_match(
     airframe: Airframe, name: str, limits: Ceiling, full: Floats, empty: Floats
 ) -> CeilingMatch:
+    """Compare the weights `full` and `empty`, N, with one ceiling."""
     survived = partial(redundancy, airframe, limits)
     return CeilingMatch(
         name=name,
@@ -113,7 +117,7 @@ def _against(
 
 
 def same_aircraft(first: Airframe, second: Airframe) -> bool:
-    """True when two airframe files describe one design: mass, tank, propeller, curve and rotors.
+    """Return whether two airframes are of one design: mass, tank, propeller, curve and rotor count.
 
     Their air and voltage may differ, as between an aircraft and its simulation.
     """

@@ -1,8 +1,8 @@
-"""Motor layouts by name: where each motor stands, which way it turns, in the autopilot's order.
+"""List motor layouts by name: place and spin of each motor, in the autopilot's order.
 
 Bearings are in degrees from the nose, clockwise positive seen from above; positions are `_frd` in m
-from the centre; spin is +1 counter-clockwise seen from above, -1 clockwise.
-Source: `models/shipped/layouts.toml`, facts of ArduPilot's AP_MotorsMatrix.
+from the centre; spin is +1 counter-clockwise seen from above, -1 clockwise. Source:
+`models/shipped/layouts.toml`, facts of ArduPilot's AP_MotorsMatrix.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 from thrustmargin.models.flight import Floats
 
-#: FRAME_CLASS as ArduPilot writes it at boot in "Frame: HEXA/X", and the number it stands for.
+#: FRAME_CLASS in ArduPilot's boot text "Frame: HEXA/X" -> its number.
 FRAME_CLASSES = MappingProxyType(
     {
         "QUAD": 1,
@@ -33,7 +33,7 @@ FRAME_CLASSES = MappingProxyType(
         "DECA": 14,
     }
 )
-#: The same of FRAME_TYPE.
+#: FRAME_TYPE in that text -> its number.
 _TYPES = {"PLUS": 0, "X": 1, "V": 2, "H": 3, "PLUSREV": 6, "Y6B": 10, "Y6F": 11, "BF_X": 12}
 _TYPES |= {"DJI_X": 13, "CW_X": 14, "I": 15, "X_REV": 18, "Y4": 19, "default": 1}
 #: Half the height between the rotors of a coaxial pair, as a share of the arm: assumed.
@@ -42,7 +42,7 @@ _PAIR_HEIGHT = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MotorLayout:
-    """One arrangement of motors; R motors, motor 1 first."""
+    """One arrangement of R motors, motor 1 first."""
 
     name: str
     place: Floats  # (R, 2) forward and right, the farthest at 1
@@ -52,10 +52,12 @@ class MotorLayout:
 
     @property
     def rotor_count(self) -> int:
+        """Return the number of motors, R."""
         return self.spin.size
 
     def rotors(self, arm: float, lower_effectiveness: float = 1.0) -> list[dict[str, Any]]:
-        """The [[rotors]] of an airframe file: `arm` is the farthest rotor's distance in m."""
+        """Return the [[rotors]] of an airframe file: `arm` is the farthest rotor's distance in
+        m."""
         coaxial = any(self.lower)
         names = rotor_names(self.place, self.lower)
         height = _PAIR_HEIGHT * arm if coaxial else 0.0
@@ -75,14 +77,15 @@ class MotorLayout:
         return table
 
     def mismatch(self, position_frd: Floats) -> str:
-        """How rotors at `position_frd` (R, 3) differ from this layout in words; empty: they agree.
+        """Describe how rotors at `position_frd` (R, 3) differ from this layout; empty if they
+        agree.
 
-        Only number and shape count: the order and the spin are the file's own.
+        Only number and bearings are compared: order and spin are the file's own.
         """
         if len(position_frd) != self.rotor_count:
             return f"{self.name} has {self.rotor_count} rotors, not {len(position_frd)}"
         found, own = (np.sort(bearings(p)) for p in (position_frd[:, :2], self.place))
-        # Half of the smallest angle between two arms: less is still the nearer arm.
+        # Up to half of the smallest angle between two arms the nearer arm is unambiguous.
         steps = np.diff(np.unique(np.round(np.append(own, own[0] + 360.0), 3)))
         worst = min(
             np.max(np.abs((np.roll(found, k) - own + 180.0) % 360.0 - 180.0)) for k in range(-2, 3)
@@ -94,13 +97,13 @@ class MotorLayout:
 
 
 def bearings(place: Floats) -> Floats:
-    """Bearing in degrees, -180 to 180, of `place` (R, 2): forward and right."""
+    """Return the bearings, degrees, -180 to 180, of `place` (R, 2): forward and right."""
     angle = np.degrees(np.arctan2(place[:, 1], place[:, 0]))
     return np.where(angle <= -180.0 + 1e-9, 180.0, angle)
 
 
 def rotor_names(place: Floats, lower: tuple[bool, ...]) -> list[str]:
-    """A name for each rotor by where it stands: "front right", "left, lower", "front left 22.5"."""
+    """Name each rotor by its place: "front right", "left, lower", "front left 22.5"."""
     plain = [_sector(float(b)) for b in bearings(place)]
     if any(lower):
         plain = [
@@ -114,6 +117,7 @@ def rotor_names(place: Floats, lower: tuple[bool, ...]) -> list[str]:
 
 
 def _sector(bearing: float) -> str:
+    """Return the direction of a bearing in words."""
     along = "front" if abs(bearing) < 75.0 else "rear" if abs(bearing) > 105.0 else ""
     across = "" if not 15.0 <= abs(bearing) <= 165.0 else "right" if bearing > 0.0 else "left"
     return " ".join(word for word in (along, across) if word)
@@ -121,12 +125,13 @@ def _sector(bearing: float) -> str:
 
 @cache
 def motor_layouts() -> MappingProxyType[str, MotorLayout]:
-    """Every layout known, by name."""
+    """Return every known layout, by name."""
     text = (resources.files("thrustmargin.models.shipped") / "layouts.toml").read_text("utf-8")
     return MappingProxyType({name: _layout(name, t) for name, t in tomllib.loads(text).items()})
 
 
 def _layout(name: str, table: dict[str, Any]) -> MotorLayout:
+    """Build a layout from its table in the file."""
     place, spin, lower = [], [], []
     for motor in table["motors"]:
         where, turns, *below = motor.split()
@@ -148,7 +153,7 @@ def _layout(name: str, table: dict[str, Any]) -> MotorLayout:
 
 
 def ardupilot_layout(frame_class: int, frame_type: int) -> MotorLayout | None:
-    """The layout of ArduPilot's FRAME_CLASS and FRAME_TYPE; None where none is known."""
+    """Return the layout of ArduPilot's FRAME_CLASS and FRAME_TYPE; None if unknown."""
     for wanted in (frame_type, -1):
         for layout in motor_layouts().values():
             if (frame_class, wanted) in layout.ardupilot:
@@ -157,7 +162,8 @@ def ardupilot_layout(frame_class: int, frame_type: int) -> MotorLayout | None:
 
 
 def layout_of_rotors(position_frd: Floats, spin: Floats) -> MotorLayout | None:
-    """The layout that rotors at `position_frd` (R, 3) with `spin` (R,) are, in its motor order."""
+    """Return the layout with the places (R, 3) and spins (R,) of rotors, in its motor order;
+    None if unknown."""
     for layout in motor_layouts().values():
         if layout.rotor_count != len(position_frd) or np.any(layout.spin != spin):
             continue
@@ -168,9 +174,9 @@ def layout_of_rotors(position_frd: Floats, spin: Floats) -> MotorLayout | None:
 
 
 def layout_of_text(texts: Iterable[str], frame_type: int = -2) -> MotorLayout | None:
-    """The layout by ArduPilot's boot text "Frame: HEXA/X"; None without one.
+    """Return the layout named by ArduPilot's boot text "Frame: HEXA/X"; None without one.
 
-    `frame_type` is the shape of older firmware, whose text is "Frame: HEXA".
+    `frame_type` is the shape for older firmware, whose text is "Frame: HEXA".
     """
     for text in texts:
         head, _, rest = text.strip().partition(": ")
@@ -183,7 +189,7 @@ def layout_of_text(texts: Iterable[str], frame_type: int = -2) -> MotorLayout | 
 
 
 def class_rotors() -> dict[int, int]:
-    """Rotors of each FRAME_CLASS, that of a tricopter included."""
+    """Return the number of rotors of each FRAME_CLASS, a tricopter included."""
     counts = {
         kind: layout.rotor_count
         for layout in motor_layouts().values()

@@ -1,14 +1,14 @@
-"""Thrust of a motor output: the curve by which the autopilot turns thrust into output, inverted.
+"""Compute thrust from motor output, by inverting the autopilot's curve from thrust to output.
 
     ArduPilot   c = (x - spin_min)/(spin_max - spin_min)      T/T_full = (1 - e) c + e c²
     PX4         T/T_full = f x² + (1 - f) x
 
 x motor output from 0 to 1 of the pulse range, e MOT_THST_EXPO, f THR_MDL_FAC. Sources: ArduPilot
 libraries/AP_Motors/AP_Motors_Thrust_Linearization.cpp (thrust_to_actuator and its inverse), PX4
-src/lib/mixer_module/functions/FunctionMotors.hpp. Both say what the builder set, not what the
-motor does: ArduPilot's MOT_BAT_VOLT_MAX makes full thrust follow (1 - e) v + e v² of the battery's
-share v, which holds for an ESC that passes the voltage on and not for one that holds a speed. So
-voltage is no part of this curve: `model.output_speed` finds its exponent in the flight.
+src/lib/mixer_module/functions/FunctionMotors.hpp. Both contain the builder's settings, not the
+motor's behaviour: ArduPilot's MOT_BAT_VOLT_MAX makes full thrust follow (1 - e) v + e v² of the
+battery's share v, which is true for an ESC that passes the voltage on, not for one that keeps a
+speed. So voltage is no part of this curve: `model.inferred.output_speed` fits its exponent.
 """
 
 from __future__ import annotations
@@ -26,33 +26,37 @@ USUAL_EXPO, USUAL_SPIN_MIN, USUAL_SPIN_MAX = 0.65, 0.15, 0.95
 #: standard error of the curve's steepness, as a share: on the Quiver thrust rises 1.87 times as
 #: fast as output where its own MOT_THST_EXPO says 2.2. Twice that where no parameter sets a curve.
 STEEPNESS_SET, STEEPNESS_ASSUMED = 0.15, 0.3
-_OF_THE_CURVE = ("expo", "low", "high", "is_thrust_factor", "steepness_error")
-_LEAST = 0.01  # share of full thrust below which the curve says nothing
+_CURVE_FIELDS = ("expo", "low", "high", "is_thrust_factor", "steepness_error")
+_LEAST = 0.01  # share of full thrust below which the curve is not used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputCurve:
-    """T/T_full = (1 - expo) c + expo c² with c from 0 at `low` to 1 at `high` of the output."""
+    """The curve T/T_full = (1 - expo) c + expo c², with c from 0 at output `low` to 1 at output
+    `high`."""
 
     expo: float
     low: float = 0.0
     high: float = 1.0
-    is_thrust_factor: float = 0.0  # PX4 output that is thrust by this factor, not yet the signal
+    is_thrust_factor: float = (
+        0.0  # if above 0: outputs are PX4 thrust before its curve with this factor
+    )
     steepness_error: float = STEEPNESS_SET
     described: str
 
     @property
     def is_assumed(self) -> bool:
-        """Whether no parameter of the vehicle sets it."""
+        """Return whether no parameter of the vehicle sets the curve."""
         return self.steepness_error == STEEPNESS_ASSUMED
 
     @property
     def numbers(self) -> tuple[tuple[str, float], ...]:
-        """What sets `thrust_share`, by name, for the provenance of what is made with it."""
-        return tuple((name, getattr(self, name)) for name in _OF_THE_CURVE)
+        """Return the numbers that set `thrust_share`, by name, for the provenance of results."""
+        return tuple((name, getattr(self, name)) for name in _CURVE_FIELDS)
 
     def thrust_share(self, throttle: Floats) -> Floats:
-        """Thrust (any shape) over that of full output; NaN where the motor idles or is unknown."""
+        """Return thrust (any shape) over that of full output; NaN where the motor idles or is
+        unknown."""
         signal = throttle
         if (f := self.is_thrust_factor) > 0.0:
             signal = (f - 1.0 + np.sqrt((1.0 - f) ** 2 + 4.0 * f * throttle)) / (2.0 * f)
@@ -62,20 +66,20 @@ class OutputCurve:
 
 
 def curve_of(made: Provenance, outputs: Provenance) -> OutputCurve:
-    """Return the curve by which `made` was made from motor outputs, else the usual one of
+    """Return the curve by which `made` was made from motor outputs, else the default one for
     `outputs`."""
     numbers = dict(made.numbers)
-    if not numbers.keys() >= {*_OF_THE_CURVE}:
+    if not numbers.keys() >= {*_CURVE_FIELDS}:
         return output_curve({}, outputs)
-    known = {name: numbers[name] for name in _OF_THE_CURVE}
+    known = {name: numbers[name] for name in _CURVE_FIELDS}
     return OutputCurve(described=made.words, **known)
 
 
 def output_curve(parameters: Mapping[str, float], source: Provenance = NOT_REPORTED) -> OutputCurve:
-    """The curve that a vehicle's parameters set; `source` is where its outputs come from.
+    """Return the curve that a vehicle's parameters set; `source` is that of its outputs.
 
     PX4's `actuator_motors` is thrust before its curve, its servo outputs are after it. A parameter
-    outside the range that the firmware allows is taken as not set.
+    outside the range that the firmware allows counts as not set.
     """
     factor = parameters.get("THR_MDL_FAC")
     before = source.meaning is Meaning.THRUST_DEMAND

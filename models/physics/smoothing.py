@@ -1,7 +1,7 @@
-"""Slopes, means and medians along channels, some of which have gaps.
+"""Compute slopes, means and medians of channels with gaps.
 
-`scipy.ndimage` and `scipy.signal` have the like, and each takes as long to import as a flight to
-analyse.
+`scipy.ndimage` and `scipy.signal` have similar functions, but each takes as long to import as a
+flight takes to analyse.
 """
 
 from __future__ import annotations
@@ -18,15 +18,18 @@ _Beyond = Literal["symmetric", "constant", "edge"]
 
 
 def row_step(time_s: Floats) -> float:
-    """Usual s between rows, to the millisecond where it is about one: the same in each window."""
+    """Return the median s between rows, rounded to 1 ms if near that, so that it is equal in
+    each window of a flight."""
     step = known_median(time_s[1:] - time_s[:-1])
     whole = round(step, 3)
     return whole if abs(step - whole) < 0.008 * step else float(f"{step:.4g}")
 
 
 def known_median(values: Floats) -> float:
-    """Median of what is finite of values in any shape, NaN of nothing; np.nanmedian takes several
-    times as long for a minute of rows."""
+    """Return the median of the finite values, NaN without one.
+
+    np.nanmedian takes several times as long for a minute of rows.
+    """
     known = values[np.isfinite(values)]
     if not known.size:
         return float("nan")
@@ -35,21 +38,23 @@ def known_median(values: Floats) -> float:
     return float(known[low] + known[high]) / 2.0
 
 
-def _of_known(figure: Callable[[Floats], Any]) -> Callable[[Floats], float]:
-    def of(values: Floats) -> float:
+def _over_known(figure: Callable[[Floats], Any]) -> Callable[[Floats], float]:
+    """Return a function that applies `figure` to the finite values; NaN without one."""
+
+    def figure_of_known(values: Floats) -> float:
+        """Apply the figure to the finite values; NaN without one."""
         known = values[np.isfinite(values)]
         return float(figure(known)) if known.size else float("nan")
 
-    return of
+    return figure_of_known
 
 
-#: The same of other figures. One by one: all at once are more overloads than a type checker gets
-#: through in a minute.
-known_mean, known_most, known_least = _of_known(np.mean), _of_known(np.max), _of_known(np.min)
+#: Mean, maximum and minimum of the finite values; NaN without one.
+known_mean, known_most, known_least = _over_known(np.mean), _over_known(np.max), _over_known(np.min)
 
 
 def known_means(values: Floats) -> Floats:
-    """(T,) mean of the known columns of (T, R); NaN where none is."""
+    """Return the mean (T,) of the known columns of (T, R); NaN where none is."""
     known = np.isfinite(values)
     total = np.sum(values, axis=1, where=known)
     return np.divide(
@@ -59,7 +64,7 @@ def known_means(values: Floats) -> Floats:
 
 @lru_cache(maxsize=64)
 def _slope_weights(window: int, step: float) -> Floats:
-    """(window,) that a local quadratic's slope is the convolution with, s⁻¹, `window` odd.
+    """Return the convolution weights (window,) of a local quadratic's slope, s⁻¹; `window` is odd.
 
     Savitzky and Golay (1964): k over the sum of k².
     """
@@ -68,13 +73,14 @@ def _slope_weights(window: int, step: float) -> Floats:
 
 
 def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
-    """Time derivative by a local quadratic over `span` seconds; NaN next to a gap."""
+    """Differentiate values (T, ...) by a local quadratic over `span` seconds; NaN next to a gap
+    and at the ends."""
     if time_s.size < 9:
         return np.full_like(values, np.nan)
     step = row_step(time_s)
     window = max(3, 2 * int(span / step / 2) + 1)
     window = min(window, time_s.size - (time_s.size + 1) % 2)
-    columns = _padded(values, window // 2, window // 2, "edge").reshape(-1, values[0].size).T
+    columns = _pad(values, window // 2, window // 2, "edge").reshape(-1, values[0].size).T
     weights = _slope_weights(window, step)
     slope = np.array([np.convolve(c, weights, "valid") for c in columns]).T.reshape(values.shape)
     gap = np.flatnonzero(np.abs(np.diff(time_s) - step) > 0.5 * step)
@@ -86,7 +92,8 @@ def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
 
 
 def moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
-    """Mean (T,) of what is finite within `span` seconds about each row; NaN where nothing is."""
+    """Return the mean (T,) of the finite values within `span` seconds about each row; NaN where
+    none is."""
     if time_s.size < 2:
         return values
     width = max(1, round(span / row_step(time_s)))
@@ -97,16 +104,17 @@ def moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
 
 
 def running_mean(values: Floats, width: int, *, beyond: _Beyond = "symmetric") -> Floats:
-    """Means (T, ...) of `width` rows about each; `beyond` the ends as `np.pad` has it."""
+    """Return means (T, ...) over `width` rows about each; `beyond` is the mode of `np.pad` at
+    the ends."""
     if not len(values):
         return values
-    total = np.cumsum(_padded(values, width // 2, (width - 1) // 2, beyond), axis=0)
+    total = np.cumsum(_pad(values, width // 2, (width - 1) // 2, beyond), axis=0)
     total[width:] -= total[:-width].copy()
     return total[width - 1 :] / width
 
 
 def median_of_five(values: Floats) -> Floats:
-    """Medians (n,) of each value and two on either side, the last one standing for those beyond."""
+    """Return the medians (n,) of each value and two on either side; the end values are repeated."""
     a, b, c, d, e = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, "edge"), 5).T
     # Without the least and the largest of four, the middle of the two left and the fifth; in place,
     # as a long log's times are as large as the log.
@@ -117,5 +125,6 @@ def median_of_five(values: Floats) -> Floats:
     return np.maximum(least, np.minimum(high, e, out=high), out=high)
 
 
-def _padded(values: Floats, before: int, after: int, beyond: _Beyond) -> Floats:
+def _pad(values: Floats, before: int, after: int, beyond: _Beyond) -> Floats:
+    """Pad the first axis by `before` and `after` rows."""
     return np.pad(values, [(before, after)] + [(0, 0)] * (values.ndim - 1), beyond)

@@ -1,13 +1,13 @@
-"""Thrust and rotor speed: Eq. 1 to 8 of Han et al., Drones 2024, 8, 246 ("the paper").
+"""Compute thrust and rotor speed: Eq. 1 to 8 of Han et al., Drones 2024, 8, 246 ("the paper").
 
     Eq. 1    T = C_T rho (N/60)^2 D^4
     Eq. 3    C_T = 0.25 pi^3 lambda zeta^2 B K0 (eps atan(H/(pi D)) - alpha0) / (pi A + K0)
     Eq. 4    T = a N^2
     Eq. 6-8  F_sg = F_g/R,  N_sg = N_g/R,  P_g = (F_sg - N_sg)/N_sg
 
-T thrust [N], N rotor speed [rpm], rho density [kg/m³], D propeller diameter [m], H pitch [m],
-B blades, A = D/chord, F_g and N_g mass of the aircraft full and empty [kg], R rotors.
-Eq. 1 makes a proportional to density: a(rho) = a(rho_ref) rho/rho_ref.
+T thrust [N], N rotor speed [rpm], rho density [kg/m³], D propeller diameter [m], H pitch [m], B
+blades, A = D/chord, F_g and N_g mass of the aircraft full and empty [kg], R rotors. Eq. 1 makes a
+proportional to density: a(rho) = a(rho_ref) rho/rho_ref.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ COEFFICIENT_RANGES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThrustFit:
-    """T = coefficient N^2 fitted to bench points, with the statistics of the paper's Table 7."""
+    """A fit T = coefficient N^2 to bench points, with the statistics of the paper's Table 7."""
 
     coefficient: float  # N/rpm²
     sse: float  # N², sum of squared residuals
@@ -47,7 +47,7 @@ class ThrustFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadMatching:
-    """Eq. 6-8: what each rotor carries, full and empty."""
+    """The load on each rotor with a full and an empty tank, Eq. 6-8."""
 
     full_load: float  # kg a rotor
     empty_load: float  # kg a rotor
@@ -61,9 +61,10 @@ def thrust_from_speed(
     density: ArrayLike | None = None,
     reference_density: float | None = None,
 ) -> Floats:
-    """Thrust, N, at `rotor_speed_rpm` (Eq. 4, and Eq. 1 for the density); arguments broadcast.
+    """Return the thrust, N, at `rotor_speed_rpm` (Eq. 4, and Eq. 1 for the density); arguments
+    broadcast.
 
-    `coefficient` in N/rpm² holds at `reference_density`; give both densities in kg/m³, or neither
+    `coefficient` in N/rpm² applies at `reference_density`; give both densities in kg/m³, or neither
     for the air in which the curve was measured.
     """
     return (
@@ -80,7 +81,7 @@ def speed_from_thrust(
     density: ArrayLike | None = None,
     reference_density: float | None = None,
 ) -> Floats:
-    """Rotor speed, rpm, that makes `thrust` in N: the inverse of `thrust_from_speed`.
+    """Return the rotor speed, rpm, that makes `thrust` in N: the inverse of `thrust_from_speed`.
 
     NaN for a negative thrust, which no rotor speed makes.
     """
@@ -89,7 +90,7 @@ def speed_from_thrust(
 
 
 def dimensionless_coefficient(coefficient: float, *, density: float, diameter: float) -> float:
-    """C_T of Eq. 1 for a curve T = `coefficient` N² measured in air of `density`."""
+    """Return C_T of Eq. 1 for a curve T = `coefficient` N² measured in air of `density` kg/m³."""
     return coefficient * 3600.0 / (density * diameter**4)
 
 
@@ -104,7 +105,8 @@ def blade_coefficient(
     mean_radius_ratio: ArrayLike,
     zero_lift_angle: ArrayLike,
 ) -> Floats:
-    """C_T by blade theory, Eq. 3; the parameters A, eps, lambda, zeta, alpha0 [rad] broadcast."""
+    """Return C_T by blade theory, Eq. 3; the parameters A, eps, lambda, zeta, alpha0 [rad]
+    broadcast."""
     angle = _floats(downwash_correction) * np.arctan(pitch / (np.pi * diameter)) - _floats(
         zero_lift_angle
     )
@@ -115,9 +117,9 @@ def blade_coefficient(
 def thrust_coefficient_range(
     *, pitch: float, diameter: float, blades: float
 ) -> tuple[float, float]:
-    """Smallest and largest C_T of Eq. 3 over the parameter ranges that the paper prints.
+    """Return the smallest and largest C_T of Eq. 3 over the parameter ranges that the paper prints.
 
-    Eq. 3 is monotone in each parameter alone, so both lie at corners of the ranges.
+    Eq. 3 is monotone in each parameter alone, so both are at corners of the ranges.
     """
     corners = np.array(list(product(*COEFFICIENT_RANGES.values())))
     values = blade_coefficient(
@@ -130,9 +132,9 @@ def thrust_coefficient_range(
 
 
 def fit_thrust_curve(rotor_speed_rpm: ArrayLike, thrust: ArrayLike) -> ThrustFit:
-    """Least squares of T = a N² through bench points (n,) of rpm and N; statistics as Table 7.
+    """Fit T = a N² by least squares to bench points (n,) of rpm and N; statistics as in Table 7.
 
-    Points with a NaN are left out. Raises DataError with fewer than two different speeds.
+    Points with a NaN are excluded. Raises DataError with fewer than two different speeds.
     """
     speed, force = _floats(rotor_speed_rpm), _floats(thrust)
     if speed.shape != force.shape or speed.ndim != 1:
@@ -166,14 +168,16 @@ def fit_thrust_curve(rotor_speed_rpm: ArrayLike, thrust: ArrayLike) -> ThrustFit
 
 
 def load_matching(airframe: Airframe) -> LoadMatching:
-    """Eq. 6-8 for a full and an empty tank; for the F16 9.275 kg, 5.275 kg and 75.83 %."""
-    rotors = max(airframe.rotor_count, 1)  # of an aircraft that is not known none may be
+    """Compute Eq. 6-8 for a full and an empty tank; for the F16 9.275 kg, 5.275 kg and 75.83 %."""
+    rotors = max(airframe.rotor_count, 1)  # an unknown aircraft may have none
     full = (airframe.empty_mass + airframe.tank_capacity_kg) / rotors
     empty = airframe.empty_mass / rotors
     return LoadMatching(full_load=full, empty_load=empty, load_increase=(full - empty) / empty)
 
 
 def _density_ratio(density: ArrayLike | None, reference_density: float | None) -> Floats:
+    """Return density over reference density, 1 without both. Raises ValueError if only one is
+    given."""
     if density is None and reference_density is None:
         return _floats(1.0)
     if density is None or reference_density is None:
@@ -182,4 +186,5 @@ def _density_ratio(density: ArrayLike | None, reference_density: float | None) -
 
 
 def _floats(values: ArrayLike) -> Floats:
+    """Convert to an array of float64."""
     return np.asarray(values, dtype=np.float64)

@@ -1,24 +1,26 @@
-"""A thrust curve from measurements, each number with its 95 % interval: from hover, from a bench.
+"""Fit a thrust curve to measurements in hover or on a bench, each number with its 95 % interval.
 
-In steady hover the rotors of an aircraft of known mass m [kg] carry it at a tilt theta:
+Hover (`fit_hover`). In steady hover the rotors of an aircraft of known mass m [kg] carry it at a
+tilt theta:
     a = m g rho_ref / (rho cos theta sum e_i N_i²)
-with N [rpm] measured rotor speeds, e effectiveness, rho the air's density. The answer is the mean
-over flights; its interval is by leaving out whole flights, or ten-second blocks of a single one,
-for rows of one hover follow each other. Wind is not known: in it a rotor makes more at a speed.
+with N [rpm] measured rotor speeds, e effectiveness, rho the air's density. The estimate is the mean
+over flights; its interval is by jackknife over flights, or over ten-second blocks of a single one,
+because neighbouring rows are not independent. Wind is unknown: in wind a rotor makes more thrust at
+a speed.
 
-The trim of rotor i is the thrust that it is asked for over its share of a level, balanced aircraft:
+The trim of rotor i is its thrust over its share on a level, balanced aircraft:
     (e_i N_i² / sum e N²) / (e_i s_i / sum e s),   s the smallest s with B diag(e) s = (1, 0, 0, 0)
-and B the mixer. What it does not distinguish: a load off centre, a motor not level and a weak
-propeller. Summed with the arms it is where the weight seems to be, and a constant yaw moment.
+and B the mixer. It cannot distinguish an off-centre load, a tilted motor and a weak propeller.
+Multiplied by the arms it gives the apparent place of the weight, and a constant yaw moment.
 
-Of a bench table:
-    T = a N²         a by least squares over the points that agree (Eq. 4 of the paper)
-    T = b N^n        n by regression of log T on log N: how far the first form holds
+Bench table (`fit_bench`):
+    T = a N²         a by least squares over the consistent points (Eq. 4 of the paper)
+    T = b N^n        n by regression of log T on log N: a test of the first form
     N_max = N_ref (V/V_ref)^p        over the rows at full throttle, when their voltages differ
-T thrust [N], N rotor speed [rpm], V voltage [V]. Its intervals are by leaving out blocks of rows in
-turn, which asks nothing of how scatter grows with thrust: single rows of a short table, twenty
-stretches of a long recording, whose neighbouring rows are not independent.
-A point far off the others' curve (a typing error, a sensor that slipped) is left out and named.
+T thrust [N], N rotor speed [rpm], V voltage [V]. Intervals are by jackknife over blocks of rows,
+which needs no assumption on how scatter grows with thrust: single rows of a short table, twenty
+blocks of a long recording, whose neighbouring rows are not independent.
+A point far off the others' curve (a typing error, a sensor that slipped) is excluded and reported.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ from thrustmargin.models.scores import Estimate, jackknife
 
 BLOCK_S = 10.0
 FEWEST_ROWS = 50  # five seconds of hover, in all
-#: Largest over least thrust for the weight, 95th over 5th percentile, that a hover in gusts has.
+#: Largest ratio of thrust over weight, 95th over 5th percentile, of one hover in gusts.
 ONE_HOVER = 1.6
 
 
@@ -50,21 +52,21 @@ class HoverFit:
 
     coefficient: Estimate  # N/rpm² at reference_density
     reference_density: float  # kg/m³, the median of the hover
-    density_error: float  # kg/m³, its standard error, which the coefficient's interval leaves out
-    air: str  # what the density is from, in the first flight
-    trim: tuple[Estimate, ...]  # thrust of a rotor over its share on a balanced aircraft
-    load_place: tuple[Estimate, Estimate]  # m, x and y frd at which the weight seems to hang
-    yaw_split: Estimate  # thrust of the rotors that turn CCW minus CW, over all of it
-    flights: tuple[str, ...]  # that have hover
+    density_error: float  # kg/m³, its standard error; not in the coefficient's interval
+    air: str  # source of the density, in the first flight
+    trim: tuple[Estimate, ...]  # thrust of each rotor over its share on a balanced aircraft
+    load_place: tuple[Estimate, Estimate]  # m, x and y frd, apparent place of the weight
+    yaw_split: Estimate  # thrust of CCW minus CW rotors, over all
+    flights: tuple[str, ...]  # those with hover
     rows: int
 
 
 def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
-    """Thrust coefficient and trim from the steady hover of flights with measured rotor speeds.
+    """Fit thrust coefficient and trim to the steady hover of flights with measured rotor speeds.
 
-    The aircraft weighs the airframe's empty mass and the tank's content. Of the airframe nothing
-    else is used but its rotors' places, spin and effectiveness.
-    Raises DataError when there is too little steady hover with every rotor's speed.
+    The weight is the airframe's empty mass and the tank's content. Nothing else of the airframe is
+    used but its rotors' places, spin and effectiveness. Raises DataError when there is too little
+    steady hover with every rotor's speed.
     """
     parts, airs = [], []
     for number, track in enumerate(tracks):
@@ -99,7 +101,7 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     for number in np.unique(flight):
         check_one_hover(needed[flight == number])
     hovered = np.unique(flight)
-    # A part of a block at the end of a single flight would count as a whole one.
+    # The last, incomplete block of a single flight is merged with the one before.
     block = flight if hovered.size > 1 else np.minimum(when, max(when[-1] - 1.0, 0.0))
     reference = float(np.median(density))
     collective = squares.sum(axis=1)
@@ -111,7 +113,8 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     expected /= expected.sum()
 
     def figures(kept: np.ndarray) -> Floats:
-        """Coefficient, trims, place of the load, split of the pairs: means over flights."""
+        """Return coefficient, trims, place of the load and yaw split, each the mean over
+        flights."""
         means = []
         for one in np.unique(flight[kept]):
             rows = kept & (flight == one)
@@ -151,7 +154,7 @@ def check_one_hover(needed: Floats) -> None:
 
 BLOCKS = 20
 FEWEST_POINTS = 4
-#: Off the median of T/N² by more than this many of their usual scatter, and by this share at least.
+#: A point is excluded if off the median of T/N² by FAR times the scatter, and by FAR_SHARE or more.
 FAR, FAR_SHARE = 5.0, 0.15
 #: Of the largest throttle of a table from which a row is at it; and what that must be, as a share
 #: of 100 % or of 1000 to 2000 µs (some ESCs are full at 1940), to be full throttle at all.
@@ -163,18 +166,18 @@ NOTHING = Estimate(value=float("nan"), low=float("nan"), high=float("nan"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchFit:
-    """What a bench table says of a motor with its propeller; NaN where it says nothing."""
+    """The fit of a bench table of a motor with its propeller; NaN where the table has no data."""
 
     coefficient: Estimate  # N/rpm² in the air of the bench
     exponent: Estimate  # n of T = b N^n; 2 where the first form holds
     r2: float
     points: int
-    left_out: tuple[int, ...]  # rows, from 0, that do not agree with the others
+    left_out: tuple[int, ...]  # excluded rows, from 0
     max_rotor_speed_rpm: float  # at full throttle and ceiling_voltage
     ceiling_voltage: float  # V
     voltage_exponent: Estimate  # p
-    max_thrust: float  # N, the largest of the rows that agree
-    full_throttle: bool  # the table says that they are; else its fastest row stands for it
+    max_thrust: float  # N, largest of the consistent rows
+    full_throttle: bool  # stated by the table; else its fastest row is taken
 
 
 def fit_bench(
@@ -184,7 +187,7 @@ def fit_bench(
     throttle: ArrayLike | None = None,
     voltage: ArrayLike | None = None,
 ) -> BenchFit:
-    """Fit a bench table of n rows: rpm, thrust in N of any one sign, throttle of any unit, V.
+    """Fit a bench table of n rows: rpm, thrust in N of either sign, throttle in any unit, V.
 
     Raises DataError for fewer than 4 usable points, only one speed, or points on several curves.
     """
@@ -200,22 +203,23 @@ def fit_bench(
             f"{rows.size} bench points with rotor speed and thrust above 0; at least "
             f"{FEWEST_POINTS} at different speeds are needed"
         )
-    agree = _agreeing(speed[rows], force[rows])
+    agree = _agree(speed[rows], force[rows])
     left_out, rows = rows[~agree], rows[agree]
     n, f = speed[rows], force[rows]
     block = np.arange(rows.size) * min(rows.size, BLOCKS) // rows.size
 
     def figures(kept: Bools) -> Floats:
-        # First the curve, which refuses points of one speed: LAPACK fails of them.
+        # The curve comes first: it raises for points of one speed, where LAPACK would fail.
+        """Return coefficient and exponent of the rows in the mask."""
         coefficient = fit_thrust_curve(n[kept], f[kept]).coefficient
         return np.array([coefficient, np.polyfit(np.log(n[kept]), np.log(f[kept]), 1)[0]])
 
     coefficient, exponent = jackknife(figures, block)
-    share = np.full(n.size, np.nan) if throttle is None else _share(throttle)[rows]
+    share = np.full(n.size, np.nan) if throttle is None else _throttle_share(throttle)[rows]
     stated = bool(np.max(share) >= FULL_THROTTLE)
     full = share >= AT_LARGEST * share.max() if stated else n == n.max()
     volts = np.full(n.size, np.nan) if voltage is None else np.asarray(voltage, np.float64)[rows]
-    top, at_voltage, power = _ceiling(n[full], volts[full])
+    top, at_voltage, power = _fit_ceiling(n[full], volts[full])
     return BenchFit(
         coefficient=coefficient,
         exponent=exponent,
@@ -230,8 +234,11 @@ def fit_bench(
     )
 
 
-def _agreeing(speed: Floats, force: Floats) -> Bools:
-    """(n,) points on one curve with most others: T/N² about its median, on a log scale."""
+def _agree(speed: Floats, force: Floats) -> Bools:
+    """Flag the points (n,) on one curve with most others: T/N² about its median, on a log scale.
+
+    Raises DataError if most points scatter too much for one curve.
+    """
     off = np.log(force / speed**2)
     off -= np.median(off)
     usual = 1.4826 * float(np.median(np.abs(off)))
@@ -244,8 +251,9 @@ def _agreeing(speed: Floats, force: Floats) -> Bools:
     return np.abs(off) <= max(FAR * usual, FAR_SHARE)
 
 
-def _share(throttle: ArrayLike) -> Floats:
-    """(n,) of full throttle, from percent, a share, or pulses of 1000 to 2000 µs."""
+def _throttle_share(throttle: ArrayLike) -> Floats:
+    """Return the share (n,) of full throttle, from percent, a share, or pulses of 1000 to 2000
+    µs."""
     given = np.asarray(throttle, np.float64)
     top = float(np.nanmax(given))
     if top > 200.0:
@@ -253,15 +261,18 @@ def _share(throttle: ArrayLike) -> Floats:
     return given / 100.0 if top > 2.0 else given
 
 
-def _ceiling(speed: Floats, volts: Floats) -> tuple[float, float, Estimate]:
-    """Largest rotor speed, the voltage where it holds, and the exponent if the rows give it."""
+def _fit_ceiling(speed: Floats, volts: Floats) -> tuple[float, float, Estimate]:
+    """Return the largest rotor speed, rpm, its voltage, V, and the exponent of voltage.
+
+    The exponent is NaN if the rows (n,) at full throttle have too little range of voltage.
+    """
     known = volts > 0.0
     if not known.any():
         return float(speed.max()), float("nan"), NOTHING
     speed, volts = speed[known], volts[known]
     reference = float(volts.max())
     block = np.arange(speed.size) * min(speed.size, BLOCKS) // speed.size
-    # An exponent that hangs on one block has no interval.
+    # An exponent that depends on one block has no interval.
     differ = min(np.ptp(volts[block != k]) if (block != k).any() else 0.0 for k in block) > 0.0
     if not differ or np.ptp(volts) < VOLTAGE_RANGE * reference or speed.size < FEWEST_POINTS:
         best = int(np.argmax(speed))
@@ -269,6 +280,7 @@ def _ceiling(speed: Floats, volts: Floats) -> tuple[float, float, Estimate]:
     line = np.log(volts / reference), np.log(speed)
 
     def figures(kept: Bools) -> Floats:
+        """Return slope and intercept of log speed over log voltage."""
         return np.polyfit(line[0][kept], line[1][kept], 1)
 
     power, top = jackknife(figures, block)

@@ -11,8 +11,8 @@ from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse, for_verdict
-from thrustmargin.models.model.inferred.prepared import prepared
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
+from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.provenance import (
@@ -43,7 +43,9 @@ def tempted(source: Provenance, number: int) -> Provenance:
 
 def judged(track: FlightTrack, parameters) -> FlightAnalysis:
     model = shipped_model()
-    return for_verdict(analyse(prepared(track, identified_airframe(model), parameters), model))
+    return analysis_for_verdict(
+        analyse(fill_channels(track, identified_airframe(model), parameters), model)
+    )
 
 
 def numbers_of(analysis: FlightAnalysis) -> dict[str, np.ndarray]:

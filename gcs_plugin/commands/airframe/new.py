@@ -204,7 +204,7 @@ def new_airframe(
     Raises UsageError for a value that cannot be, AirframeError when values contradict.
     """
     from thrustmargin.models.physics.airframe import airframe_from_table, quantity_table
-    from thrustmargin.models.physics.airframe_draft import completed, lower_effectiveness
+    from thrustmargin.models.physics.airframe_draft import complete_quantities, lower_effectiveness
     from thrustmargin.models.physics.motor_layouts import motor_layouts
 
     layout_name = owner.layout or reported.layout
@@ -226,7 +226,9 @@ def new_airframe(
         "name": name,
         "title": owner.title or f"{name} ({reported.layout}, {len(rotors)} rotors)",
         "layout": reported.layout,
-        "quantities": {key: quantity_table(q) for key, q in completed(quantities).items()},
+        "quantities": {
+            key: quantity_table(q) for key, q in complete_quantities(quantities).items()
+        },
         "rotors": rotors,
     }
     return airframe_from_table(table, where=name)
@@ -240,13 +242,13 @@ def print_answer(console: Console, log: Path, file: Path, reading: ReadingOption
     from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights
     from thrustmargin.gcs_plugin.reports.margin import build_report
-    from thrustmargin.models.model.analysis import analyse, for_verdict
+    from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 
     try:
         model = chosen_model(None, str(file))
         flights = read_flights(log, model, given=True, reading=reading)
         made = build_report(
-            (for_verdict(analyse(flight.track, model, claim=claim)), flight)
+            (analysis_for_verdict(analyse(flight.track, model, claim=claim)), flight)
             for flight, claim in flights
         )
     except ThrustMarginError as error:

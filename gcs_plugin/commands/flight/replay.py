@@ -129,14 +129,16 @@ def replay_view(
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
     from thrustmargin.gcs_plugin.wording.advice_words import headline
     from thrustmargin.gcs_plugin.wording.answer import answer_of
-    from thrustmargin.models.model.analysis import analyse, for_verdict
+    from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 
     console = Terminal(stderr=True, soft_wrap=True)
     with console.status(escape(f"reading {log.name}")):
         flights = read_flights(log, model, given=given, reading=reading)
         if sortie is not None and not 1 <= sortie <= len(flights):
             raise DataError(f"--sortie {sortie}: {log.name} holds sorties 1 to {len(flights)}")
-        analyses = [for_verdict(analyse(f.track, model, claim=claim)) for f, claim in flights]
+        analyses = [
+            analysis_for_verdict(analyse(f.track, model, claim=claim)) for f, claim in flights
+        ]
         said = [answer_log(f, one, limit) for (f, _), one in zip(flights, analyses, strict=True)]
         answers = [one.made.advice for one in said]
         order = sorted(

@@ -52,7 +52,7 @@ def flights_of(
     Raises DataError when no log can be read.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
-    from thrustmargin.models.model.analysis import analyse, for_verdict
+    from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 
     model = chosen_model(chosen.model, chosen.airframe)
     unread: list[UnusedLog] = []
@@ -65,7 +65,9 @@ def flights_of(
         reading=chosen.reading,
         skipped=ThrustMarginError,
     )
-    flights = [(for_verdict(analyse(log.track, model, claim=claim)), log) for log, claim in read]
+    flights = [
+        (analysis_for_verdict(analyse(log.track, model, claim=claim)), log) for log, claim in read
+    ]
     if not flights:
         raise DataError(listed(unread))
     return flights, unread

@@ -157,7 +157,7 @@ def claimed(
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
     from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
-    from thrustmargin.models.model.inferred.speed_basis import to_learn_from
+    from thrustmargin.models.model.inferred.speed_basis import measured_only
 
     for log, claim in read:
         reason = not_flown(log.track)  # no airframe helps a log without a flight
@@ -170,7 +170,7 @@ def claimed(
         if losses := loss_of_control(log.track):
             console.print(escape(f"{log.name}: {lost_rows(losses)}"), soft_wrap=True)
             log = replace(log, track=before_loss(log.track, losses))
-        yield replace(log, track=to_learn_from(log.track))
+        yield replace(log, track=measured_only(log.track))
 
 
 def read_flights(

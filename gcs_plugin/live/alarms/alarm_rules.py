@@ -37,9 +37,9 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
-from thrustmargin.models.checks.loss_of_control import losing
+from thrustmargin.models.checks.loss_of_control import signs_so_far
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.model.advice import cells, stopped_fault
+from thrustmargin.models.model.advice import cell_count, stopped_fault
 from thrustmargin.models.model.analysis import Basis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
 from thrustmargin.models.physics.margin import ceiling
@@ -113,7 +113,7 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     before = min(range(track.time_s.size)[rows].start, MOVEMENT_ROWS)
     start = range(track.time_s.size)[rows].start - before
     near = track.rows(slice(start, rows.stop))
-    seen, lasted = losing(near)
+    seen, lasted = signs_so_far(near)
     kinds = list(lasted)
     shows = np.stack([lasted[kind][before:] for kind in kinds])
     known = np.isfinite(near.attitude[before:, :2]).all(axis=1)
@@ -233,7 +233,7 @@ def stopped(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 def battery(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     craft, volts = now.analysis.model.airframe, now.analysis.track.voltage[now.rows]
-    count = max(cells(craft), 1)
+    count = max(cell_count(craft), 1)
     cell = np.where(volts > 0.0, volts, np.nan) / count
 
     def text(row: int, _: int) -> str:

@@ -23,8 +23,8 @@ from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST
 from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET, AIRFRAME_UNKNOWN
 from thrustmargin.models.checks.speed_readings import FEWEST_ROWS
-from thrustmargin.models.checks.voltage import ceiling_too_high, highest
-from thrustmargin.models.flight import FlightTrack, joined
+from thrustmargin.models.checks.voltage import ceiling_too_high, highest_voltages
+from thrustmargin.models.flight import FlightTrack, join_tracks
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.predict import identified_airframe
@@ -147,14 +147,14 @@ class AirframeWatch:
 
     def _take(self, track: FlightTrack) -> None:
         if track.time_s.size:
-            self._volts = highest(np.append(self._volts, track.voltage), self._airframe)
+            self._volts = highest_voltages(np.append(self._volts, track.voltage), self._airframe)
             self._gather(track)
 
     def _look(self, facts: VehicleFacts, parameters: Mapping[str, float]) -> None:
         """Decide by the evidence up to the last row that was taken."""
         self._looked_s = self._taken_s
         since = self._last_s - REACH
-        evidence = joined([(t, rows[t.time_s[rows] > since]) for t, rows in self._parts])
+        evidence = join_tracks([(t, rows[t.time_s[rows] > since]) for t, rows in self._parts])
         self._parts = [(evidence, np.arange(evidence.time_s.size))]
         if evidence.time_s.size >= FEWEST_ROWS:
             trusted = self._given or self.claim.basis == "recognised"

@@ -27,12 +27,12 @@ from thrustmargin.models.checks.frozen import without_frozen
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
-from thrustmargin.models.flight import FlightTrack, Floats, joined
+from thrustmargin.models.flight import FlightTrack, Floats, join_tracks
 from thrustmargin.models.model.advice import Advice, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
-from thrustmargin.models.model.inferred.prepared import prepared
+from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -91,7 +91,7 @@ class FlightSoFar:
     @cached_property
     def _prepared(self) -> FlightTrack:
         craft = None if self.claim.withheld else identified_airframe(self.model)
-        return prepared(self.measured, craft, self.parameters)
+        return fill_channels(self.measured, craft, self.parameters)
 
     @cached_property
     def beyond_gauge_kg(self) -> float:
@@ -130,7 +130,7 @@ class FlightSoFar:
             analyse(track, self.model, claim=self.shown_by(self.claim)),
             limit=self.limit,
             history=self.faults,
-            goes_on=self.goes_on,
+            in_progress=self.goes_on,
         )
         pilot = AUTOPILOTS.get(state.autopilot, "unknown")
         known = self.measured, self.claim, state.parameters, state.facts
@@ -197,7 +197,7 @@ class SortieRows:
             self._take_off(float(track.time_s[flying[0]]))
         self._parts.append(track)
         if self._stay is not None and end_s >= self._stay[1] + LOOK:
-            self._parts = [joined([(part, slice(None)) for part in self._parts])]
+            self._parts = [join_tracks([(part, slice(None)) for part in self._parts])]
             if serviced(self._parts[0], self._parts[0].time_s, *self._stay):
                 self._begin(*self._stay)
             self._stay = None
@@ -240,7 +240,7 @@ class SortieRows:
         if not self._flown or self._said is None:
             return
         claim, state = self._said
-        whole = joined([(part, slice(None)) for part in self._parts])
+        whole = join_tracks([(part, slice(None)) for part in self._parts])
         self._parts = [whole]
         track = whole
         if self._begin_s > 0.0:

@@ -12,9 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from thrustmargin.models.checks.frozen import Stand, frozen, left_out, without_broken_voltage
+from thrustmargin.models.checks.frozen import (
+    Stand,
+    drop_readings,
+    frozen_channels,
+    without_broken_voltage,
+)
 from thrustmargin.models.checks.voltage import VoltageSoFar
-from thrustmargin.models.flight import FlightTrack, joined
+from thrustmargin.models.flight import FlightTrack, join_tracks
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Reason
 
@@ -51,13 +56,13 @@ class FrozenWatch:
             self._last_s = float(time_s[rows[-1]])
         if self._flown and self._last_s - self._looked_s >= EVERY:
             self._looked_s = self._last_s
-            self._flown = [joined([(part, slice(None)) for part in self._flown])]
-            found = frozen(self._flown[0], self._airframe, parameters)
+            self._flown = [join_tracks([(part, slice(None)) for part in self._flown])]
+            found = frozen_channels(self._flown[0], self._airframe, parameters)
             self._frozen = {c: stand for c, stand in found.items() if stand.rows[-1]}
         moving = [c for c, stood in self._frozen.items() if _moves(track, c, stood)]
         self._frozen = {c: stood for c, stood in self._frozen.items() if c not in moving}
         whole = np.ones(time_s.size, dtype=np.bool_)
-        return left_out(track, {c: replace(s, rows=whole) for c, s in self._frozen.items()})
+        return drop_readings(track, {c: replace(s, rows=whole) for c, s in self._frozen.items()})
 
     def _other(self, track: FlightTrack) -> bool:
         return bool(self._flown) and self._flown[-1].rotor_count != track.rotor_count

@@ -45,8 +45,13 @@ from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse, heavier
-from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
+from thrustmargin.models.model.analysis import (
+    FlightAnalysis,
+    FlightState,
+    analyse,
+    with_load_beyond_gauge,
+)
+from thrustmargin.models.model.inferred.prepared import Inferred, fill_channels_so_far
 from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_faults import fault_model
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -236,14 +241,16 @@ class VehicleMonitor:
             new = replace(new, track=measured, notes=notes)
             start = self._claimed(new, start)
             airframe = None if self.claim.withheld else identified_airframe(self._model)
-            track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
+            track, self._inferred = fill_channels_so_far(
+                new.track, airframe, parameters, self._inferred
+            )
             new = replace(new, track=track)
         track = with_rows(last, window, new)
         flight = self._sortie.now
         claim = self.claim if flight is None else flight.shown_by(self.claim)
         analysis = analyse(track, self._model, start=start, claim=claim)
         if flight is not None and not claim.withheld:
-            analysis = heavier(analysis, flight.beyond_gauge_kg)
+            analysis = with_load_beyond_gauge(analysis, flight.beyond_gauge_kg)
         total = track.time_s.size
         first = total - (0 if new is None else new.clock_s.size)
         final = new is None or not self._model.effects

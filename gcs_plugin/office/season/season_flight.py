@@ -39,11 +39,11 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
     analyse,
-    for_verdict,
+    analysis_for_verdict,
     with_bad_part,
     worst_rotor,
 )
-from thrustmargin.models.model.inferred.speed_basis import to_learn_from
+from thrustmargin.models.model.inferred.speed_basis import measured_only
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.smoothing import known_mean, known_median, known_most
@@ -138,7 +138,7 @@ def flight_of_log(
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
     hardware, motors = board(log), layout(log)
-    aircraft, of_verdict = identity.name, for_verdict(analysis)
+    aircraft, of_verdict = identity.name, analysis_for_verdict(analysis)
     if settings.key is not None:
         aircraft = f"aircraft-{pseudonym(settings.key, aircraft)[:8]}"
         hardware = pseudonym(settings.key, hardware) if hardware else None
@@ -177,7 +177,7 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
         return None, "; ".join(analysis.withheld)
     try:
         flown = before_loss(analysis.track, loss_of_control(analysis.track))
-        return to_arrays(flight_sums(analysis.model, to_learn_from(flown))), None
+        return to_arrays(flight_sums(analysis.model, measured_only(flown))), None
     except ThrustMarginError as error:
         return None, str(error)
 

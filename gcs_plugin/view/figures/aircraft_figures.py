@@ -16,7 +16,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.advice import cells
+from thrustmargin.models.model.advice import cell_count
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import SourceKind
@@ -149,7 +149,7 @@ def _lost(row: ShownRow) -> dict[str, Any]:
 
 
 def _battery(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
-    volts, count = float(row.track.voltage[row.row]), cells(airframe)
+    volts, count = float(row.track.voltage[row.row]), cell_count(airframe)
     return {"volts": known(volts), "cell": known(volts / count, 2) if count else None}
 
 

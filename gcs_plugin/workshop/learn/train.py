@@ -85,7 +85,7 @@ def train(
     from thrustmargin.models.identification.good_flights.commissioning import commission
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.model.rotor_model import physics_model
-    from thrustmargin.models.model.thermometer import by_thermometer, learnt_thermometer
+    from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
     from thrustmargin.models.model.training import TrainSettings
     from thrustmargin.models.model.training import train as fit
     from thrustmargin.models.network.network import NetConfig
@@ -118,7 +118,7 @@ def train(
     tracks, unfit = _learnable(tracks, model)
     unread += unfit
     thermometer = learnt_thermometer(tracks, aircraft)
-    tracks = [by_thermometer(track, thermometer) for track in tracks]
+    tracks = [with_air_temperature(track, thermometer) for track in tracks]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
     trained, written = None, [out_model]
     learnable = any(training_rows(track).any() for track in tracks)

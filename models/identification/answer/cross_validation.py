@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thrustmargin.models.effects.compose import filled
+from thrustmargin.models.effects.compose import fill_neutral
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, Posterior
 from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate, placed
@@ -201,7 +201,7 @@ def on_new_flights(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floa
     for one in estimates:
         middle = np.median(one.value, axis=0)
         names = (p.name for p in one.term.effect.parameters)
-        x = filled(one.term.effect, dict(zip(names, middle, strict=True)), unused.channels)
+        x = fill_neutral(one.term.effect, dict(zip(names, middle, strict=True)), unused.channels)
         unused = replace(unused, channels=x)
         held.append(_for_flights(one.term, np.repeat(middle[None], unused.flights, axis=0)))
     return residual_of_unseen(unused, held)

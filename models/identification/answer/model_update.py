@@ -21,7 +21,7 @@ import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed, Values
-from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
+from thrustmargin.models.effects.compose import rotor_speed_rpm, with_neutral_gaps
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
@@ -260,7 +260,7 @@ def _speeds(problem: Problem, effects: Sequence[Found], own: bool) -> Floats:
         )
         for f in effects
     ]
-    every = [tolerant(item) for item in (*problem.placed, *placed)]
+    every = [with_neutral_gaps(item) for item in (*problem.placed, *placed)]
     return rotor_speed_rpm(problem.base, every, problem.channels)
 
 

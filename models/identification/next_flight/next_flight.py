@@ -28,7 +28,7 @@ from scipy.special import ndtr, ndtri
 
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Parameter
-from thrustmargin.models.effects.compose import filled
+from thrustmargin.models.effects.compose import fill_neutral
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -324,7 +324,7 @@ def rows_of(
     which = np.arange(0, track.time_s.size, every)
     x = model_channels(model, track, effects=used).rows(which)
     for item in model.placed:
-        x = filled(item.effect, item.values, x)
+        x = fill_neutral(item.effect, item.values, x)
     rows = RowsToFit(
         model=model,
         base=table_of(model),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.channels import STEADY_SPAN, Channels, concatenate
-from thrustmargin.models.effects.compose import BaseTable, filled, rotor_speed_rpm
+from thrustmargin.models.effects.compose import BaseTable, fill_neutral, rotor_speed_rpm
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.modes import Modes, modes
@@ -28,7 +28,7 @@ from thrustmargin.models.identification.rows.output_shares import (
 )
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.thermometer import by_thermometer
+from thrustmargin.models.model.thermometer import with_air_temperature
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.smoothing import moving_mean
 from thrustmargin.models.provenance import Meaning
@@ -168,7 +168,7 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
         )
     if model.network is None and airspeed_is_ground_speed(track):
         track = replace(track, airspeed=np.full_like(track.airspeed, np.nan))
-    track = by_thermometer(track, model.thermometer)
+    track = with_air_temperature(track, model.thermometer)
     track = replace(track, voltage=_without_noise(track))
     channels = model_channels(model, track, effects=effects_for(airframe))
     keep = training_rows(track, model.inputs)
@@ -194,7 +194,7 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
         )
     channels = channels.rows(rows)
     for item in model.placed:
-        channels = filled(item.effect, item.values, channels)
+        channels = fill_neutral(item.effect, item.values, channels)
     elapsed = track.time_s[rows] - track.time_s[rows[0]]
     whole = max(1, round(float(elapsed[-1]) / BLOCK_SECONDS))
     block = np.minimum((elapsed / (elapsed[-1] / whole + 1e-9)).astype(np.intp), whole - 1)

@@ -1,1 +1,1 @@
-"""What a flight shows where nothing reports it: load, rotor speeds, how well both are known."""
+"""Estimate channels that a flight does not report: load, rotor speeds, and their errors."""

@@ -1,13 +1,13 @@
-"""What level flight has shown of the load, and least squares over it.
+"""Estimate an aircraft's load from the thrust of its level flight, by least squares.
 
     M = sum(T_i)/f                     apparent mass of a row [kg]
     M (1 + k (1 - v_i/v_h)) = m_empty + load,      load = L - r S,  r >= 0
 
 T_i thrust by the airframe's curve [N], f specific force along the body's up axis [m/s²], so that
-tilt and acceleration are in it; k gain of translational lift, v_i/v_h by Glauert; L load at the
-take-off [kg]; S seconds of spraying where the pump is heard, else of flight. One L for each time in
-the air, one r and k for the flight, by least squares over means of 10 s, which are nearly
-independent of each other.
+tilt and acceleration are included; k gain of translational lift, v_i/v_h by Glauert; L load at the
+take-off [kg]; S seconds of spraying if the pump is reported, else of flight. There is one L for
+each leg (time in the air), and one r and k for the flight, by least squares over means of 10 s,
+which are nearly independent of each other.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from thrustmargin.models.physics.forward_flight import hover_induced_velocity, i
 from thrustmargin.models.physics.margin import rotor_thrust
 
 SPAN = 10.0  # s of one mean
-LEAST_SPAN = 3.0  # s of level rows that make a mean
-#: Live, rows are compared with what was shown before in blocks of so many s, four to a span, with
-#: so many s of level flight at least; so many standard errors off is another load.
+LEAST_SPAN = 3.0  # s of level rows that a mean needs
+#: Live, rows are compared with the earlier evidence in blocks of BLOCK s, four to a span, with
+#: LEAST_BLOCK s of level flight or more; JUMP standard errors off is another load.
 BLOCK, LEAST_BLOCK, JUMP = SPAN / 4.0, 1.0, 5.0
 LEVEL_CLIMB = 0.5  # m/s, beyond which climb changes the thrust of a rotor speed
-LONGEST_STEP = 1.0  # s of one row
-#: s on the ground after which a tank may be another, and after which it is where a whole flight
-#: shows two loads.
+LONGEST_STEP = 1.0  # s that one row may count for
+#: s on the ground after which the load may differ; the shorter one if the evidence of a whole
+#: flight prefers more legs.
 ON_GROUND, BRIEFLY = 5.0, 1.0
 #: Translational lift: blade theory for pitch over diameter of 0.3 to 0.4 gives 0.5 to 0.7, flights
 #: have shown 0.1 to 0.6.
@@ -48,7 +48,7 @@ KNOTS = 13  # times at which the fall may begin or end
 
 
 class Means(NamedTuple):
-    """Means of n stretches of level flight; arrays (n,)."""
+    """Means over n stretches of level flight; arrays (n,)."""
 
     seconds: Floats
     leg: Floats
@@ -61,15 +61,19 @@ class Means(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadEvidence:
-    """What a flight has shown so far, and where it stands."""
+    """The sums over a flight's level rows so far, and the state needed to continue them.
+
+    The keys are (leg, span of SPAN s). The six sums of each are the s of level flight, and the
+    integrals over time of `Means.mass`, `lift`, `sprayed`, `flown` and `error`.
+    """
 
     sums: Mapping[tuple[int, int], Floats] = field(default_factory=dict)  # (leg, span) -> (6,)
-    #: The same of the last rows, not yet compared, and of those before that parted from the fit.
+    #: Sums of the last rows, not yet compared, and of rows before them that differed from the fit.
     newest: Mapping[tuple[int, int], Floats] = field(default_factory=dict)
     parted: Mapping[tuple[int, int], Floats] = field(default_factory=dict)
-    gauged: bool = False  # something reported the load
-    spraying: frozenset[float] = frozenset()  # states of the pump that were heard
-    leg: int = 0  # times in the air
+    gauged: bool = False  # the load was reported
+    spraying: frozenset[float] = frozenset()  # reported states of the pump
+    leg: int = 0  # number of legs so far
     flew_s: float = -np.inf  # when it last flew
     last_s: float = np.nan
     sprayed: float = 0.0
@@ -77,16 +81,17 @@ class LoadEvidence:
 
     @property
     def whole(self) -> dict[tuple[int, int], Floats]:
-        """The sums with those of the newest rows."""
-        return _added(self.sums, self.newest)
+        """Return the accepted sums together with those of the newest rows."""
+        return _add_sums(self.sums, self.newest)
 
     def before(self, span: int) -> LoadEvidence:
-        """Only what was shown before a span of time."""
+        """Return the evidence from spans earlier than number `span`, accepted sums alone."""
         kept = {key: s for key, s in self.sums.items() if key[1] < span}
         return replace(self, sums=kept, newest={}, parted={})
 
     def means(self) -> Floats:
-        """(n, 7) Means, row by row, of all spans with enough of level flight."""
+        """Return (n, 7) `Means`, one in each row, of all spans with LEAST_SPAN s of level
+        flight."""
         kept = [
             (s[0], leg, *(s[1:] / s[0])) for (leg, _), s in self.whole.items() if s[0] >= LEAST_SPAN
         ]
@@ -94,7 +99,7 @@ class LoadEvidence:
 
 
 class LoadFit(NamedTuple):
-    """Load at the take-off of each leg, its fall a second of S, and their covariance."""
+    """Load at the take-off of each leg and its fall for each second of S, with their covariance."""
 
     legs: tuple[int, ...]
     values: Floats  # (legs + 1,) kg, and kg/s
@@ -103,34 +108,35 @@ class LoadFit(NamedTuple):
     scatter: float  # kg, of a mean about the fit
     gain: float  # k
     joint: Floats  # (legs + 2, legs + 2) covariance with that of k
-    span: tuple[float, float] = (0.0, np.inf)  # s of S between which it falls
+    span: tuple[float, float] = (0.0, np.inf)  # s of S between which the load falls
     by_spraying: bool = False
 
     @property
     def falls(self) -> bool:
+        """Return whether the load falls by more than SLOWEST kg/s."""
         return bool(self.values[-1] > SLOWEST)
 
 
 def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
-    """Least squares over the means; None where there are none, or no lift explains them.
+    """Fit the load to the means; None without means or if no credible gain of lift explains them.
 
-    The load falls between two times of S, found by the Bayesian information criterion: a pump may
-    run on an empty tank, and without a pump nothing says when spraying began.
+    The load falls between two times of S, chosen by the Bayesian information criterion: a pump may
+    run on an empty tank, and without a reported pump the start of spraying is unknown.
     """
     means = shown.means()
-    return _fit_of(means.tobytes(), shown.spraying, airframe) if means.size else None
+    return _cached_fit(means.tobytes(), shown.spraying, airframe) if means.size else None
 
 
-@lru_cache(maxsize=256)  # a listener asks with every row, and has other means every 10 s
-def _fit_of(shown: bytes, spraying: frozenset[float], airframe: Airframe) -> LoadFit | None:
-    """The fit of means (n, 7) by the states of the pump that were heard."""
+@lru_cache(maxsize=256)  # a listener calls it with every row, but the means change every 10 s
+def _cached_fit(shown: bytes, spraying: frozenset[float], airframe: Airframe) -> LoadFit | None:
+    """Fit the load to means, the bytes of (n, 7), given the reported states of the pump."""
     means = Means(*np.frombuffer(shown).reshape(-1, 7).T)
     by_spraying = 1.0 in spraying
     seconds = means.sprayed if by_spraying else means.flown
     flow = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
     fastest = flow if by_spraying and flow > 0.0 else airframe.tank_capacity_kg / EMPTYING
     usual = 0.5 * fastest if by_spraying else 0.0
-    if not by_spraying and spraying:  # a pump that is heard to be off
+    if not by_spraying and spraying:  # the pump is reported to be off
         fastest = usual = 0.0
     knots = np.unique(np.quantile(seconds, np.linspace(0.0, 1.0, KNOTS)))[1:-1]
     if fastest == 0.0:
@@ -138,21 +144,24 @@ def _fit_of(shown: bytes, spraying: frozenset[float], airframe: Airframe) -> Loa
     begins, ends = (0.0,) if by_spraying else (0.0, *knots), (np.inf, *knots)
     best, least = None, np.inf
     for begin, end in ((b, e) for b in begins for e in ends if b < e):
-        fit = _fit(means, np.clip(seconds, begin, end) - begin, usual, fastest, airframe)
+        fit = _least_squares(means, np.clip(seconds, begin, end) - begin, usual, fastest, airframe)
         found = (begin > 0.0) + np.isfinite(end)
         count = means.mass.size
         criterion = 2.0 * count * np.log(fit.scatter) + found * np.log(count)
-        # A speed that stood still, or was another's, takes what the load did for lift.
+        # A frozen or wrong airspeed would explain a change of load as lift.
         credible = abs(fit.gain - LIFT_GAIN) <= SURELY_NONE * LIFT_GAIN_ERROR
         if credible and criterion < least:
             best, least = fit._replace(span=(begin, end), by_spraying=by_spraying), criterion
     return best
 
 
-def _fit(
+def _least_squares(
     means: Means, seconds: Floats, usual: float, fastest: float, airframe: Airframe
 ) -> LoadFit:
-    """Least squares for a load that falls with `seconds` (n,), at `usual` kg/s before any row."""
+    """Solve for load, fall and lift gain, with the load falling over `seconds` (n,).
+
+    `usual` and `fastest`, kg/s, set the prior of the fall.
+    """
     legs = tuple(int(leg) for leg in np.unique(means.leg))
     rows = np.column_stack(
         [*(means.leg == leg for leg in legs), -seconds, -means.mass * means.lift]
@@ -188,7 +197,11 @@ def _fit(
 def load_at(
     fit: LoadFit, leg: Floats, seconds: Floats, airframe: Airframe
 ) -> tuple[Floats, Floats]:
-    """Load (T,) kg of rows and its own standard error; NaN in legs that have shown nothing."""
+    """Return the load (T,) kg of rows in legs `leg` (T,) at S `seconds` (T,), and its standard
+    error.
+
+    NaN in legs without evidence. The error excludes what `shared_error` adds.
+    """
     fallen = np.clip(seconds, *fit.span) - fit.span[0]
     rows = np.column_stack([*(leg == one for one in fit.legs), -fallen]).astype(np.float64)
     load = rows @ fit.values
@@ -199,11 +212,16 @@ def load_at(
     return np.where(known, load, np.nan), np.where(known, np.sqrt(variance), np.nan)
 
 
-def whole_flight(track: FlightTrack, airframe: Airframe) -> tuple[LoadEvidence, Floats, Floats]:
-    """As `gathered` of a whole flight, with the legs that its means show by the Bayesian criterion:
-    from every stay on the ground on, or from the long ones."""
-    long = gathered(track, airframe, LoadEvidence())
-    each = gathered(track, airframe, LoadEvidence(), BRIEFLY)
+def whole_flight_evidence(
+    track: FlightTrack, airframe: Airframe
+) -> tuple[LoadEvidence, Floats, Floats]:
+    """Collect the evidence of a whole flight, in the legs that the Bayesian criterion prefers.
+
+    A leg begins either after each stay on the ground, or only after long ones. Returns as
+    `collect_evidence`.
+    """
+    long = collect_evidence(track, airframe, LoadEvidence())
+    each = collect_evidence(track, airframe, LoadEvidence(), BRIEFLY)
     if each[0].leg == long[0].leg:
         return long
     fits = [load_fit(one[0], airframe) for one in (long, each)]
@@ -214,12 +232,13 @@ def whole_flight(track: FlightTrack, airframe: Airframe) -> tuple[LoadEvidence, 
     return each if criteria[1] < criteria[0] else long
 
 
-def gathered(
+def collect_evidence(
     track: FlightTrack, airframe: Airframe, so_far: LoadEvidence, on_ground: float = ON_GROUND
 ) -> tuple[LoadEvidence, Floats, Floats]:
-    """The evidence with that of these rows; leg (T,), and seconds (T, 2) sprayed and flown.
+    """Add rows to the evidence; also return their leg (T,) and the s sprayed and flown by then (T,
+    2).
 
-    A leg begins after a stay of more than `on_ground` s.
+    A leg begins after a stay on the ground of more than `on_ground` s.
     """
     time_s, flying = track.time_s, track.flying
     before = time_s[0] if np.isnan(so_far.last_s) else so_far.last_s
@@ -265,15 +284,16 @@ def gathered(
     return shown, leg.astype(np.float64), np.stack([sprayed, flown], axis=1)
 
 
-def compared(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
-    """The evidence once its newest rows were compared with what was shown before them.
+def accept_newest(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
+    """Compare the newest rows with the earlier evidence and accept them, or set them aside.
 
-    Rows far from it are set apart. When the next are as far on the same side, a load was dropped or
-    taken up: with them a new leg begins, of which the load is not known yet.
+    Rows more than JUMP standard errors away are set aside. If the next ones are as far away on the
+    same side, a load was dropped or taken up, and both begin a new leg, whose load is not known
+    yet.
     """
     rows = sum(shown.newest.values(), np.zeros(6))
     if not shown.newest or (rows[0] < LEAST_BLOCK and not shown.parted):
-        return replace(shown, sums=_added(shown.sums, shown.newest), newest={})
+        return replace(shown, sums=_add_sums(shown.sums, shown.newest), newest={})
     if rows[0] < LEAST_BLOCK:
         return shown  # too few to tell
     leg, span = max(shown.newest)
@@ -281,19 +301,22 @@ def compared(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
     fit = load_fit(shown.before(span), airframe)
     off = _standard_errors_off(fit, leg, rows, airframe)
     if abs(off) <= JUMP:
-        sums = _added(_added(shown.sums, before), shown.newest)
+        sums = _add_sums(_add_sums(shown.sums, before), shown.newest)
         return replace(shown, sums=sums, newest={}, parted={})
     earlier = sum(before.values(), np.zeros(6))
     again = before and off * _standard_errors_off(fit, leg, earlier, airframe) > 0.0
     if not again:
         return replace(shown, newest={}, parted=shown.newest)
-    apart = _added(before, shown.newest)
+    apart = _add_sums(before, shown.newest)
     begun = {(shown.leg + 1, span): values for (_, span), values in apart.items()}
-    return replace(shown, sums=_added(shown.sums, begun), leg=shown.leg + 1, newest={}, parted={})
+    return replace(
+        shown, sums=_add_sums(shown.sums, begun), leg=shown.leg + 1, newest={}, parted={}
+    )
 
 
 def _standard_errors_off(fit: LoadFit | None, leg: int, sums: Floats, airframe: Airframe) -> float:
-    """By how many standard errors the mean of rows is above a fit; 0 where that has no such leg."""
+    """Return by how many standard errors the mean of rows, from their `sums` (6,), exceeds a
+    fit; 0 without its leg."""
     if fit is None or leg not in fit.legs:
         return 0.0
     mass, lift, sprayed, flown, _ = sums[1:] / sums[0]
@@ -304,16 +327,18 @@ def _standard_errors_off(fit: LoadFit | None, leg: int, sums: Floats, airframe: 
     return float(off / np.sqrt(variance))
 
 
-def _added(
+def _add_sums(
     one: Mapping[tuple[int, int], Floats], other: Mapping[tuple[int, int], Floats]
 ) -> dict[tuple[int, int], Floats]:
+    """Add two sets of sums, key by key."""
     return {**one, **{key: one.get(key, 0.0) + values for key, values in other.items()}}
 
 
 def blocks_of(track: FlightTrack) -> Floats:
-    """Number of each row's block (T,)."""
+    """Return the number (T,) of each row's block of BLOCK s."""
     return np.floor(track.time_s / BLOCK).astype(np.float64)
 
 
 def spans_of(track: FlightTrack) -> Floats:
+    """Return the number (T,) of each row's span of SPAN s."""
     return np.floor(track.time_s / SPAN)

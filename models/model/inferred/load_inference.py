@@ -1,8 +1,8 @@
-"""The load that hover thrust shows, where nothing reports it or a gauge says too little.
+"""Infer the load from hover thrust, where nothing reports it or a gauge reports too little.
 
-Fitted over a flight by `load_evidence`. The standard error has the scatter of the means, and what
-no amount of flight lessens: thrust coefficient, air density, empty mass, rotor speeds that were
-themselves inferred.
+`load_evidence` fits it over a flight. The standard error includes the scatter of the means and the
+errors that more flight does not reduce: thrust coefficient, air density, empty mass, and rotor
+speeds that were themselves inferred.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from thrustmargin.models.model.inferred.load_evidence import (
     BLOCK,
     LoadEvidence,
     LoadFit,
+    accept_newest,
     blocks_of,
-    compared,
-    gathered,
+    collect_evidence,
     load_at,
     load_fit,
     spans_of,
-    whole_flight,
+    whole_flight_evidence,
 )
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
@@ -41,38 +41,39 @@ LOAD_FROM_SPEEDS = (
 CURVE_ERROR, MASS_ERROR, GUESSED_ERROR = 0.03, 0.005, 0.1
 #: Share of the aircraft's mass that the standard error may be for the load to be used.
 GOOD_ENOUGH = 0.15
-COVERED = 0.5  # share of a flight from which what a gauge reports stays
+COVERED = 0.5  # share of a flight from which a gauge's reading is kept
 OVERLOAD = 0.25  # share of the full aircraft that may be on board beyond its tank
-NINETY = 1.645  # standard errors to either side that hold 90 %
-SURELY = 2.6  # the same for 99 %: a reported or stated load further off is contradicted
+NINETY = 1.645  # standard errors to either side of a 90 % interval
+SURELY = 2.6  # likewise for 99 %: a reported or stated load further off is contradicted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShownLoad:
-    """The load that the thrust of a whole flight shows, whatever a gauge says."""
+    """The load that the thrust of a whole flight shows, independent of any gauge."""
 
     load: Floats  # (T,) kg, below 0 where the aircraft is lighter than its airframe says
     error: Floats  # (T,) kg, standard error
     fit: LoadFit
-    flying: Bools  # (T,) rows of which it is known
+    flying: Bools  # (T,) rows in flight with a known load
 
     @property
     def usual(self) -> float:
-        """kg, median in flight."""
+        """Return the median load in flight, kg."""
         return float(np.median(self.load[self.flying]))
 
     @property
     def usual_error(self) -> float:
-        """kg, median standard error in flight."""
+        """Return the median standard error in flight, kg."""
         return float(np.median(self.error[self.flying]))
 
     @property
     def words(self) -> str:
-        """What it is, for people."""
+        """Return the load and its interval for people."""
         return f"hover thrust shows {self.usual:.1f} ± {NINETY * self.usual_error:.1f} kg (90 %)"
 
     def beyond(self, tank_kg: Floats) -> float:
-        """kg by which it is more than a level (T,) kg, in standard errors; NaN for none."""
+        """Return by how many standard errors the load exceeds a tank level (T,) kg; NaN without
+        a level."""
         apart = (self.load - tank_kg)[self.flying]
         known = np.isfinite(apart)
         return float(np.median(apart[known])) / self.usual_error if known.any() else np.nan
@@ -81,53 +82,54 @@ class ShownLoad:
 def with_load(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> FlightTrack:
-    """The flight with the load that its thrust shows, where most of the flight reports none.
+    """Fill in the load by hover thrust where most of the flight has none.
 
-    A reported or stated load stays; the source of a stated one says where thrust contradicts it.
-    Used where its standard error is at most GOOD_ENOUGH of the aircraft's mass and it is not below
-    nothing by more than its interval; else a note says why not. Where motor `outputs` would lift
-    more than the rotor speeds, its error reaches to their load.
+    A reported or stated load is kept; the source of a stated one mentions a contradiction by
+    thrust. The inferred load is used if its standard error is at most GOOD_ENOUGH of the aircraft's
+    mass and its interval includes a possible load; else a note gives the reason. Where motor
+    `outputs` show more thrust than the rotor speeds, its error reaches to their load.
     """
     source = track.source("tank_kg")
     stated = source.kind is SourceKind.STATED
     gauge = track.reports("tank_kg") and not stated
-    if (gauge and _covered(track) >= COVERED) or not _may_carry(track, airframe):
+    if (gauge and _gauge_coverage(track) >= COVERED) or not _has_load(track, airframe):
         return track
-    shown = _shown(track, airframe, outputs)
+    shown = _shown_load(track, airframe, outputs)
     if stated:
         if shown is None or not abs(shown.beyond(track.tank_kg)) > SURELY:
             return track
         disputed = source.remarked(f"but {shown.words}")
         return replace(track, sources={**track.sources, "tank_kg": disputed})
-    if gauge and (shown is None or shown.usual_error > _unsure_from(airframe, shown.usual)):
+    if gauge and (shown is None or shown.usual_error > _largest_error(airframe, shown.usual)):
         return track
     if shown is None:
-        return _noted(track, "no level flight with every rotor's speed to show the load")
+        return _with_note(track, "no level flight with every rotor's speed to show the load")
     off, usual = shown.usual_error, shown.usual
-    if off > _unsure_from(airframe, usual):
-        return _noted(track, f"{shown.words}, too unsure to be used")
+    if off > _largest_error(airframe, usual):
+        return _with_note(track, f"{shown.words}, too unsure to be used")
     if usual < -NINETY * off:
         lacks = "less than nothing: check mass and thrust of the airframe"
-        return _noted(track, f"{shown.words}, {lacks}")
+        return _with_note(track, f"{shown.words}, {lacks}")
     most = airframe.tank_capacity_kg + OVERLOAD * (airframe.empty_mass + airframe.tank_capacity_kg)
     if usual > most + NINETY * off:
         lacks = "more than the aircraft can carry: check the airframe"
-        return _noted(track, f"{shown.words}, {lacks}")
-    by_thrust = _by_thrust(off, _fall(shown.fit))
+        return _with_note(track, f"{shown.words}, {lacks}")
+    by_thrust = _thrust_source(off, _fall_words(shown.fit))
     if gauge:
-        little = f"{source.words} covers {_covered(track):.0%} of the flight"
+        little = f"{source.words} covers {_gauge_coverage(track):.0%} of the flight"
         rejected = (Rejected(source, Reason.COVERS_LESS),)
         by_thrust = replace(by_thrust.remarked(little), rejected=rejected)
-    return _filled(track, shown.load, shown.error, by_thrust)
+    return _with_load(track, shown.load, shown.error, by_thrust)
 
 
-def _unsure_from(airframe: Airframe, load: float) -> float:
-    """kg of standard error from which a load by thrust is of no use."""
+def _largest_error(airframe: Airframe, load: float) -> float:
+    """Return the largest standard error, kg, with which a load by thrust is used."""
     return GOOD_ENOUGH * (airframe.empty_mass + max(load, 0.0))
 
 
-def _covered(track: FlightTrack) -> float:
-    """Share of the rows in flight of which the tank level is known; 1 without a flight."""
+def _gauge_coverage(track: FlightTrack) -> float:
+    """Return the share of the rows in flight in which the tank level is known; 1 without a
+    flight."""
     known = np.isfinite(track.tank_kg[track.flying])
     return float(known.mean()) if known.size else 1.0
 
@@ -135,36 +137,35 @@ def _covered(track: FlightTrack) -> float:
 def with_load_for_verdict(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> FlightTrack:
-    """The flight of which a verdict is given: where thrust shows surely more load than a gauge or a
-    statement, with the load that thrust shows.
+    """Replace a reported or stated load by that of hover thrust, if thrust surely shows more.
 
-    A gauge that stands still, a mass that nobody knows of and weak rotors look alike in hover; each
-    leaves less margin than the gauge would, and a redundancy by thrust is right for all three.
-    What a model lacks is found with the load as it was reported.
+    A stuck gauge, an unknown mass and weak rotors look alike in hover; each leaves less margin than
+    the gauge would, and a redundancy by thrust is right for all three. Return other flights
+    unchanged. Identification keeps the reported load.
     """
     source = track.source("tank_kg")
     known = track.reports("tank_kg") and source.meaning is not Meaning.HOVER_THRUST
-    if not known or not _may_carry(track, airframe):
+    if not known or not _has_load(track, airframe):
         return track
-    shown = _shown(track, airframe)
+    shown = _shown_load(track, airframe)
     if shown is None or not shown.beyond(track.tank_kg) > SURELY:
         return track
-    # Gauge or rotor speeds are wrong: what the outputs say beyond both may be the truth.
-    shown = _shown(track, airframe, outputs) or shown
+    # Gauge or rotor speeds are wrong, so the error must reach to the load by motor outputs.
+    shown = _shown_load(track, airframe, outputs) or shown
     level = float(np.nanmedian(track.tank_kg[shown.flying]))
     origin = "as stated" if source.kind is SourceKind.STATED else f"by {source.words}"
     why = f"{level:.1f} kg {origin} are too little for these rotor speeds: {THEN_CHECK}"
-    by_thrust = _by_thrust(shown.usual_error, _fall(shown.fit), why)
+    by_thrust = _thrust_source(shown.usual_error, _fall_words(shown.fit), why)
     turned_down = (Rejected(source, Reason.CONTRADICTED),)
-    return _filled(track, shown.load, shown.error, replace(by_thrust, rejected=turned_down))
+    return _with_load(track, shown.load, shown.error, replace(by_thrust, rejected=turned_down))
 
 
-@lru_cache(maxsize=1)  # a report asks for its own verdict's load and once more
-def _shown(
+@lru_cache(maxsize=1)  # one report needs the same load twice
+def _shown_load(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> ShownLoad | None:
-    """The load by thrust; None without level flight with every rotor's speed."""
-    shown, legs, seconds = whole_flight(track, airframe)
+    """Return the load by thrust; None without level flight with every rotor's speed."""
+    shown, legs, seconds = whole_flight_evidence(track, airframe)
     fit = load_fit(shown, airframe)
     if fit is None:
         return None
@@ -184,14 +185,16 @@ def _shown(
 def with_load_so_far(
     track: FlightTrack, airframe: Airframe, so_far: LoadEvidence
 ) -> tuple[FlightTrack, LoadEvidence]:
-    """The same for the next rows of a flight: each has what the spans before its own have shown.
+    """Fill in the load for the next rows of a flight in progress, each from earlier spans of time
+    only.
 
-    Where rows part from that as by a load that was dropped, it is unknown until they show it.
+    Also return the evidence so far. Where the rows show a sudden change of load, it is NaN until
+    enough rows show the new one.
     """
-    # A gauge that was turned down reported nothing.
+    # A rejected gauge counts as not reported.
     still = so_far.gauged and not track.source("tank_kg").rejected
     so_far = replace(so_far, gauged=still or track.reports("tank_kg"))
-    if so_far.gauged or not _may_carry(track, airframe):
+    if so_far.gauged or not _has_load(track, airframe):
         return track, so_far
     load, error = np.full((2, track.time_s.size), np.nan)
     blocks, fit = blocks_of(track), None
@@ -199,8 +202,8 @@ def with_load_so_far(
         now = np.flatnonzero(blocks == block)
         rows = track.rows(slice(now[0], now[-1] + 1))
         if so_far.last_s < block * BLOCK:
-            so_far = compared(so_far, airframe)
-        shown, legs, seconds = gathered(rows, airframe, replace(so_far, sums=so_far.newest))
+            so_far = accept_newest(so_far, airframe)
+        shown, legs, seconds = collect_evidence(rows, airframe, replace(so_far, sums=so_far.newest))
         so_far = replace(shown, sums=so_far.sums, newest=shown.sums)
         fit = load_fit(so_far.before(int(spans_of(rows)[0])), airframe)
         if fit is not None and not so_far.parted:
@@ -213,15 +216,15 @@ def with_load_so_far(
     load[~sure] = np.nan
     if not np.any(sure) or fit is None:
         return track, so_far
-    by_thrust = _by_thrust(float(error[sure][-1]), "so far", _fall(fit))
-    return _filled(track, load, error, by_thrust), so_far
+    by_thrust = _thrust_source(float(error[sure][-1]), "so far", _fall_words(fit))
+    return _with_load(track, load, error, by_thrust), so_far
 
 
 def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:
-    """(T,) kg of an inferred load's standard error that its redundancy is free of.
+    """Return the part (T,) kg of an inferred load's standard error that cancels in its redundancy.
 
-    A wrong curve, air density or empty mass shifts the weight that the rotors show and the largest
-    thrust that they have alike.
+    An error of thrust curve, air density or empty mass shifts the weight by thrust and the largest
+    thrust alike.
     """
     curve = GUESSED_ERROR if "thrust_coefficient" in airframe.guessed else CURVE_ERROR
     mass = GUESSED_ERROR if "empty_mass" in airframe.guessed else MASS_ERROR
@@ -230,15 +233,16 @@ def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats
     return np.hypot(of_thrust, mass * airframe.empty_mass)
 
 
-def _may_carry(track: FlightTrack, airframe: Airframe) -> bool:
-    """True when there is a tank, and rotors whose thrust shows what it holds."""
+def _has_load(track: FlightTrack, airframe: Airframe) -> bool:
+    """Return whether there is a tank, and rotors whose thrust shows its content."""
     rotors = track.rotor_count == airframe.rotor_count and track.time_s.size > 0
     return rotors and airframe.tank_volume_l > 0.0
 
 
-def _filled(track: FlightTrack, load: Floats, error: Floats, source: Provenance) -> FlightTrack:
+def _with_load(track: FlightTrack, load: Floats, error: Floats, source: Provenance) -> FlightTrack:
+    """Set the load (T,) kg, not below 0, its standard error (T,) kg and its source."""
     load, error = np.maximum(load, 0.0), np.where(np.isfinite(load), error, np.nan)
-    # What was turned down before is still said.
+    # Keep the earlier rejections.
     turned_down = (*track.source("tank_kg").rejected, *source.rejected)
     return replace(
         track,
@@ -248,12 +252,14 @@ def _filled(track: FlightTrack, load: Floats, error: Floats, source: Provenance)
     )
 
 
-def _noted(track: FlightTrack, why: str) -> FlightTrack:
+def _with_note(track: FlightTrack, why: str) -> FlightTrack:
+    """Add a note that the load is unknown, and why."""
     note = f"load not known: {why}; state it with --load"
     return replace(track, notes=(*track.notes, note))
 
 
-def _by_thrust(error: float, *remarks: str) -> Provenance:
+def _thrust_source(error: float, *remarks: str) -> Provenance:
+    """Return the source of a load by hover thrust with standard error `error` kg."""
     return Provenance(
         kind=SourceKind.INFERRED,
         meaning=Meaning.HOVER_THRUST,
@@ -261,8 +267,8 @@ def _by_thrust(error: float, *remarks: str) -> Provenance:
     )
 
 
-def _fall(fit: LoadFit) -> str:
-    """What makes it fall, for people."""
+def _fall_words(fit: LoadFit) -> str:
+    """Return what makes the load fall, for people."""
     if not fit.falls:
         return "constant"
     return "falling with the pump's output" if fit.by_spraying else "falling by its own trend"

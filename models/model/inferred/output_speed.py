@@ -1,12 +1,12 @@
-"""Rotor speeds of a flight that reports motor outputs only, calibrated where thrust is known.
+"""Make rotor speeds for a flight that reports motor outputs only, calibrated where thrust is known.
 
     ln N_i² = a + s ln(f(x_i)/f_hover) + n ln(V/V_c)
 
 N_i equivalent rotor speed [rpm], x_i motor output, f the autopilot's thrust curve
-(`physics.motor_output`), V battery voltage, V_c that of the airframe's ceiling. Before the flight
-says anything: a from the airframe's ceiling at full output, s = 1 by the curve, and n = 1, between
-an ESC that holds its speed (0; the Quiver's) and one that passes the voltage on (2). The flight
-corrects all three by least squares over means of 10 s, by whatever it knows:
+(`physics.motor_output`), V battery voltage, V_c that of the airframe's ceiling. Priors: a
+from the airframe's ceiling at full output, s = 1 by the curve, and n = 1, between an ESC that keeps
+its speed (0; the Quiver's) and one that passes the voltage on (2). The flight updates all three by
+least squares over means of 10 s, from any of the evidence it has:
 
     weight   N² = W/(cos(tilt) k rho/rho_ref sum e_i)   where the liquid is known
     power    N² ~ (V I/rho)^(2/3) up to a factor        battery's sag from load, as in hover
@@ -47,7 +47,7 @@ MEAN_ERRORS = (0.02, 0.04, 0.02)
 #: of ln N²: one motor and propeller against the next, and translational lift at 5 m/s (as square)
 ROTOR_ERROR, LIFT_ERROR = 0.03, 0.05
 STATED_ERROR = 0.03  # of ln N²: scale and bench, a stated weight over a fitted thrust curve
-WAIT = 3.0  # s of a flight after which an ESC that reports has been heard
+WAIT = 3.0  # s after which an ESC that reports has sent a speed
 FULL = 0.98  # share of full thrust from which an output is full
 EXACT = 1e-12  # of ln N²: not 0, for 0 is measured
 LAG = 0.2  # s by which a rotor and the report of its speed follow its output (Quiver 77 and 80)
@@ -58,31 +58,33 @@ _WEIGHT, _POWER, _ROTORS = range(3)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OutputCalibration:
-    """What a flight has shown so far: for each 10 s the sums of three kinds of evidence.
+    """The evidence of a flight so far for its output calibration, in sums for each 10 s.
 
-    The five sums are weight w [s], w ln N², w ln f, w ln V and w (lift error)².
+    The three rows are the kinds of evidence (weight, power, rotors). Their five sums are weight w
+    [s], w ln N², w ln f, w ln V and w (lift error)².
     """
 
     bins: Mapping[int, Floats] = field(default_factory=dict)  # time_s // SPAN -> (3, 5)
     heard: HeardSpeeds = field(default_factory=HeardSpeeds)
-    last_s: float = np.nan  # of the last row, and its ln f (R,)
+    last_s: float = np.nan  # s, time of the last row
     last_share: Floats | None = None
 
     def before(self, index: int) -> Self:
-        """Without what was seen in that 10 s and after it."""
+        """Return the evidence without bin `index` and later ones."""
         return replace(self, bins={k: sums for k, sums in self.bins.items() if k < index})
 
     @property
     def in_use(self) -> bool:
-        """True when all rotor speeds so far were made from outputs."""
+        """Return whether all rotor speeds so far were made from outputs."""
         return bool(self.bins) and not self.heard.rotors
 
     def seconds(self, kind: int) -> float:
-        """s of evidence of one kind."""
+        """Return the s of evidence of one kind."""
         return float(sum(sums[kind, 0] for sums in self.bins.values()))
 
     def fit(self, airframe: Airframe, curve: OutputCurve) -> tuple[Floats, Floats]:
-        """(4,) a, s, n and the factor of power, and their covariance (4, 4)."""
+        """Fit a, s, n and the factor of power (4,), and their covariance (4, 4), from priors and
+        evidence."""
         full = np.log(airframe.max_rotor_speed_rpm**2)
         before = np.array([full + np.log(HOVER_SHARE), 1.0, 1.0, 0.0])
         spread = np.array([CEILING_ERROR, curve.steepness_error, VOLTAGE_ERROR, 100.0])
@@ -101,7 +103,11 @@ class OutputCalibration:
         return np.asarray(covariance @ pull), np.asarray(covariance, dtype=np.float64)
 
     def common_variance(self, airframe: Airframe) -> float:
-        """Variance of ln N² that no amount of flight lessens: lift, and a guessed mass or curve."""
+        """Return the variance of ln N² that more flight does not reduce: lift, a guessed mass or
+        curve.
+
+        0 without evidence by weight, or with rotors whose speed is measured.
+        """
         sums = np.sum([bin_[_WEIGHT] for bin_ in self.bins.values()], axis=0)
         if not self.bins or sums[0] <= 0.0 or self.seconds(_ROTORS) > 0.0:
             return 0.0
@@ -115,17 +121,18 @@ def filled_speeds(
     parameters: Mapping[str, float],
     so_far: OutputCalibration | None = None,
 ) -> tuple[FlightTrack, OutputCalibration]:
-    """A flight with equivalent rotor speeds where a rotor reports an output and no speed.
+    """Fill in equivalent rotor speeds where a rotor reports an output and no speed.
 
-    `parameters` are the vehicle's. What is measured stays; the speeds' standard
-    errors and their source come with the track. With `so_far` it is a part that goes
-    on from the parts before, and each row rests on the 10 s means that were whole before it.
+    `parameters` are the autopilot's, by name. Measured speeds are kept; the standard errors and the
+    source of the speeds are set in the track. With `so_far` the track continues a flight, and each
+    row depends only on 10 s bins completed before it. Also return the calibration including these
+    rows.
     """
     then = OutputCalibration() if so_far is None else so_far
     heard, lost, said = heard_speeds(track, None if so_far is None else then.heard)
     then = replace(then, heard=said)
     silent = ~heard & np.isfinite(track.throttle)
-    # A part of which nothing is to be made still shows what outputs mean to those that follow.
+    # Rows with measured speeds calibrate the outputs for the rows that follow.
     of_use = silent if so_far is None else np.isfinite(track.throttle)
     if track.rotor_count != airframe.rotor_count or not np.any(of_use):
         return track, then
@@ -138,7 +145,7 @@ def filled_speeds(
         volts = np.log(volts / airframe.ceiling_voltage)
         before = share[:1] if then.last_share is None else then.last_share[None]
         change = np.diff(share, axis=0, prepend=before) * (LAG / seconds)[:, None]
-        bins = _with_evidence(then.bins, track, airframe, share, volts, np.minimum(seconds, 1.0))
+        bins = _add_evidence(then.bins, track, airframe, share, volts, np.minimum(seconds, 1.0))
     now = replace(then, bins=bins, last_s=float(track.time_s[-1]), last_share=share[-1])
     terms = np.stack([np.ones_like(share), share, np.broadcast_to(volts[:, None], share.shape)], -1)
     square, variance = np.empty_like(share), ROTOR_ERROR**2 + np.nan_to_num(change) ** 2
@@ -172,7 +179,7 @@ def filled_speeds(
         },
         sources={
             **track.sources,
-            "rotor_speed_rpm": _source(
+            "rotor_speed_rpm": _speed_source(
                 track, put, track.time_s[(put & lost).any(axis=1)], curve, now
             ),
         },
@@ -180,7 +187,7 @@ def filled_speeds(
     return filled, now
 
 
-def _with_evidence(
+def _add_evidence(
     bins: Mapping[int, Floats],
     track: FlightTrack,
     airframe: Airframe,
@@ -188,7 +195,10 @@ def _with_evidence(
     volts: Floats,
     seconds: Floats,
 ) -> dict[int, Floats]:
-    """The sums of `OutputCalibration` with those of the level rows of this track."""
+    """Add the level rows of a track to the sums of `OutputCalibration`.
+
+    `share` (T, R) is ln f/f_hover, `volts` (T,) ln V/V_c, `seconds` (T,) s that each row counts.
+    """
     density = track_air(track).density
     density = density / airframe.reference_density
     cosine = np.prod(np.cos(np.nan_to_num(track.attitude[:, :2])), axis=1)
@@ -223,7 +233,7 @@ def _with_evidence(
 
 
 def _speed_through_air(track: FlightTrack) -> Floats:
-    """(T,) m/s: airspeed, else ground speed against the wind, else over ground; 0 if unknown."""
+    """Return m/s (T,): airspeed, else ground speed less wind, else ground speed; 0 if unknown."""
     ground = np.hypot(*track.velocity_ned[:, :2].T)
     wind = np.hypot(*(track.velocity_ned - track.wind_ned)[:, :2].T)
     speed = np.where(np.isfinite(track.airspeed), track.airspeed, wind)
@@ -231,18 +241,20 @@ def _speed_through_air(track: FlightTrack) -> Floats:
 
 
 def _level(track: FlightTrack, cosine: Floats) -> Bools:
-    """(T,) rows in flight that neither climb, sink nor bank much."""
+    """Flag the rows (T,) in flight with little climb, sink and bank; `cosine` (T,) of the tilt."""
     climb = np.nan_to_num(track.velocity_ned[:, 2])
     return track.flying & (np.abs(climb) < 0.5) & (cosine > 0.9)
 
 
-def _source(
+def _speed_source(
     track: FlightTrack,
     put: Bools,
     lost_s: Floats,
     curve: OutputCurve,
     calibration: OutputCalibration,
 ) -> Provenance:
+    """Return the source of the speeds filled in at `put` (T, R), with remarks on how they are
+    calibrated."""
     outputs = track.source("throttle")
     by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
     if by_rotors:
@@ -260,7 +272,7 @@ def _source(
             rotors = ", ".join(str(k + 1) for k in np.flatnonzero(silent))
             remarks = (f"rotor{'s' if np.count_nonzero(silent) > 1 else ''} {rotors}", *remarks)
     if lost_s.size:
-        remarks = (f"all rotors from {_clock(lost_s[0])} to {_clock(lost_s[-1])}", *remarks)
+        remarks = (f"all rotors from {_minutes(lost_s[0])} to {_minutes(lost_s[-1])}", *remarks)
     return Provenance(
         kind=SourceKind.INFERRED,
         meaning=Meaning.MOTOR_OUTPUTS,
@@ -272,7 +284,8 @@ def _source(
     )
 
 
-def _clock(seconds: float) -> str:
+def _minutes(seconds: float) -> str:
+    """Format s as minutes:seconds."""
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes}:{rest:02}"
 
@@ -280,11 +293,11 @@ def _clock(seconds: float) -> str:
 def full_output_speed(
     flights: Sequence[tuple[FlightTrack, Mapping[str, float]]], airframe: Airframe
 ) -> tuple[Estimate, float]:
-    """Rotor speed, rpm, that flights show for full output, and the battery's voltage there, V.
+    """Estimate the rotor speed, rpm, at full output, and the battery voltage, V, that it refers to.
 
-    Each flight comes with its vehicle's parameters. By the measured speeds where there are any,
-    else by the weight; the curve extrapolates from the outputs flown, as its interval says. The
-    airframe's own ceiling is where it starts from. Raises DataError when no flight shows anything,
+    Each flight comes with its autopilot's parameters. The estimate is by measured speeds if there
+    are any, else by weight; the curve extrapolates from the outputs flown, which widens the
+    interval. The airframe's own ceiling is the prior. Raises DataError when no flight has evidence,
     or what looks like hover is none.
     """
     curve, bins, volts = None, {}, []
@@ -303,7 +316,7 @@ def full_output_speed(
             hover = hover_rows(track) & np.isfinite(needed)
             if hover.any() and not track.reports("rotor_speed_rpm"):
                 check_one_hover(needed[hover])
-            found = _with_evidence({}, track, airframe, share, there, seconds)
+            found = _add_evidence({}, track, airframe, share, there, seconds)
         bins |= {int(1e6 * number) + index: sums for index, sums in found.items()}
     learnt = OutputCalibration(bins=bins)
     if curve is None or learnt.seconds(_ROTORS) + learnt.seconds(_WEIGHT) < SPAN:
@@ -327,11 +340,12 @@ def full_output_speed(
 def reached_full_output(
     flights: Sequence[tuple[FlightTrack, Mapping[str, float]]], airframe: Airframe
 ) -> tuple[Estimate, float] | None:
-    """Rotor speed, rpm, of full output where flights came near it, and the voltage there, V.
+    """Estimate the rotor speed, rpm, at full output from flights that came near it, and the
+    voltage, V.
 
     From climbs at full throttle with measured rotor speeds: the mean N² of all rotors over their
-    mean share of full thrust, from rows of NEAR_FULL and more that last for HELD and longer. None
-    where no flight has them.
+    mean share of full thrust, in rows at NEAR_FULL or more for longer than HELD. None where no
+    flight has them.
     """
     squares, shares, volts, steepness = [], [], [], 0.0
     for track, parameters in flights:
@@ -342,7 +356,7 @@ def reached_full_output(
             share = np.mean(curve.thrust_share(track.throttle), axis=1)
             square = np.mean(track.rotor_speed_rpm**2, axis=1)
             near = track.flying & (share >= NEAR_FULL) & np.isfinite(square)
-        # Rotors spin up for a while after the output: the first HELD of each climb is left out.
+        # Rotors spin up after the output rises, so the first HELD s of each climb are excluded.
         began = np.maximum.accumulate(np.where(near, -np.inf, track.time_s))
         rows = near & (track.time_s - np.where(np.isfinite(began), began, np.inf) > HELD)
         squares.append(square[rows])

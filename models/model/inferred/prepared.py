@@ -1,7 +1,8 @@
-"""What is inferred of a flight before it is analysed: the same steps for a file and live.
+"""Infer unmeasured channels of a flight before its analysis, with the same steps for files and
+live.
 
-Each step fills a channel that was not measured, says so in the track's `sources`, and leaves its
-standard error in `standard_errors`; what was measured stays as it is.
+Each step fills a channel that was not measured, states so in the track's `sources`, and sets its
+standard error in `standard_errors`; measured values are kept.
 """
 
 from __future__ import annotations
@@ -19,20 +20,22 @@ from thrustmargin.models.physics.airframe import Airframe
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Inferred:
-    """What the earlier parts of a flight showed, for the next part of a live one."""
+    """The evidence of the earlier parts of a live flight, for inference in its next part."""
 
     outputs: OutputCalibration = field(default_factory=OutputCalibration)
     load: LoadEvidence = field(default_factory=LoadEvidence)
 
 
-def prepared(
+def fill_channels(
     track: FlightTrack,
     airframe: Airframe | None,
     parameters: Mapping[str, float],
 ) -> FlightTrack:
-    """The flight of T rows with the channels that can be inferred from the others.
+    """Fill in the rotor speeds and the load of a whole flight that can be inferred from other
+    channels.
 
-    `airframe` is None where it is not known; `parameters` are the autopilot's own, by name.
+    `airframe` is None if unknown: the flight is then unchanged. `parameters` are the autopilot's,
+    by name.
     """
     if airframe is None:
         return track
@@ -41,15 +44,17 @@ def prepared(
     return with_load(track, airframe, outputs)
 
 
-def prepared_part(
+def fill_channels_so_far(
     track: FlightTrack,
     airframe: Airframe | None,
     parameters: Mapping[str, float],
     so_far: Inferred,
 ) -> tuple[FlightTrack, Inferred]:
-    """As `prepared` for the next rows of a flight, by what it showed before them and in them.
+    """Fill in the channels of the next rows of a live flight, as `fill_channels` does for a whole
+    flight.
 
-    The load is inferred without looking ahead, so that it differs from that of the whole flight.
+    No row depends on later ones, so the load differs from the one for the whole flight. Also return
+    the evidence including these rows.
     """
     if airframe is None:
         return track, so_far

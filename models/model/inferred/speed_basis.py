@@ -1,8 +1,8 @@
-"""Which rotor speeds of a flight are measured, and which are to be made from motor outputs.
+"""Decide which rotor speeds of a flight are measured, and which are to be made from motor outputs.
 
-A rotor that was never heard is made from its output. One that was heard and falls silent alone may
-stand still, and is not. Where no rotor is heard for LOST seconds, it is telemetry that stopped: of
-those that fell silent together, two or more, the outputs speak until one is back.
+A rotor that never reported a speed gets one from its output. A rotor that stops reporting alone may
+stand still, so it gets none. If no rotor reports for LOST s, telemetry failed: two or more rotors
+that fell silent together get speeds from outputs until one reports again.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LOST = 3.0  # s without the speed of any rotor, and within which several fall si
 
 
 class SpeedBasis(StrEnum):
-    """What a rotor speed, and the margin by it, rests on."""
+    """The basis of a rotor speed, and of the margin by it."""
 
     UNKNOWN = ""
     MEASURED = "measured"
@@ -29,7 +29,8 @@ class SpeedBasis(StrEnum):
 
 
 def speed_basis(track: FlightTrack) -> SpeedBasis:
-    """What the rotor speeds of a flight are: measured, from motor outputs, or some of each."""
+    """Return whether the rotor speeds of a flight are measured, from motor outputs, or some of
+    each."""
     known = np.isfinite(track.rotor_speed_rpm)
     error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(known))
     inferred = known & (error > 0.0)
@@ -40,9 +41,11 @@ def speed_basis(track: FlightTrack) -> SpeedBasis:
     return SpeedBasis.SOME_OF_EACH
 
 
-def to_learn_from(track: FlightTrack) -> FlightTrack:
-    """A flight whose rotors were all measured, without what outputs said while telemetry was lost;
-    others as they are."""
+def measured_only(track: FlightTrack) -> FlightTrack:
+    """Drop rotor speeds made from outputs during lost telemetry, if all rotors have measured ones.
+
+    Return other flights unchanged.
+    """
     source = track.source("rotor_speed_rpm")
     made = track.standard_errors.get("rotor_speed_rpm", np.zeros(track.rotor_speed_rpm.shape)) > 0.0
     measured = np.isfinite(track.rotor_speed_rpm) & ~made
@@ -59,41 +62,42 @@ def to_learn_from(track: FlightTrack) -> FlightTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeardSpeeds:
-    """Rotor, from 0, whose speed was ever measured -> s of the last row that had it."""
+    """For each rotor, from 0, with a measured speed so far: s of the last row that had one."""
 
     last_s: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def rotors(self) -> frozenset[int]:
-        """Those that were ever heard."""
+        """Return the rotors that ever reported a speed."""
         return frozenset(self.last_s)
 
     def readings(self, track: FlightTrack) -> Bools:
-        """(T, R) speeds that are known, but for those that outputs say of a rotor once heard."""
+        """Flag the known speeds (T, R), except those made from outputs for a rotor that once
+        reported."""
         error = track.standard_errors.get("rotor_speed_rpm")
         made = False if error is None else (error > 0.0) & self.mask(track.rotor_count)
         return np.isfinite(track.rotor_speed_rpm) & ~np.asarray(made)
 
     def mask(self, count: int) -> Bools:
-        """(count,) the same."""
+        """Flag (count,) the rotors that ever reported a speed."""
         return np.isin(range(count), list(self.last_s))
 
 
 def heard_speeds(
     track: FlightTrack, before: HeardSpeeds | None
 ) -> tuple[Bools, Bools, HeardSpeeds]:
-    """(T, R) rotors that are not to be made from outputs, (T, R) those whose telemetry is lost,
-    and what was heard by the last row.
+    """Flag the rotors (T, R) that get no speed from outputs, and those (T, R) with lost telemetry.
 
-    With what was heard `before`, no row looks ahead.
+    Also return the readings up to the last row. With the readings `before` the track, no row
+    depends on later ones.
     """
-    # Standing still on the ground, an ESC that measures reads as one that does not.
+    # Zero is no reading: on the ground an ESC that measures and one that does not both report 0.
     known = np.abs(track.rotor_speed_rpm) > 0.0
     time_s, ever = track.time_s[:, None], known.any(axis=0)
     times = np.where(known, time_s, np.nan)
     last_s = np.fmax.accumulate(times, axis=0)
     next_s = np.full_like(last_s, np.inf)
-    if before is None:  # the whole silence counts, from its first row on, and from the start on
+    if before is None:  # a silence counts from its first row on, as does one from the start
         last_s = np.where(ever & np.isnan(last_s), time_s[:1], last_s)
         next_s = np.fmin.accumulate(times[::-1], axis=0)[::-1]
         next_s = np.where(np.isnan(next_s), np.inf, next_s)

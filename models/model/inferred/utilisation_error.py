@@ -1,19 +1,18 @@
-"""How well thrust utilisation is known: from rotor speeds, load, and what the airframe guesses.
+"""Compute the standard error of thrust utilisation from rotor speeds, load and guessed quantities.
 
     by speed      (s(ln u) - s_o)² = (2 s_N/N)² + s_c²           u = (N/N_max)²
     by prediction (s(ln u) - s_o)² = (s_m/m)² + s_g² + s_c² (+ the network's own interval)
     redundancy    (s(ln r) - s_o)² = (s_m/m)² + s_g² + s_c² + (s_rho/rho)²
 
-s_N, s_m standard errors of rotor speed and mass, 0 where they were measured (of one that hover
-thrust shows, only what the largest thrust does not share); s_c of the ceiling where its rotor speed
-or voltage is guessed, or the battery's not known, s_g of a guessed mass or thrust curve. The
-density of the air is in redundancy only: by speed it cancels, and the network predicts in the air
-that it learnt in.
+s_N and s_m are standard errors of rotor speed and mass, 0 if measured (for a mass by hover thrust,
+only the part that the largest thrust does not share); s_c of the ceiling, if its rotor speed or
+voltage is guessed or the battery's is unknown; s_g of a guessed mass or thrust curve. Air density
+affects redundancy only: by speed it cancels, and the network predicts in the air of its training.
 
-s_o is what the motor outputs show beyond the rotor speeds, or beyond the reported load where that
-is what the number rests on, or a battery beyond a full one: too little to say which is wrong,
-enough that the 90 % interval reaches there (checks/output_evidence.py). It is no scatter: it is
-added as it is, and to one side, for it shows that more is in use and less can be held.
+s_o is the thrust that motor outputs show beyond the rotor speeds, or beyond the reported load where
+the number depends on that, or the excess of a battery voltage over a full one: too little to know
+which is wrong, but enough to extend the 90 % interval (checks/output_evidence.py). It is no random
+error, so it is added linearly and to one side: more thrust in use, less in reserve.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from thrustmargin.models.model.predict import Prediction
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Meaning
 
-#: Standard errors of one 90 % interval, which is what every screen shows.
+#: Standard errors on either side of the 90 % interval that every screen shows.
 INTERVAL = 1.645
 #: Share of thrust by which a guessed quantity may be off: makers' thrusts of one power class, and
 #: hover masses of one frame size, differ by about so much (one standard deviation).
@@ -37,23 +36,26 @@ VOLTAGE_ERROR = 0.05
 
 
 def guessed_variance(airframe: Airframe, *names: str) -> float:
-    """Variance of ln thrust from those of the airframe's quantities that are guessed."""
+    """Return the variance of ln thrust due to the quantities `names`, where the airframe guesses
+    them."""
     quantities = airframe.quantities
     return GUESS**2 * sum(quantities[name].guessed for name in names)
 
 
 def ceiling_variance(airframe: Airframe, voltage: Floats) -> Floats:
-    """(T,) variance of ln of the largest thrust at the battery's `voltage` (T,) V; NaN unknown."""
+    """Return the variance (T,) of ln of the largest thrust at battery voltage `voltage` (T,) V,
+    NaN if unknown."""
     guesses = guessed_variance(airframe, "max_rotor_speed_rpm", "ceiling_voltage")
     unknown = 2.0 * airframe.ceiling_voltage_exponent * VOLTAGE_ERROR
     return guesses + np.where(voltage > 0.0, 0.0, unknown**2)
 
 
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
-    """(T,) standard error of ln(weight over largest thrust), for redundancy and prediction."""
+    """Return the standard error (T,) of ln(weight over largest thrust), for redundancy and
+    prediction."""
     guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
     if "tank_kg" not in track.standard_errors:
-        guesses += 0.0 * airframe.empty_mass  # NaN of an aircraft that is not known
+        guesses += 0.0 * airframe.empty_mass  # NaN for an unknown aircraft
         return np.sqrt(guesses + ceiling_variance(airframe, track.voltage))
     tank = np.nan_to_num(track.standard_errors["tank_kg"])
     load = np.nan_to_num(track.tank_kg)
@@ -67,9 +69,11 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
 
 
 def beyond_load(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None) -> float:
-    """Standard error, as a share, by what motor outputs lift beyond the reported load; 0.
+    """Return, as a standard error, the share of thrust that motor outputs show beyond the reported
+    load.
 
-    A load that hover thrust shows has that in its own error, but for a ceiling that is too high.
+    0 if they show none. A load by hover thrust includes it in its own error, except for a ceiling
+    that is too high.
     """
     if outputs is None:
         return 0.0
@@ -85,10 +89,10 @@ def redundancy_error(
     density_share: Floats,
     outputs: OutputEvidence | None = None,
 ) -> Floats:
-    """(T,) standard error of ln redundancy to the low side, `beyond_load` with it; `density_share`
-    (T,) is that of ln density.
+    """Return the standard error (T,) of ln redundancy to the low side, including `beyond_load`.
 
-    Where hover thrust shows the load, density shifts it and the largest thrust alike.
+    `density_share` (T,) is the standard error of ln density. Where hover thrust shows the load,
+    density shifts load and largest thrust alike, and cancels.
     """
     shared = track.source("tank_kg").meaning is Meaning.HOVER_THRUST
     error = np.hypot(load_error(track, airframe), 0.0 if shared else density_share)
@@ -103,10 +107,11 @@ def utilisation_error(
     utilisation_predicted: Floats,
     outputs: OutputEvidence | None = None,
 ) -> tuple[Floats, Floats]:
-    """(T, R) standard error of the known utilisation to the high side, and the part of it that the
-    low side has not; NaN where it is unknown.
+    """Return the standard error (T, R) of the known utilisation to the high side, and its one-sided
+    part.
 
-    That is the one by speed in rows with any, and else the predicted one.
+    The low side has the error without the one-sided part (T, R). Rows with any rotor speed use the
+    error by speed, other rows the error by prediction; NaN where the utilisation is unknown.
     """
     speed = track.rotor_speed_rpm
     error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(speed))
@@ -119,7 +124,7 @@ def utilisation_error(
         ceiling = np.where((error > 0.0) & (utilisation >= 1.0 - 1e-9), 0.0, ceiling)
         load = load_error(track, airframe)[:, None]
         beyond = beyond_load(track, airframe, outputs)
-        # Speeds that were made of the outputs rest on the load.
+        # Speeds made from outputs were calibrated by the load.
         of_outputs = 0.0 if outputs is None else outputs.share_beyond_speeds / INTERVAL
         of_outputs = np.where(error > 0.0, beyond, of_outputs)
     any_speed = np.any(np.isfinite(utilisation), axis=1)[:, None]

@@ -69,7 +69,7 @@ ADVICE = Advice(
     unseen_from_s=float("nan"),
     begun_before=False,
     paused_s=0.0,
-    goes_on=False,
+    in_progress=False,
     unsought_s=0.0,
     by_outputs_s=0.0,
     predicted_alone=False,
@@ -184,10 +184,10 @@ def test_what_to_do_follows_the_same_order():
         "no fill can be recommended: a rotor or motor is bad, and the limits are of sound ones"
     )
     # While it flies it is to land, and the fill waits; without a damage nobody is asked to land.
-    flying = action(with_fault(FlightLevel.CRITICAL, goes_on=True))
+    flying = action(with_fault(FlightLevel.CRITICAL, in_progress=True))
     assert flying.startswith("land; do not fly it before propeller, motor and ESC of rotor 3")
     assert "kg" not in flying
-    assert action(replace(ADVICE, goes_on=True)) == action(ADVICE)
+    assert action(replace(ADVICE, in_progress=True)) == action(ADVICE)
     assert action(ADVICE).startswith("fill at most 8.6 kg (8.6 L)")
     within = replace(ADVICE, levels=(FlightLevel.UNDER,))
     assert action(within).startswith("nothing; up to 8.6 kg (8.6 L)")

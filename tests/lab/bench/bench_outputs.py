@@ -23,7 +23,7 @@ from tests.stripped_logs import is_tank, without
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
-from thrustmargin.models.model.inferred.prepared import prepared
+from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
@@ -51,7 +51,7 @@ def groups(arguments: Sequence[str]) -> Iterator[tuple[str, str, list[Path], Air
 
 def analysed(log: Path, airframe: Airframe) -> tuple[FlightAnalysis, FlightLog]:
     read = read_log(log, airframe=airframe)
-    track = prepared(read.track, airframe, read.parameters)
+    track = fill_channels(read.track, airframe, read.parameters)
     return analyse(track, physics_model(airframe)), read
 
 

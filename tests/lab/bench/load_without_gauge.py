@@ -18,7 +18,11 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.inferred.prepared import Inferred, prepared, prepared_part
+from thrustmargin.models.model.inferred.prepared import (
+    Inferred,
+    fill_channels,
+    fill_channels_so_far,
+)
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -36,7 +40,7 @@ def heard(log: FlightLog, model: RotorModel) -> FlightTrack:
     track = log.track
     for first in range(0, track.time_s.size, PIECE):
         rows = track.rows(slice(first, first + PIECE))
-        part, so_far = prepared_part(rows, model.airframe, log.parameters, so_far)
+        part, so_far = fill_channels_so_far(rows, model.airframe, log.parameters, so_far)
         parts.append(part)
     whole = parts[0]
     for part in parts[1:]:
@@ -48,8 +52,8 @@ def errors(path: Path, model: RotorModel) -> Iterator[tuple[str, Floats]]:
     """For file and listener: (n, 4) off by kg, its ±, ln redundancy off by, its ±, in flight."""
     with_gauge = read_log(path, airframe=model.airframe)
     without = read_log(path, airframe=model.airframe, tank="none")
-    whole = prepared(without.track, model.airframe, without.parameters)
-    true = analyse(prepared(with_gauge.track, model.airframe, with_gauge.parameters), model)
+    whole = fill_channels(without.track, model.airframe, without.parameters)
+    true = analyse(fill_channels(with_gauge.track, model.airframe, with_gauge.parameters), model)
     for kind, track in (("file", whole), ("live", heard(without, model))):
         found = analyse(track, model)
         both = true.track.flying & np.isfinite(true.track.tank_kg) & np.isfinite(track.tank_kg)

@@ -9,10 +9,10 @@ import pytest
 from thrustmargin.models.checks.held import (
     HeldSoFar,
     attitude_denied,
-    held,
-    held_so_far,
+    drop_held,
+    flag_held,
+    is_held,
     may_hover,
-    without_held,
 )
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -41,64 +41,64 @@ FOLLOWS -= FOLLOWS.mean()
 
 
 def test_what_leans_to_and_fro_and_stays_is_in_hands():
-    assert held(TIME_S, body(height=1.2, roll=SWAYS))
+    assert is_held(TIME_S, body(height=1.2, roll=SWAYS))
     # One that flies is pushed by it: 9 m/s at most, faster than anybody runs; a third of it is 3.
-    assert not held(TIME_S, body(height=1.2, roll=SWAYS, east=FOLLOWS))
-    assert not held(TIME_S, body(height=1.2, roll=SWAYS / 6.0, east=FOLLOWS / 6.0))
+    assert not is_held(TIME_S, body(height=1.2, roll=SWAYS, east=FOLLOWS))
+    assert not is_held(TIME_S, body(height=1.2, roll=SWAYS / 6.0, east=FOLLOWS / 6.0))
     # Steady wind asks for a steady lean.
-    assert not held(TIME_S, body(height=1.2, roll=0.3))
+    assert not is_held(TIME_S, body(height=1.2, roll=0.3))
     # 0.1 rad is 1 m/s² to each side: a gust does it.
-    assert not held(TIME_S, body(height=1.2, roll=SWAYS / 3.0))
+    assert not is_held(TIME_S, body(height=1.2, roll=SWAYS / 3.0))
     # Nobody reaches 2.5 m above where it was, and turned over it is no longer held.
-    assert not held(TIME_S, body(height=np.where(TIME_S > 30.0, 2.5, 0.0), roll=SWAYS))
-    assert held(TIME_S, body(height=np.where(TIME_S > 30.0, 2.4, 0.0), roll=SWAYS))
-    assert not held(TIME_S, body(height=1.2, roll=1.2 * np.sign(SWAYS)))
+    assert not is_held(TIME_S, body(height=np.where(TIME_S > 30.0, 2.5, 0.0), roll=SWAYS))
+    assert is_held(TIME_S, body(height=np.where(TIME_S > 30.0, 2.4, 0.0), roll=SWAYS))
+    assert not is_held(TIME_S, body(height=1.2, roll=1.2 * np.sign(SWAYS)))
     # Without height or speed nothing is known of it.
-    assert not held(TIME_S, body(height=NAN, roll=SWAYS))
-    assert not held(TIME_S, body(height=1.2, roll=SWAYS, east=NAN))
+    assert not is_held(TIME_S, body(height=NAN, roll=SWAYS))
+    assert not is_held(TIME_S, body(height=1.2, roll=SWAYS, east=NAN))
 
 
 @pytest.mark.parametrize("of", ["squares", "output"])
 def test_thrust_that_does_not_lift_is_that_of_a_bench(of):
     steps = np.where(TIME_S < 30.0, 1.0, 1.6)
-    assert held(TIME_S, body(**{of: steps}))
-    assert not held(TIME_S, body(**{of: np.where(TIME_S < 30.0, 1.0, 1.45)}))
+    assert is_held(TIME_S, body(**{of: steps}))
+    assert not is_held(TIME_S, body(**{of: np.where(TIME_S < 30.0, 1.0, 1.45)}))
     # Less than half stands on its legs, and a moment at it is no state.
-    assert not held(TIME_S, body(**{of: np.where(TIME_S < 30.0, 0.45, 1.0)}))
-    assert not held(TIME_S, body(**{of: np.where(TIME_S % 10.0 < 1.0, 1.6, 1.0)}))
+    assert not is_held(TIME_S, body(**{of: np.where(TIME_S < 30.0, 0.45, 1.0)}))
+    assert not is_held(TIME_S, body(**{of: np.where(TIME_S % 10.0 < 1.0, 1.6, 1.0)}))
     # A tank that empties over minutes is no step: 1 to 1.6 over ten minutes.
     slow, each = np.arange(0.0, 600.0, 0.5), np.full((1200, 15), NAN)
     each[:, :9] = 0.0
     each[:, 2], each[:, 7] = 0.02 * np.sin(5.0 * slow), np.linspace(1.6, 1.0, 1200)
-    assert not held(slow, each)
+    assert not is_held(slow, each)
 
 
 def test_a_tilt_that_stands_still_is_clamped():
     # Between the 5th and the 95th percentile of a sine lie 1.975 of its height.
     still = body(height=0.5)
     still[:, 2] *= np.radians(0.24) / 0.02
-    assert held(TIME_S, still)
+    assert is_held(TIME_S, still)
     still[:, 2] *= 0.26 / 0.24
-    assert not held(TIME_S, still)
+    assert not is_held(TIME_S, still)
     # Above a metre the air may be as calm: then only what stands as on the ground.
     still[:, 0] = np.linspace(0.0, 1.5, TIME_S.size)
     still[:, 2] *= 0.24 / 0.26
-    assert not held(TIME_S, still)
+    assert not is_held(TIME_S, still)
     still[:, 2] *= 0.04 / 0.24
-    assert held(TIME_S, still)
-    assert not held(TIME_S[:190], still[:190])  # 19 s
+    assert is_held(TIME_S, still)
+    assert not is_held(TIME_S[:190], still[:190])  # 19 s
 
 
 def test_only_stretches_from_the_ground_on_are_left_out():
     flying = np.ones(TIME_S.size, dtype=np.bool_)
     swayed = body(height=1.2, roll=SWAYS)
     whole = [(0, TIME_S.size)]
-    assert without_held(flying, whole, TIME_S, swayed).all()  # begun in the air
+    assert drop_held(flying, whole, TIME_S, swayed).all()  # begun in the air
     flying[0] = False
-    assert without_held(flying, [(1, TIME_S.size)], TIME_S, swayed).sum() == 0
+    assert drop_held(flying, [(1, TIME_S.size)], TIME_S, swayed).sum() == 0
     low = body(height=0.9, roll=SWAYS)
     flying[0] = True
-    assert without_held(flying, whole, TIME_S, low).sum() == 0
+    assert drop_held(flying, whole, TIME_S, low).sum() == 0
 
 
 def test_speeds_below_four_fifths_of_the_empty_weight_do_not_hover():
@@ -115,7 +115,7 @@ def listened(rows: np.ndarray, pieces: int, off_s: float = 2.0) -> np.ndarray:
     now, found = HeldSoFar(), []
     for part in np.array_split(np.arange(TIME_S.size), pieces):
         off = TIME_S[part] < off_s
-        down, now = held_so_far(now, TIME_S[part], ~off, off, rows[part], clear=0.2)
+        down, now = flag_held(now, TIME_S[part], ~off, off, rows[part], clear=0.2)
         found.append(down)
     return np.concatenate(found)
 
@@ -160,12 +160,12 @@ TREMBLES = 0.03 * np.sin(40.0 * TIME_S)
 def test_thrust_that_the_accelerometer_does_not_feel_carries_nothing(of):
     """Whatever the height says: an estimate drifts."""
     runs_up = {of: np.linspace(1.0, 2.0, TIME_S.size), "height": np.linspace(0.0, 40.0, 600)}
-    assert held(TIME_S, with_force(body(**runs_up), TREMBLES))
+    assert is_held(TIME_S, with_force(body(**runs_up), TREMBLES))
     # What is carried by it feels the half of it that is more.
-    assert not held(TIME_S, with_force(body(**runs_up), 0.5 * np.sin(TIME_S / 5.0)))
+    assert not is_held(TIME_S, with_force(body(**runs_up), 0.5 * np.sin(TIME_S / 5.0)))
     # Thrust of a hover alone, steady within a third, shows nothing.
     steady = {of: 1.0 + 0.1 * np.sin(TIME_S), "height": 1.8}
-    assert not held(TIME_S, with_force(body(**steady), TREMBLES))
+    assert not is_held(TIME_S, with_force(body(**steady), TREMBLES))
 
 
 def test_a_run_up_on_the_legs_before_a_flight_does_not_make_the_flight_held():
@@ -173,24 +173,24 @@ def test_a_run_up_on_the_legs_before_a_flight_does_not_make_the_flight_held():
     thrust = np.where(TIME_S < 20.0, 0.65, 1.0)
     shakes = 0.4 * np.sin(TIME_S / 2.0) * (TIME_S > 20.0)
     flight = with_force(body(height=np.where(TIME_S < 20.0, 0.0, 1.5), output=thrust), shakes)
-    assert not held(TIME_S, flight)
+    assert not is_held(TIME_S, flight)
     unknown = flight.copy()
     unknown[:, 9:12] = NAN
-    assert held(TIME_S, unknown)
+    assert is_held(TIME_S, unknown)
 
 
 def test_a_tilt_that_is_asked_for_and_not_done_is_that_of_a_bench():
     asked = np.radians(45.0) * (np.sin(TIME_S / 3.0) > 0.0)
-    assert held(TIME_S, with_force(body(height=0.2), TREMBLES, asked=asked))
+    assert is_held(TIME_S, with_force(body(height=0.2), TREMBLES, asked=asked))
     followed = with_force(body(height=30.0, roll=asked, east=NAN), TREMBLES, asked=asked)
-    assert not held(TIME_S, followed)
+    assert not is_held(TIME_S, followed)
 
 
 def test_an_attitude_that_turns_while_nothing_falls_is_of_a_gyro_and_not_of_the_aircraft():
     """0.42 rad/s of offset: upside down for 5 of 15 s, which is a fall of hundreds of metres."""
     roll = (0.42 * TIME_S + np.pi) % (2.0 * np.pi) - np.pi
     still = with_force(body(roll=roll, height=np.linspace(0.0, 30.0, 600)), barometer=0.1)
-    assert held(TIME_S, still)
+    assert is_held(TIME_S, still)
     assert attitude_denied(TIME_S, still[:, 1:4], still[:, 9:12], still[:, 14]).mean() > 0.5
     # It falls as the attitude says, or no barometer speaks.
     falls = with_force(body(roll=roll, height=40.0), barometer=-0.5 * G0 * TIME_S**2)
@@ -205,4 +205,4 @@ def test_runs_that_are_each_too_short_are_held_together():
     rows = with_force(body(output=np.linspace(0.3, 1.0, TIME_S.size)), TREMBLES)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(int), [0]])))
     runs = list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-    assert not without_held(flying, runs, TIME_S, rows).any()
+    assert not drop_held(flying, runs, TIME_S, rows).any()

@@ -8,7 +8,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.read import read_log
-from thrustmargin.models.checks.frozen import frozen, without_frozen
+from thrustmargin.models.checks.frozen import frozen_channels, without_frozen
 from thrustmargin.models.checks.instruments import (
     barometer_fault,
     copied_rotors,
@@ -33,7 +33,7 @@ def unfollowed(**channels) -> bool:
 
 
 def test_a_sound_flight_keeps_all_its_readings():
-    assert frozen(TRACK, F16, PARAMETERS) == {}
+    assert frozen_channels(TRACK, F16, PARAMETERS) == {}
     assert without_frozen(TRACK, F16, PARAMETERS) is TRACK
 
 

@@ -11,7 +11,7 @@ from thrustmargin.models.checks.loss_of_control import (
     before_loss,
     loss_of_control,
     movements,
-    recovered,
+    recovered_signs,
 )
 from thrustmargin.models.flight import FlightTrack, FlyingBy
 
@@ -177,7 +177,7 @@ def test_without_attitude_the_fall_alone_tells():
 )
 def test_what_calm_flight_followed_and_a_hard_landing_are_dated_and_no_loss(changed, found):
     made = flight(**changed)
-    assert [(one.kind, round(one.time_s, 1)) for one in recovered(made)] == found
+    assert [(one.kind, round(one.time_s, 1)) for one in recovered_signs(made)] == found
     if found:
         assert loss_of_control(made) == ()
 

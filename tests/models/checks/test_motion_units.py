@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.checks.motion_units import (
+    airspeed_ratio,
+    heading_ratio,
     motion_units,
-    moved,
-    through_air,
-    turned,
+    position_ratio,
 )
 from thrustmargin.models.flight import FlightTrack
 
@@ -40,7 +40,7 @@ def test_a_flight_in_si_is_right_by_both():
     track = flight()
     assert motion_units(track) is None
     # A mean of two rates over a step of a circle of 0.0314 rad is 1 - 0.0314²/12 of the chord.
-    for bounds in (moved(track), turned(track)):
+    for bounds in (position_ratio(track), heading_ratio(track)):
         assert bounds == pytest.approx((1.0, 1.0), rel=2e-4)
 
 
@@ -86,9 +86,9 @@ def test_what_noise_and_lag_may_do_is_let_pass(factor, wrong):
 
 def test_positions_that_are_noise_say_nothing():
     """0.5 m of noise on steps of 0.16 m: they share less than a twentieth, whatever the factor."""
-    assert moved(flight(noise=0.5, reported=("position",))) is None
+    assert position_ratio(flight(noise=0.5, reported=("position",))) is None
     loud = flight(noise=0.15, reported=("position",))
-    bounds = moved(loud)
+    bounds = position_ratio(loud)
     assert bounds is not None
     low, high = bounds
     assert low < 1.2  # one regression keeps the truth
@@ -98,14 +98,14 @@ def test_positions_that_are_noise_say_nothing():
 
 def test_noise_that_goes_the_other_way_says_nothing():
     track = flight(position=-1.0, noise=0.15, reported=("position",))
-    assert moved(track) is None  # a third is shared
-    assert moved(flight(position=-1.0, noise=0.02, reported=("position",))) is not None
+    assert position_ratio(track) is None  # a third is shared
+    assert position_ratio(flight(position=-1.0, noise=0.02, reported=("position",))) is not None
 
 
 def test_a_position_that_comes_once_a_second_is_right_all_the_same():
     track = flight(reported=("position",))
     held = track.position_ned[(np.arange(TIME.size) // 10) * 10]
-    bounds = moved(
+    bounds = position_ratio(
         FlightTrack.of(
             name="held",
             time_s=TIME,
@@ -128,7 +128,7 @@ def test_a_pause_is_no_step():
         position_ned=track.position_ned,
         velocity_ned=track.velocity_ned,
     )
-    assert moved(paused) == pytest.approx((1.0, 1.0), rel=2e-4)
+    assert position_ratio(paused) == pytest.approx((1.0, 1.0), rel=2e-4)
 
 
 @pytest.mark.parametrize("rows", [1, 2, 20])
@@ -209,11 +209,11 @@ def test_an_airspeed_in_another_unit_is_said_with_its_factor(unit, factor):
 
 def test_an_airspeed_in_its_unit_and_a_blocked_tube_are_let_pass():
     assert motion_units(in_wind(1.0)) is None
-    assert through_air(in_wind(1.0, noise=0.0)) == pytest.approx((1.0, 1.0))
+    assert airspeed_ratio(in_wind(1.0, noise=0.0)) == pytest.approx((1.0, 1.0))
     assert motion_units(in_wind(1.0, blocked=True)) is None
     assert motion_units(in_wind(0.28)) is not None
     calm = in_wind(3.6)
-    assert through_air(replace(calm, wind_ned=np.full_like(calm.wind_ned, np.nan))) is None
+    assert airspeed_ratio(replace(calm, wind_ned=np.full_like(calm.wind_ned, np.nan))) is None
 
 
 def banked(clock: float = 1.0) -> FlightTrack:
@@ -236,7 +236,7 @@ def banked(clock: float = 1.0) -> FlightTrack:
 def test_a_banked_turn_turns_as_its_yaw_and_pitch_rates_together_say():
     track = banked()
     # Trapezoids of a rate that swings once in 2 pi s are right to (0.1)² / 12.
-    assert turned(track) == pytest.approx((1.0, 1.0), abs=0.01)
+    assert heading_ratio(track) == pytest.approx((1.0, 1.0), abs=0.01)
     assert motion_units(track) is None
 
 

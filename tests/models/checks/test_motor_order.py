@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter1d
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.checks.motor_order import (
     _correlations,
-    _decided,
+    _decide,
     _likelihood,
     _samples,
     check_motor_order,
@@ -277,12 +277,12 @@ def test_reversed_spins_of_rotors_without_torque_are_the_same_aircraft():
     without = replace(F16, torque_ratio=0.0)
     places = np.array([[0, 1, 2, 3], [1, 0, 2, 3]])
     likelihood = np.array([[30.0, 19.0], [30.0, 19.0]])
-    found = _decided(without, places, likelihood, (0.9, 0.9, 0.0), 500)
+    found = _decide(without, places, likelihood, (0.9, 0.9, 0.0), 500)
     assert (found.verdict, found.lead, found.places) == ("agrees", 11.0, (0, 1, 2, 3))
     # With torque the reversed ones are as likely, and another aircraft.
-    assert _decided(F16, places, likelihood, (0.9, 0.9, 0.0), 500).verdict == "unclear"
+    assert _decide(F16, places, likelihood, (0.9, 0.9, 0.0), 500).verdict == "unclear"
     likelihood[1] = 0.0
-    assert _decided(F16, places, likelihood, (0.9, 0.9, 0.9), 500).lead == 11.0
+    assert _decide(F16, places, likelihood, (0.9, 0.9, 0.9), 500).lead == 11.0
 
 
 def simulator_like(rates: str, seed: int) -> FlightTrack:

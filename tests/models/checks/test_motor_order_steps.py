@@ -10,9 +10,9 @@ from tests.models.checks.test_motor_order import made_flight
 from thrustmargin.models.checks.motor_order import (
     _assignments,
     _correlations,
-    _difference,
-    _exchanged,
-    _fast,
+    _detrend,
+    _difference_words,
+    _exchange,
     _samples,
     check_motor_order,
 )
@@ -40,9 +40,9 @@ def test_all_orders_of_up_to_eight_rotors_and_two_exchanges_beyond():
 
 
 def test_an_exchange_and_its_words():
-    assert _exchanged((0, 1, 2, 3), (1, 3)) == (0, 3, 2, 1)
-    assert _difference(np.array([0, 3, 2, 1])) == "motors 2 and 4 look swapped"
-    told = _difference(np.array([1, 2, 0, 3]))
+    assert _exchange((0, 1, 2, 3), (1, 3)) == (0, 3, 2, 1)
+    assert _difference_words(np.array([0, 3, 2, 1])) == "motors 2 and 4 look swapped"
+    told = _difference_words(np.array([1, 2, 0, 3]))
     assert told == "rotor speeds look out of order (1 is motor 2, 2 is motor 3, 3 is motor 1)"
 
 
@@ -58,8 +58,10 @@ def test_acceleration_is_the_central_difference_without_its_running_mean():
     acceleration, rate, squares, step = _samples(samples_flight())
     inner = np.arange(1, FEWEST_ROWS + 1) / 10.0
     np.testing.assert_allclose(step, 0.2)
-    np.testing.assert_allclose(acceleration[:, 0], _fast((2.0 * inner)[:, None])[:, 0], atol=1e-9)
-    np.testing.assert_allclose(rate[:, 0], _fast((inner**2)[:, None])[:, 0], atol=1e-9)
+    np.testing.assert_allclose(
+        acceleration[:, 0], _detrend((2.0 * inner)[:, None])[:, 0], atol=1e-9
+    )
+    np.testing.assert_allclose(rate[:, 0], _detrend((inner**2)[:, None])[:, 0], atol=1e-9)
     np.testing.assert_allclose(squares, 0.0, atol=1e-12)  # 4e6 rpm² throughout
 
 
@@ -98,11 +100,11 @@ def test_rows_far_apart_are_not_differentiated_and_too_few_rows_are_none():
 
 def test_the_trend_of_five_seconds_is_marginalised():
     ramp = np.arange(200.0)[:, None]
-    np.testing.assert_allclose(_fast(ramp)[25:-25], 0.0, atol=1e-9)
+    np.testing.assert_allclose(_detrend(ramp)[25:-25], 0.0, atol=1e-9)
     alternating = np.where(np.arange(201) % 2 == 0, 1.0, -1.0)[:, None]
     # 51 rows about a +1 hold 25 or 26 of each sign: a mean of -+ 1/51.
-    assert abs(_fast(alternating)[100, 0]) == pytest.approx(1.0 + 1.0 / 51.0, abs=2.1 / 51.0)
-    assert _fast(np.empty((0, 3))).shape == (0, 3)
+    assert abs(_detrend(alternating)[100, 0]) == pytest.approx(1.0 + 1.0 / 51.0, abs=2.1 / 51.0)
+    assert _detrend(np.empty((0, 3))).shape == (0, 3)
 
 
 def test_correlations_are_those_of_least_squares_residuals():

@@ -12,8 +12,8 @@ from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.airframe_claim import airframe_claim
-from thrustmargin.models.model.analysis import analyse, for_verdict
-from thrustmargin.models.model.inferred.prepared import prepared
+from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
+from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import Reason, SourceKind
@@ -110,13 +110,13 @@ def test_without_speeds_a_gauge_that_outputs_rule_out_leaves_no_verdict(gauge, w
 def test_a_load_from_slow_speeds_reaches_to_what_the_outputs_lift():
     whole = without(hover(16.0), "tank_kg")
     slow = without(hover(16.0, speeds=0.92), "tank_kg")
-    sure, unsure = (prepared(track, F16, SQUARE) for track in (whole, slow))
+    sure, unsure = (fill_channels(track, F16, SQUARE) for track in (whole, slow))
     assert np.nanmedian(sure.tank_kg) == pytest.approx(16.0, abs=0.3)
     # 0.8464 of 37.1 kg less 21.1 is 10.3 kg; what the outputs lift is 5.7 kg more.
     assert np.nanmedian(unsure.tank_kg) == pytest.approx(10.3, abs=0.3)
     error = float(np.nanmedian(unsure.standard_errors["tank_kg"]))
     assert 1.645 * error > 5.7
-    slower = prepared(without(hover(16.0, speeds=0.9), "tank_kg"), F16, SQUARE)
+    slower = fill_channels(without(hover(16.0, speeds=0.9), "tank_kg"), F16, SQUARE)
     assert not slower.reports("tank_kg")
     assert "too unsure to be used" in slower.notes[-1]
     assert np.nanmedian(sure.standard_errors["tank_kg"]) < 2.0
@@ -124,8 +124,8 @@ def test_a_load_from_slow_speeds_reaches_to_what_the_outputs_lift():
 
 def test_gauge_and_speeds_that_are_both_wrong_do_not_reassure():
     track = hover(16.0, speeds=0.9, gauge=0.0)
-    analysis = analyse(prepared(track, F16, SQUARE), physics_model(F16), claim=claim_of(track))
-    judged = for_verdict(analysis)
+    analysis = analyse(fill_channels(track, F16, SQUARE), physics_model(F16), claim=claim_of(track))
+    judged = analysis_for_verdict(analysis)
     low = judged.redundancy_yaw_uncontrolled * np.exp(-1.645 * judged.redundancy_error)
     true = analyse(hover(16.0), physics_model(F16)).redundancy_yaw_uncontrolled
     assert np.all(low < true)
@@ -163,7 +163,7 @@ def test_what_outputs_show_beyond_gauge_or_speeds_lies_within_the_interval(chann
     # 37.1 kg by the outputs; 30.1 by a gauge stuck at 9 kg, and as much by speeds 10 % low: ln 0.21
     # and less than the 0.30 or so beyond which nothing would be said. Truth: 37.1 x 9.80665 / 724.
     wrong = hover(16.0, gauge=9.0) if what == "gauge" else hover(16.0, speeds=np.sqrt(30.1 / 37.1))
-    track = prepared(without(wrong, channel), F16, SQUARE)
+    track = fill_channels(without(wrong, channel), F16, SQUARE)
     found = analyse(track, physics_model(F16), claim=claim_of(without(wrong, channel)))
     assert not found.withheld
     row = 450
@@ -180,8 +180,8 @@ def test_what_outputs_show_beyond_gauge_or_speeds_lies_within_the_interval(chann
 def redundancy_low(track: FlightTrack, airframe=F16) -> float:
     """The low end of the least redundancy that is told of a flight."""
     claim = airframe_claim(track, airframe, FACTS, SQUARE, given=True)
-    made = for_verdict(
-        analyse(prepared(track, airframe, SQUARE), physics_model(airframe), claim=claim)
+    made = analysis_for_verdict(
+        analyse(fill_channels(track, airframe, SQUARE), physics_model(airframe), claim=claim)
     )
     low = made.redundancy_yaw_uncontrolled * np.exp(-1.645 * made.redundancy_error)
     return float(np.nanmin(low))
@@ -198,7 +198,7 @@ def test_what_is_shown_beyond_makes_an_answer_graver_and_never_better():
     track = hover(16.0, gauge=13.0)
     claim = claim_of(track)
     made = [
-        advise(analyse(prepared(track, F16, SQUARE), physics_model(F16), claim=one)).advice
+        advise(analyse(fill_channels(track, F16, SQUARE), physics_model(F16), claim=one)).advice
         for one in (claim, replace(claim, outputs=None))
     ]
     assert claim.outputs is not None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.checks.plausible import comparisons, recognised
+from thrustmargin.models.checks.plausible import comparisons, recognition
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import Provenance, SourceKind
 from thrustmargin.models.vehicle_facts import VehicleFacts
@@ -28,7 +28,7 @@ def doubts_of(track, airframe, facts, parameters) -> tuple[str, ...]:
 
 
 def known_as(track=TRACK, airframe=F16, facts=FACTS, parameters=PARAMETERS) -> str:
-    return recognised(comparisons(track, airframe, facts, parameters))
+    return recognition(comparisons(track, airframe, facts, parameters))
 
 
 def lacking(*channels: str):
@@ -117,7 +117,7 @@ def test_a_vehicle_that_says_two_numbers_of_motors_is_no_known_aircraft():
     found = comparisons(TRACK, F16, facts, {})
     assert found[0].verdict == "contradicts"
     assert "but 6 by MAV_TYPE 13" in found[0].words
-    assert recognised(found) == ""
+    assert recognition(found) == ""
 
 
 def test_motors_in_other_places_are_a_doubt():

@@ -65,7 +65,7 @@ def test_pauses_are_counted_where_they_are_much_of_the_flight_together(sound, ev
     there = track.time_s % every_s < (every_s - 4.0) if every_s else track.time_s >= 0.0
     made = advise(analyse(track.rows(there), sound.model, claim=sound.claim)).advice
     assert made.paused_s == pytest.approx(says_s, abs=5.0 if says_s else 0.0)
-    assert made.seen_whole is (says_s == 0.0)
+    assert made.complete is (says_s == 0.0)
 
 
 def test_what_lasts_above_the_limit_is_above_it(sound):

@@ -225,7 +225,7 @@ def test_a_network_held_at_its_edge_goes_on_by_weight():
     # 9.5 kg is held at 8 kg and carries 29.5 instead of 28 kg; 7 m/s is held at 5, 0.2 at 1.
     model = learnt()
     assert model.known_airspeed == 5.0
-    found = model.held_speed(np.array([3.0, 7.0, 0.2, 3.0]), np.array([9.5, 4.0, 4.0, 0.0]))
+    found = model.extrapolated_speed(np.array([3.0, 7.0, 0.2, 3.0]), np.array([9.5, 4.0, 4.0, 0.0]))
     by_hand = np.stack(
         [
             network_rpm(3.0, 8.0) * np.sqrt(29.5 / 28.0),
@@ -243,16 +243,16 @@ def test_drag_and_lift_carry_it_on_from_where_its_airspeed_is_well_known():
     assert learnt(forward_flight=replace(DRAG, known_airspeed=6.0)).known_airspeed == 5.0
     mass = np.array([24.0, 24.0])
     at = thrust_ratio(DRAG, np.array([4.0, 7.0]), mass, 1.2, AIRFRAME)
-    found = model.held_speed(np.array([7.0]), np.array([4.0]))
+    found = model.extrapolated_speed(np.array([7.0]), np.array([4.0]))
     np.testing.assert_allclose(found[0], network_rpm(4.0, 4.0) * np.sqrt(at[1] / at[0]), rtol=1e-6)
     # Slower than the training: held at its lowest airspeed, and carried back from there.
     at = thrust_ratio(DRAG, np.array([1.0, 0.0]), mass, 1.2, AIRFRAME)
-    found = model.held_speed(np.array([0.0]), np.array([4.0]))
+    found = model.extrapolated_speed(np.array([0.0]), np.array([4.0]))
     np.testing.assert_allclose(found[0], network_rpm(1.0, 4.0) * np.sqrt(at[1] / at[0]), rtol=1e-6)
     # Heavier too: weight over weight, and each airspeed at its own mass.
     heavy = thrust_ratio(DRAG, np.array([7.0]), np.array([29.5]), 1.2, AIRFRAME)
     edge = thrust_ratio(DRAG, np.array([4.0]), np.array([28.0]), 1.2, AIRFRAME)
-    found = model.held_speed(np.array([7.0]), np.array([9.5]))
+    found = model.extrapolated_speed(np.array([7.0]), np.array([9.5]))
     by_hand = network_rpm(4.0, 8.0) * np.sqrt(29.5 / 28.0 * heavy / edge)
     np.testing.assert_allclose(found[0], by_hand, rtol=1e-6)
 
@@ -372,7 +372,7 @@ def test_a_model_without_network_says_what_it_has_from_flights():
     airspeed, tank = np.array([3.0, 9.0, NAN]), np.array([4.0, 4.0, 9.0])
     by_hand = np.repeat([[hover_rpm(24.0)], [hover_rpm(24.0)], [hover_rpm(29.0)]], 4, axis=1)
     np.testing.assert_allclose(model.base_speed(airspeed, tank), by_hand)
-    np.testing.assert_allclose(model.held_speed(airspeed, tank), by_hand)
+    np.testing.assert_allclose(model.extrapolated_speed(airspeed, tank), by_hand)
 
 
 def test_an_interval_is_of_as_many_rotors_as_the_aircraft_has():

@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.fault_test import RotorFault
-from thrustmargin.models.model.inferred.prepared import prepared
+from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.output_faults import of_outputs, square_of_outputs
 from thrustmargin.models.model.rotor_faults import fault_episodes, fault_history
@@ -46,7 +46,7 @@ def flown(name: str, asked: tuple[float, ...], since: float = ONSET) -> FlightAn
         throttle=np.where(np.isfinite(thrust), throttle, track.throttle),
         sources=sources,
     )
-    return analyse(prepared(silent, MODEL.airframe, log.parameters), MODEL)
+    return analyse(fill_channels(silent, MODEL.airframe, log.parameters), MODEL)
 
 
 @pytest.mark.parametrize("name", FLOWN)

@@ -155,7 +155,7 @@ def test_good_flights_say_how_far_a_trim_may_be_off():
 
 def named(posterior: np.ndarray, *, begins: bool = False):
     test = _motor_test(MODEL)
-    test._name(1, posterior, begins=begins)
+    test._set_fault(1, posterior, begins=begins)
     return test.faults.get(1)
 
 
@@ -189,18 +189,18 @@ def test_a_repair_is_believed_when_two_blocks_on_end_show_it():
     sound, small = np.zeros((2, SIZES + 1))
     sound[0], small[5] = 1.0, 1.0
     large = np.roll(small, 15)
-    test._name(1, large, begins=False)
-    test._before = test.faults
+    test._set_fault(1, large, begins=False)
+    test._faults_before = test.faults
     said = []
     for posterior in (sound, small, sound, sound):
-        test._name(1, posterior, begins=True)
+        test._set_fault(1, posterior, begins=True)
         fault = test.faults.get(1)
         said.append(0.0 if fault is None else fault.lower)
     least = FAULT_SIZES[19]
     assert said == pytest.approx([least, least, least, 0.0], rel=0.06)
     # Once all of a change must be there, one block is enough.
-    test._name(1, large, begins=False)
-    test._name(1, sound, begins=False)
+    test._set_fault(1, large, begins=False)
+    test._set_fault(1, sound, begins=False)
     assert 1 not in test.faults
 
 
@@ -208,12 +208,12 @@ def test_of_a_rotor_that_stands_no_alternative_is_named():
     test = _motor_test(MODEL)
     share = np.full((4, SIZES + 1), 0.5 / SIZES)
     share[2:] = 0.0
-    suspect = test._one_of(share, 0, 1, None)
+    suspect = test._ambiguous_fault(share, 0, 1, None)
     assert suspect is not None
     assert suspect.rotors == (0, 1)
     large = np.eye(SIZES + 1)[20]
-    test._name(1, large, begins=False)
-    assert test._one_of(share, 0, 1, None) is None
+    test._set_fault(1, large, begins=False)
+    assert test._ambiguous_fault(share, 0, 1, None) is None
 
 
 @pytest.mark.parametrize(("wrong", "said"), [(24, False), (1, True)])
@@ -228,7 +228,7 @@ def test_a_rotor_is_named_when_it_has_nearly_all_of_the_weight(wrong, said):
     for block in range(100):
         jump = 1.0 if block >= 80 else 0.0
         test.add(0.7 * block, jump + 0.01 * rng.standard_normal(3), np.zeros((3, 1)))
-        lowest = min(lowest, test._sound)
+        lowest = min(lowest, test._sound_probability)
         suspected |= {fault.rotors for fault in test.current if fault.rotors}
     assert [rotor for rotor, fault in test.faults.items() if not fault.rotors] == [0] * said
     # Until the other is excluded it is one of both.
@@ -267,7 +267,7 @@ def test_both_are_named_until_two_blocks_exclude_one(seed):
         test.add(0.7 * block, jump + 0.004 * rng.standard_normal(3), np.zeros((3, 1)))
         named.append([fault.rotors for fault in test.current])
         if block >= 80:
-            sizes = test._left.reshape(-1, 3), test._left_widths.reshape(-1, 3)
+            sizes = test._remaining.reshape(-1, 3), test._remaining_widths.reshape(-1, 3)
             change = test._test.change(*sizes, 4.0)
             share = change.share.reshape(2, -1).sum(axis=1) if change else np.ones(2)
             excluded.append(float(share.min()) <= 0.01)
@@ -290,7 +290,7 @@ def test_a_rotor_that_was_named_stays_it_until_another_is_as_sure():
         jump = np.array([0.4, 0.4, third]) * (block >= 80)
         test.add(0.7 * block, jump + 0.005 * rng.standard_normal(3), np.zeros((3, 1)))
         if test.faults:
-            sizes = test._left.reshape(-1, 3), test._left_widths.reshape(-1, 3)
+            sizes = test._remaining.reshape(-1, 3), test._remaining_widths.reshape(-1, 3)
             change = test._test.change(*sizes, 4.0)
             assert change is not None
             likelier.append(float(change.share.reshape(2, -1)[1].sum()))
@@ -326,8 +326,8 @@ def test_a_block_is_seven_rows_and_ends_where_time_goes_back():
 )
 def test_which_blocks_a_test_reads(rows, excess, propeller, motor):
     faults = RotorFaults(MODEL)
-    faults._end(np.array([row_of(k / 10, (excess,) * 4) for k in range(rows)]))
-    assert [len(test._first or ()) for test in faults._tests] == [propeller, motor]
+    faults._close_block(np.array([row_of(k / 10, (excess,) * 4) for k in range(rows)]))
+    assert [len(test._waiting or ()) for test in faults._tests] == [propeller, motor]
     assert {*faults.tested} == {k for k, n in (("propeller", propeller), ("motor", motor)) if n}
 
 
@@ -352,7 +352,7 @@ def test_a_block_is_the_mean_of_its_rows_and_its_slopes_from_first_to_last():
     rises = np.arange(1.0, 17.0)
     rows[:, 1:-2] += at * rises
     faults.add(5.0, rows[0])
-    faults._end(rows)
+    faults._close_block(rows)
     means = rows[0, 1:-2] + 9.0 / 7.0 * rises
     slopes = 4.0 / 0.6 * rises
     assert (propeller.time_s, motor.time_s) == (5.0, 5.0)
@@ -366,7 +366,7 @@ def test_a_block_is_the_mean_of_its_rows_and_its_slopes_from_first_to_last():
 def test_a_start_that_looks_like_a_part_may_be_a_turn_of_once_a_minute():
     # A block of 0.7 s in 60 s: e^4.451 to one.
     assert math.exp(LIKE_A_TURN) == pytest.approx(60.0 / 0.7)
-    assert _motor_test(MODEL)._sound == 1.0
+    assert _motor_test(MODEL)._sound_probability == 1.0
 
 
 def test_a_part_can_have_been_changed_in_half_a_minute_on_the_ground():
@@ -374,7 +374,7 @@ def test_a_part_can_have_been_changed_in_half_a_minute_on_the_ground():
         faults = RotorFaults(MODEL)
         posterior = np.zeros(SIZES + 1)
         posterior[5] = 1.0
-        faults._tests[1]._name(2, posterior, begins=False)
+        faults._tests[1]._set_fault(2, posterior, begins=False)
         assert [f.rotor for f in faults.current] == [2]
         faults.landed(10.0)
         faults.add(10.0 + pause, row_of(10.0 + pause))
@@ -402,7 +402,7 @@ def test_rows_in_which_the_model_does_not_hold_name_nobody_new(evidence, before,
     rows = np.array([row_of(5.0 + k / 10) for k in range(7)])
     rows[3, -1] = evidence
     faults.add(5.0, rows[0])
-    faults._end(rows)
+    faults._close_block(rows)
     assert (propeller.time_s is not None) is heard
     assert (motor.time_s is not None) is heard
     assert faults.tested["motor"] == motor.current

@@ -11,7 +11,7 @@ from thrustmargin.models.physics.forward_flight import thrust_ratio
 def test_beyond_what_it_knows_a_network_is_carried_on_by_drag_and_lift():
     model = learnt_model()
     tank = np.full(3, 8.0)
-    edge, near, far = model.held_speed(np.array([5.0, 5.0 + 1e-6, 12.0]), tank)
+    edge, near, far = model.extrapolated_speed(np.array([5.0, 5.0 + 1e-6, 12.0]), tank)
     assert np.allclose(near, edge, rtol=1e-5)
     assert model.forward_flight is not None
     mass = F16.empty_mass + tank[:2]
@@ -20,7 +20,7 @@ def test_beyond_what_it_knows_a_network_is_carried_on_by_drag_and_lift():
     )
     assert np.allclose((far / edge) ** 2, at[1] / at[0])
     held = learnt_model(forward_flight=None)
-    assert np.array_equal(*held.held_speed(np.array([6.0, 12.0]), tank[:2]))
+    assert np.array_equal(*held.extrapolated_speed(np.array([6.0, 12.0]), tank[:2]))
 
 
 def test_a_network_of_another_rotor_count_is_refused():

@@ -12,8 +12,8 @@ from thrustmargin.models.model.model_file import load_model, save_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.model.thermometer import (
     Thermometer,
-    by_thermometer,
     learnt_thermometer,
+    with_air_temperature,
 )
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import Meaning
@@ -106,7 +106,7 @@ def test_a_temperature_that_says_what_it_is_needs_no_learning(marked):
         board = {"temperature": sent("SCALED_PRESSURE", meaning=Meaning.BOARD_TEMPERATURE)}
         tracks = [replace(t, sources=board) for t in tracks]
     assert learnt_thermometer(tracks, F16) is None
-    assert by_thermometer(tracks[0], Thermometer(warmer_k=10.0, error_k=1.0)) is tracks[0]
+    assert with_air_temperature(tracks[0], Thermometer(warmer_k=10.0, error_k=1.0)) is tracks[0]
 
 
 def test_a_far_reading_is_a_fault_and_no_thermometer():

@@ -11,7 +11,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.model import training
 from thrustmargin.models.model.training import (
     TrainSettings,
-    _left_out_speeds,
+    _held_out_speeds,
     _range,
     _split_score,
     condition_scores,
@@ -65,7 +65,7 @@ def leaving_out(*flights: int) -> Split:
 def test_a_flight_is_predicted_by_the_mean_of_the_members_that_left_it_out():
     members = [constant(1000.0), constant(1100.0), constant(1400.0)]
     splits = [leaving_out(0), leaving_out(1), leaving_out(1, 2)]
-    found = _left_out_speeds(TABLE, members, splits)
+    found = _held_out_speeds(TABLE, members, splits)
     # flight 0 by the first, flight 1 by the second and third, flight 2 by the third
     by_hand = np.repeat([1000.0, 1250.0, 1400.0], [3, 3, 2])
     np.testing.assert_allclose(found, np.stack([by_hand, by_hand + 2.0], axis=1))

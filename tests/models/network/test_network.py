@@ -114,7 +114,7 @@ def stopped_after(losses, patience, delta):
     """Number of losses after which early stopping ends a training."""
     state = EarlyStopping(patience=patience, delta=delta)
     for epoch, loss in enumerate(losses, 1):
-        state = state.after(loss)
+        state = state.next_epoch(loss)
         if state.stop:
             return epoch
     return None

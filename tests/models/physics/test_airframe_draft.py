@@ -18,7 +18,11 @@ from thrustmargin.models.physics.airframe import (
     load_airframe,
 )
 from thrustmargin.models.physics.airframe_checks import QUANTITIES
-from thrustmargin.models.physics.airframe_draft import airframe_toml, completed, power_sets
+from thrustmargin.models.physics.airframe_draft import (
+    airframe_toml,
+    complete_quantities,
+    power_sets,
+)
 from thrustmargin.models.physics.thrust import dimensionless_coefficient
 
 #: As the code has them, written down by hand: a change there is to be seen here.
@@ -33,7 +37,7 @@ STATED = {
 
 @pytest.mark.parametrize("name", power_sets())
 def test_a_power_set_with_mass_tank_and_battery_is_a_whole_airframe(name):
-    made = completed({**power_sets()[name].quantities, **STATED})
+    made = complete_quantities({**power_sets()[name].quantities, **STATED})
     assert set(made) == set(QUANTITIES)
     assert all(quantity.unit == QUANTITIES[key] for key, quantity in made.items())
     slope, top = made["thrust_coefficient"].value, made["max_rotor_speed_rpm"].value
@@ -53,7 +57,7 @@ def test_the_formulas_by_hand():
         "propeller_pitch": Quantity(0.2, "m", "print on it"),
         "nameplate_max_thrust": Quantity(120.0, "N", "data sheet"),
     }
-    made = completed(given)
+    made = complete_quantities(given)
     slope = 0.070 * 1.225 * 0.6**4 / 3600.0
     assert made["thrust_coefficient"].value == pytest.approx(slope, rel=1e-3)
     assert made["max_rotor_speed_rpm"].value == pytest.approx(sqrt(120.0 / slope), rel=1e-3)
@@ -68,13 +72,15 @@ def test_the_formulas_by_hand():
     assert all(made[key].guessed for key in usual)
     # A thrust and its speed are the curve, as well known as they are.
     top = {**given, "max_rotor_speed_rpm": Quantity(4000.0, "rpm", "data sheet")}
-    curve = completed(top)["thrust_coefficient"]
+    curve = complete_quantities(top)["thrust_coefficient"]
     assert (curve.value, curve.guessed) == (7.5e-6, False)
     guessed = replace(top["max_rotor_speed_rpm"], guessed=True)
-    assert completed({**top, "max_rotor_speed_rpm": guessed})["thrust_coefficient"].guessed
+    assert complete_quantities({**top, "max_rotor_speed_rpm": guessed})[
+        "thrust_coefficient"
+    ].guessed
     with pytest.raises(KeyError, match="empty_mass"):
-        completed({key: q for key, q in given.items() if key != "empty_mass"})
-    dry = completed({**given, "tank_volume_l": Quantity(0.0, "L", "none")})
+        complete_quantities({key: q for key, q in given.items() if key != "empty_mass"})
+    dry = complete_quantities({**given, "tank_volume_l": Quantity(0.0, "L", "none")})
     assert (dry["pump_max_flow_l_min"].value, dry["pump_max_flow_l_min"].guessed) == (0.0, False)
 
 

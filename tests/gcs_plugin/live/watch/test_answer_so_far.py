@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
 from thrustmargin.models.checks.output_evidence import OutputEvidence
 from thrustmargin.models.model.advice import advise
-from thrustmargin.models.model.analysis import analyse, for_verdict
+from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 from thrustmargin.models.model.model_file import shipped_model
 
 MODEL = shipped_model()
@@ -44,7 +44,9 @@ def test_a_gauge_that_stood_still_is_left_out_of_the_whole_flight():
 def test_the_fill_rests_on_the_outputs_of_the_whole_flight_not_of_its_first_climb(outputs):
     ((log, claim),) = read_flights(LOG, MODEL, given=False)
     so_far = flown_so_far(log, replace(claim, outputs=outputs))
-    reported = advise(for_verdict(analyse(log.track, MODEL, claim=claim)), limit=0.5).advice
+    reported = advise(
+        analysis_for_verdict(analyse(log.track, MODEL, claim=claim)), limit=0.5
+    ).advice
     assert so_far.advice.fill.kg == pytest.approx(reported.fill.kg, abs=0.05)
     assert so_far.advice.fill.kg == pytest.approx(8.69, abs=0.1)
     assert so_far.answer.headline.startswith("FILL LESS: FOR 3 MIN")

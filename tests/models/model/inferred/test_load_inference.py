@@ -15,7 +15,11 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.usable_flights import too_little
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.inferred.load_evidence import LoadEvidence, load_fit, whole_flight
+from thrustmargin.models.model.inferred.load_evidence import (
+    LoadEvidence,
+    load_fit,
+    whole_flight_evidence,
+)
 from thrustmargin.models.model.inferred.load_inference import (
     with_load,
     with_load_for_verdict,
@@ -191,7 +195,7 @@ def test_a_tank_filled_in_seconds_has_two_loads_and_a_touch_of_the_ground_has_on
         np.testing.assert_allclose(early, 3.0, atol=0.3)
         np.testing.assert_allclose(late, 9.0, atol=0.3)
     # Where thrust shows one load, one fit has all of the evidence.
-    shown, *_ = whole_flight(hover(np.full(1200, 6.0), flying=flying), F16)
+    shown, *_ = whole_flight_evidence(hover(np.full(1200, 6.0), flying=flying), F16)
     assert shown.leg == 1
 
 

@@ -15,7 +15,7 @@ from thrustmargin.models.model.inferred.output_speed import (
     filled_speeds,
     full_output_speed,
 )
-from thrustmargin.models.model.inferred.speed_basis import speed_basis, to_learn_from
+from thrustmargin.models.model.inferred.speed_basis import measured_only, speed_basis
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.margin import ceiling
 from thrustmargin.models.provenance import Meaning
@@ -191,14 +191,14 @@ def test_telemetry_that_stops_in_flight_leaves_the_outputs(live):
 def test_what_is_learnt_from_is_measured_alone():
     stops = silent_from(hover(), slice(0, 4), 300)
     stops = replace(stops, sources={**stops.sources, "rotor_speed_rpm": pulses("ESC")})
-    learnt = to_learn_from(with_outputs(stops, F16, ARDUPILOT))
+    learnt = measured_only(with_outputs(stops, F16, ARDUPILOT))
     np.testing.assert_array_equal(learnt.rotor_speed_rpm, stops.rotor_speed_rpm)
     assert speed_basis(learnt) == "measured"
     assert learnt.source("rotor_speed_rpm") == stops.source("rotor_speed_rpm")
     # Of a rotor that was never measured there is nothing else; nor of none of them.
     for rotors in (slice(0, 1), slice(0, 4)):
         made = with_outputs(silent_from(hover(), rotors, 0), F16, ARDUPILOT)
-        assert to_learn_from(made) is made
+        assert measured_only(made) is made
 
 
 def test_rotors_at_rest_on_the_ground_are_not_made_from_outputs():
