@@ -18,15 +18,18 @@ from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.acceptance import (
-    accepted_names,
-    followed_wind,
+    accept_effects,
     open_cause,
-    size,
+    residual_rms,
+    wind_in_airspeed,
 )
-from thrustmargin.models.identification.answer.cross_validation import LeftOut, on_new_flights
+from thrustmargin.models.identification.answer.cross_validation import (
+    CrossValidation,
+    held_out_residual,
+)
 from thrustmargin.models.identification.answer.floor import floor_rpm
-from thrustmargin.models.identification.answer.held_out_errors import Unseen, errors_of
-from thrustmargin.models.identification.answer.open_causes import change_on, open_causes
+from thrustmargin.models.identification.answer.held_out_errors import HeldOutResidual, errors_of
+from thrustmargin.models.identification.answer.open_causes import change_by_causes, open_causes
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.standing_shares import standing_shares
@@ -41,7 +44,7 @@ from thrustmargin.models.identification.rows.output_shares import (
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.reduced import Reduced, rows_and_means
 from thrustmargin.models.identification.rows.usable_flights import Flown, require_airframe
-from thrustmargin.models.identification.sets.onsets import onset_candidates, without_rotors
+from thrustmargin.models.identification.sets.onsets import drop_rotor_effects, onset_candidates
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Progress, Search
 from thrustmargin.models.model.model_file import shipped_model
@@ -106,10 +109,10 @@ def identify_checked(
     steps = onset_candidates(search, search.best) if stepwise else []
     if lacks_sound_flights(model):  # how much else changes between two flights is not known
         steps = [one for one in steps if not between_flights(space.reduced, one)]
-    if steps and search.add(steps, without_rotors(search, search.best.key)):
+    if steps and search.add(steps, drop_rotor_effects(search, search.best.key)):
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
-    accepted = accepted_names(space, search, problem, steepness=steepness)
+    accepted = accept_effects(space, search, problem, steepness=steepness)
     answer = accepted.answer
     left_out, estimates = accepted.left_out, accepted.estimates
     if progress:
@@ -119,25 +122,26 @@ def identify_checked(
     # With nothing added the model stays what it was, and so does its error.
     chosen = before
     if estimates:
-        open_ = bool(accepted.open_members)
-        chosen = left_out.with_choice(accepted.members, accepted.aside, open_=open_)
-    more = open_causes(problem, after, left_out.held(values))
+        open_ = bool(accepted.unnamed_members)
+        chosen = left_out.with_selected_effects(accepted.members, accepted.dropped, open_=open_)
+    more = open_causes(problem, after, left_out.trial_effects(values))
     chosen, after = chosen - more.left_out_rpm, after - more.change_rpm
-    unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
+    unseen = [HeldOutResidual(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
     if held_out:
         unused = assemble(model, held_out)
         unseen.append(
-            Unseen(
+            HeldOutResidual(
                 problem=unused,
                 before_rpm=unused.measured_rpm - unused.speeds(),
-                after_rpm=on_new_flights(unused, estimates) - change_on(unused, more.causes),
+                after_rpm=held_out_residual(unused, estimates)
+                - change_by_causes(unused, more.causes),
                 role="held_out",
             )
         )
     last, found = unseen[-1], _found(left_out, estimates)
-    open_keys = {search.candidates[c].key for c in accepted.open_members}
-    standing = standing_shares(problem, left_out.held(values), left_out.residual(values))
-    wind = followed_wind(problem, after, left_out.held(values), fit)
+    open_keys = {search.candidates[c].key for c in accepted.unnamed_members}
+    standing = standing_shares(problem, left_out.trial_effects(values), left_out.residual(values))
+    wind = wind_in_airspeed(problem, after, left_out.trial_effects(values), fit)
     return Identification(
         model=model,
         problem=problem,
@@ -148,9 +152,9 @@ def identify_checked(
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
-        residual_carried_rpm=left_out.with_carried(accepted.members) - more.left_out_rpm,
+        residual_carried_rpm=left_out.with_persistent_effects(accepted.members) - more.left_out_rpm,
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
-        sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
+        sensor_noise_rpm=sensor_noise_rpm(problem.mode_amplitudes(after), problem.follows),
         alternatives=answer.alternatives(),
         one_of=accepted.one_of,
         # Motors and ESCs of one make differ by more than outputs scatter: they clear no rotor.
@@ -175,7 +179,7 @@ def between_flights(reduced: Reduced, step: Candidate) -> bool:
     changed between two flights is."""
     effect = step.term.effect
     main = [k for k, p in enumerate(effect.parameters) if p.absent is not None and not p.detail]
-    change = np.nan_to_num(slopes(reduced, [step.at_start], 0, main))
+    change = np.nan_to_num(slopes(reduced, [step.initial_effect], 0, main))
     return is_constant_share(change, reduced.flight)
 
 
@@ -185,11 +189,11 @@ def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
     return [before_loss(track, loss_of_control(track)) for track in tracks]
 
 
-def _found(left_out: LeftOut, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:
+def _found(left_out: CrossValidation, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:
     """The named effects, that which takes most of the error first."""
 
     def error(some: Sequence[EffectEstimate]) -> float:
-        return size(left_out.residual({e.candidate: e.value for e in some}))
+        return residual_rms(left_out.residual({e.candidate: e.value for e in some}))
 
     order: list[EffectEstimate] = []
     errors = [error(())]

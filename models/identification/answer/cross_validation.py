@@ -17,11 +17,20 @@ import numpy as np
 from thrustmargin.models.effects.compose import filled
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, Posterior
-from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate, placed
+from thrustmargin.models.identification.rows.candidates import (
+    Term,
+    TrialEffect,
+    candidate,
+    placed_effects,
+)
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.rows.row_fit import fit_rows
-from thrustmargin.models.identification.sets.linear_sets import ColumnsAbout, FittedSet, Linear
-from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved
+from thrustmargin.models.identification.sets.linear_sets import (
+    FittedSet,
+    LinearisedSets,
+    SetColumns,
+)
+from thrustmargin.models.identification.sets.nuisance import Nuisance, ReducedNuisance
 from thrustmargin.models.identification.sets.set_search import Search
 
 MOST_FOLDS = 20  # of many flights: what is left out then is a twentieth
@@ -31,20 +40,20 @@ Values = dict[int, Floats]  # candidate -> (F, K)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LeftOutPart:
+class HeldOutFold:
     """The search's problem without what is scored: some flights, or a fifth of the only one."""
 
     flights: tuple[int, ...]  # left out; none where it is a fifth
     rows: Bools  # (T,) left out, of the problem
-    linear: Linear
+    linear: LinearisedSets
 
-    def named(self, search: Search) -> list[int]:
+    def named_candidates(self, search: Search) -> list[int]:
         """What the rest names by itself."""
-        return self._posterior(search, search.possible).named()
+        return self._posterior(search, search.possible_sets).named_candidates()
 
-    def open_members(self, search: Search) -> list[int]:
+    def unnamed_members(self, search: Search) -> list[int]:
         """Those of the set that is likeliest for the rest."""
-        return search.open_members(self._posterior(search, search.possible).best.key)
+        return search.unnamed_members(self._posterior(search, search.possible_sets).best.key)
 
     def values(self, search: Search, members: Collection[int]) -> Values:
         """The values of a given set on the rest."""
@@ -58,117 +67,121 @@ class LeftOutPart:
             sets.append(
                 FittedSet(
                     key=key,
-                    held=tuple(linear.held[c] for c in sorted(key)),
+                    trials=tuple(linear.trials[c] for c in sorted(key)),
                     scored=scored,
                     total=scored.log_evidence,
                     residual=linear.about.residual,
                 )
             )
-        return Posterior.of(search, sets)
+        return Posterior.from_sets(search, sets)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OutOfSums:
+class FoldSums:
     """What is left out of all sums in turn, whatever set they are about."""
 
     flights: tuple[tuple[int, ...], ...]
     less: tuple[Nuisance, ...]  # of these flights alone
-    solved: tuple[Solved, ...]  # without them
+    solved: tuple[ReducedNuisance, ...]  # without them
 
     @classmethod
-    def of(cls, nuisance: Nuisance) -> OutOfSums:
+    def from_nuisance(cls, nuisance: Nuisance) -> FoldSums:
         """Each flight, of many some at a time; of one flight none."""
         every = len(nuisance.flights)
         count = min(every, MOST_FOLDS) if every > 1 else 0
         flights = [tuple(range(k, every, count)) for k in range(count)]
-        less = [nuisance.of_means(np.isin(nuisance.whitening.flight, out)) for out in flights]
-        solved = [nuisance.solved(less=one) for one in less]
+        less = [nuisance.select_means(np.isin(nuisance.whitening.flight, out)) for out in flights]
+        solved = [nuisance.marginalise(less=one) for one in less]
         return cls(flights=tuple(flights), less=tuple(less), solved=tuple(solved))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LeftOut:
+class CrossValidation:
     """The rows that errors are reported on, and the search without each part of them."""
 
     problem: Problem
     search: Search
-    folds: tuple[LeftOutPart, ...]
+    folds: tuple[HeldOutFold, ...]
 
     @classmethod
-    def of(
+    def about_set(
         cls,
         problem: Problem,
         search: Search,
         about: FittedSet,
         *,
         alone: bool = False,
-        out: OutOfSums | None = None,
-    ) -> LeftOut:
+        out: FoldSums | None = None,
+    ) -> CrossValidation:
         """Linear about a set fitted to all flights; `alone` for what is asked of this set only."""
-        columns, nuisance = search.columns_about(about, alone=alone), search.nuisance
+        columns, nuisance = search.set_columns(about, alone=alone), search.nuisance
         if problem.flights == 1:
-            return cls(problem=problem, search=search, folds=_fifths(search, columns, problem))
-        out = out or OutOfSums.of(nuisance)
+            return cls(
+                problem=problem, search=search, folds=_folds_of_one_flight(search, columns, problem)
+            )
+        out = out or FoldSums.from_nuisance(nuisance)
         members = frozenset().union(*search.fitted)
         shared, own = nuisance.sums(columns.whole)
         folds = []
         for flights, less, solved in zip(out.flights, out.less, out.solved, strict=True):
             less_shared, less_own = less.sums(columns.whole)
             rest = shared - less_shared, own - less_own
-            linear = columns.linear(solved, rest).only(members, flights)
+            linear = columns.linear(solved, rest).restrict(members, flights)
             rows = np.isin(problem.flight, flights)
-            folds.append(LeftOutPart(flights=flights, rows=rows, linear=linear))
+            folds.append(HeldOutFold(flights=flights, rows=rows, linear=linear))
         return cls(problem=problem, search=search, folds=tuple(folds))
 
     def residual(self, values: Values) -> Floats:
         """(T, R) rpm measured minus predicted, all rows with the same values."""
-        placed_ = placed(self.problem, self.held(values))
+        placed_ = placed_effects(self.problem, self.trial_effects(values))
         return self.problem.measured_rpm - self.problem.speeds(placed_)
 
-    def with_set(self, members: Collection[int]) -> Floats:
+    def with_effects(self, members: Collection[int]) -> Floats:
         """(T, R) rpm with given effects, each row with values found without its flight."""
-        return self._without([fold.values(self.search, members) for fold in self.folds])
+        return self._assemble_residual([fold.values(self.search, members) for fold in self.folds])
 
-    def squares(self, residual_rpm: Floats) -> Floats:
+    def fold_squares(self, residual_rpm: Floats) -> Floats:
         """(folds,) mean square of a residual (T, R) over the rows of each part left out."""
         square = np.mean(residual_rpm**2, axis=1)
         return np.array([square[fold.rows].mean() for fold in self.folds])
 
-    def with_carried(self, members: Collection[int]) -> Floats:
+    def with_persistent_effects(self, members: Collection[int]) -> Floats:
         """The same with those of the effects alone that flights to come will have."""
         lasting = {c for c in members if not self._term(c).effect.of_its_flights}
         values = [fold.values(self.search, members) for fold in self.folds]
-        return self._without([{c: v for c, v in of.items() if c in lasting} for of in values])
+        return self._assemble_residual(
+            [{c: v for c, v in of.items() if c in lasting} for of in values]
+        )
 
-    def with_choice(
-        self, members: Collection[int], aside: Collection[int], *, open_: bool = False
+    def with_selected_effects(
+        self, members: Collection[int], dropped: Collection[int], *, open_: bool = False
     ) -> Floats:
         """(T, R) rpm, each row with the effects that are named without its flight, not those that
-        the whole answer puts `aside`; those of its `members` that only the flight can tell, or that
+        the whole answer puts `dropped`; those of its `members` that only the flight can tell, or that
         begin at a moment, stay: that one flight went bad says nothing of the flight before it.
         What has no name is chosen anew where the answer is `open_`."""
         values = []
         for fold in self.folds:
-            found = fold.named(self.search)
-            found += fold.open_members(self.search) if open_ else []
+            found = fold.named_candidates(self.search)
+            found += fold.unnamed_members(self.search) if open_ else []
             own = [
                 c
                 for c in members
                 if self._term(c).effect.begins
                 or any(f in fold.flights for _, f in self.search.candidates[c].free)
             ]
-            chosen = {c for c in found if c not in aside and not self._term(c).effect.begins}
+            chosen = {c for c in found if c not in dropped and not self._term(c).effect.begins}
             values.append(fold.values(self.search, chosen | set(own)))
-        return self._without(values)
+        return self._assemble_residual(values)
 
     def _term(self, c: int) -> Term:
         return self.search.candidates[c].term
 
-    def held(self, values: Values) -> list[TrialEffect]:
+    def trial_effects(self, values: Values) -> list[TrialEffect]:
         """Effects with values of all flights."""
-        return [_for_flights(self._term(c), v) for c, v in sorted(values.items())]
+        return [_trial_effect(self._term(c), v) for c, v in sorted(values.items())]
 
-    def _without(self, values: Sequence[Values]) -> Floats:
+    def _assemble_residual(self, values: Sequence[Values]) -> Floats:
         """Each row with the values of the fold without it."""
         out = np.empty_like(self.problem.measured_rpm)
         for fold, found in zip(self.folds, values, strict=True):
@@ -176,12 +189,14 @@ class LeftOut:
                 out[fold.rows] = self.residual(found)[fold.rows]
             for f in fold.flights:
                 mine = np.flatnonzero(self.problem.flight == f)
-                held = self.held({c: v[[f]] for c, v in found.items()})
-                out[mine] = residual_of_unseen(self.problem.rows(mine), held)
+                trials = self.trial_effects({c: v[[f]] for c, v in found.items()})
+                out[mine] = residual_on_other_flights(self.problem.rows(mine), trials)
         return out
 
 
-def _fifths(search: Search, columns: ColumnsAbout, problem: Problem) -> tuple[LeftOutPart, ...]:
+def _folds_of_one_flight(
+    search: Search, columns: SetColumns, problem: Problem
+) -> tuple[HeldOutFold, ...]:
     blocks = problem.block_flight.size
     part = np.arange(blocks) * min(FIFTHS, blocks) // blocks
     begins = problem.channels.time_s[np.searchsorted(problem.block, np.arange(blocks))]
@@ -189,49 +204,51 @@ def _fifths(search: Search, columns: ColumnsAbout, problem: Problem) -> tuple[Le
     of_mean = part[np.maximum(np.searchsorted(begins, means_s, side="right") - 1, 0)]
     folds = []
     for k in np.unique(part):
-        rest = search.nuisance.of_means(of_mean != k)
-        linear = columns.linear(rest.solved(), rest.sums(columns.whole))
-        folds.append(LeftOutPart(flights=(), rows=part[problem.block] == k, linear=linear))
+        rest = search.nuisance.select_means(of_mean != k)
+        linear = columns.linear(rest.marginalise(), rest.sums(columns.whole))
+        folds.append(HeldOutFold(flights=(), rows=part[problem.block] == k, linear=linear))
     return tuple(folds)
 
 
-def on_new_flights(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floats:
+def held_out_residual(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floats:
     """(T, R) rpm on flights that no step has used, with the values of an answer."""
-    held = []
+    trials = []
     for one in estimates:
         middle = np.median(one.value, axis=0)
         names = (p.name for p in one.term.effect.parameters)
         x = filled(one.term.effect, dict(zip(names, middle, strict=True)), unused.channels)
         unused = replace(unused, channels=x)
-        held.append(_for_flights(one.term, np.repeat(middle[None], unused.flights, axis=0)))
-    return residual_of_unseen(unused, held)
+        trials.append(_trial_effect(one.term, np.repeat(middle[None], unused.flights, axis=0)))
+    return residual_on_other_flights(unused, trials)
 
 
-def _for_flights(term: Term, values: Floats) -> TrialEffect:
+def _trial_effect(term: Term, values: Floats) -> TrialEffect:
     """A term with the values (F, K) of other flights than the search's."""
     return TrialEffect(candidate=candidate(term, values.shape[0]), values=values)
 
 
-def residual_of_unseen(problem: Problem, held: Sequence[TrialEffect]) -> Floats:
+def residual_on_other_flights(problem: Problem, trials: Sequence[TrialEffect]) -> Floats:
     """(T, R) rpm; values of single flights are found on every other block of each flight."""
     measured = problem.measured_rpm
-    if not any(flight is not None for h in held for _, flight in h.candidate.free):
-        return measured - problem.speeds(placed(problem, held))
+    if not any(flight is not None for h in trials for _, flight in h.candidate.free):
+        return measured - problem.speeds(placed_effects(problem, trials))
     out = np.empty_like(measured)
     starts = np.searchsorted(problem.block_flight, problem.block_flight)
     parity = (np.arange(problem.block_flight.size) - starts) % 2
     for half in (0, 1):
-        found = own_values(problem, held, parity != half)
+        found = refit_flight_values(problem, trials, parity != half)
         rows = parity[problem.block] == half
-        out[rows] = (measured - problem.speeds(placed(problem, found)))[rows]
+        out[rows] = (measured - problem.speeds(placed_effects(problem, found)))[rows]
     return out
 
 
-def own_values(problem: Problem, held: Sequence[TrialEffect], chosen: Bools) -> list[TrialEffect]:
+def refit_flight_values(
+    problem: Problem, trials: Sequence[TrialEffect], chosen: Bools
+) -> list[TrialEffect]:
     """With the values of each flight found on the `chosen` blocks (B,), the shared ones kept."""
     own = [
         replace(h.candidate, free=tuple(f for f in h.candidate.free if f[1] is not None))
-        for h in held
+        for h in trials
     ]
-    free = [replace(h, candidate=c) for h, c in zip(held, own, strict=True)]
-    return list(fit_rows(problem, free, chosen).held)
+    free = [replace(h, candidate=c) for h, c in zip(trials, own, strict=True)]
+    return list(fit_rows(problem, free, chosen).trials)

@@ -18,7 +18,7 @@ from scipy.linalg import cho_factor, cho_solve
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.cross_validation import FIFTHS, MOST_FOLDS
-from thrustmargin.models.identification.rows.problem import Problem, thinned
+from thrustmargin.models.identification.rows.problem import Problem, thin_rows
 from thrustmargin.models.identification.sets.discrepancy import hats
 
 RIDGES = 10.0 ** np.arange(-3.0, 2.0)  # per row; those that leave least, mode by mode
@@ -40,17 +40,17 @@ def floor_rpm(
     Each flight is predicted from the others and from flights `beside` with their residual, which
     are not scored; a flight with none beside it in fifths.
     """
-    parts, wanted = [problem.channels], [problem.in_modes(residual_rpm)]
+    parts, wanted = [problem.channels], [problem.mode_amplitudes(residual_rpm)]
     if beside is not None:
-        parts.append(thinned(beside[0], STRIDE).channels)
-        wanted.append(beside[0].in_modes(beside[1][::STRIDE]))
+        parts.append(thin_rows(beside[0], STRIDE).channels)
+        wanted.append(beside[0].mode_amplitudes(beside[1][::STRIDE]))
     if len(parts) > 1 or problem.flights > 1:
         fold = problem.flight % MOST_FOLDS
     else:
         fold = problem.block * FIFTHS // (problem.block[-1] + 1)
-    columns, modes, every = _columns(parts), wanted[0], np.concatenate(wanted)
+    columns, modes, every = _learner_columns(parts), wanted[0], np.concatenate(wanted)
     scored = [np.flatnonzero(fold == k) for k in np.unique(fold)]
-    sums = [_sums(columns[rows], every[rows]) for rows in (*scored, slice(fold.size, None))]
+    sums = [_products(columns[rows], every[rows]) for rows in (*scored, slice(fold.size, None))]
     gram, cross = (sum(one) for one in zip(*sums, strict=True))
     left = np.zeros((RIDGES.size, modes.shape[1]))
     for rows, (own, along) in zip(scored, sums, strict=False):  # the last are of flights beside
@@ -63,25 +63,25 @@ def floor_rpm(
     return float(np.sqrt(least.sum() / modes.size))
 
 
-def _sums(columns: Floats, wanted: Floats) -> tuple[Floats, Floats]:
+def _products(columns: Floats, wanted: Floats) -> tuple[Floats, Floats]:
     """Of the products of some rows' columns, with each other and with what is wanted of them."""
     return columns.T @ columns, columns.T @ wanted
 
 
-def _columns(parts: Sequence[Channels]) -> Floats:
+def _learner_columns(parts: Sequence[Channels]) -> Floats:
     """Of all rows of some flights and then of others."""
-    pairs = [_lines(x) for x in parts]
+    pairs = [_row_features(x) for x in parts]
     now, lines = (np.concatenate(one) for one in zip(*pairs, strict=True))
-    few = _even(now)
+    few = _standardise(now)
     rng = np.random.default_rng(0)
     waves = [np.ones((lines.shape[0], 1)), *(hats(one, HATS) for one in few.T)]
     for length in LENGTHS:
         turns = rng.normal(size=(few.shape[1], WAVES)) / (length * np.sqrt(few.shape[1]))
         waves.append(np.sqrt(2.0) * np.cos(few @ turns + rng.uniform(0.0, 2.0 * np.pi, WAVES)))
-    return np.concatenate([*waves, _even(lines)], axis=1)
+    return np.concatenate([*waves, _standardise(lines)], axis=1)
 
 
-def _lines(x: Channels) -> tuple[Floats, Floats]:
+def _row_features(x: Channels) -> tuple[Floats, Floats]:
     """What is reported in each row, and that with all that is around it."""
     tables = [x.load_factor_shifts, x.manoeuvre_load_shifts, *x.rate_shifts, *x.acceleration_shifts]
     now = [*(getattr(x, name) for name in AT_ONCE), *(r[:, r.shape[1] // 2] for r in x.rate_shifts)]
@@ -90,7 +90,7 @@ def _lines(x: Channels) -> tuple[Floats, Floats]:
     return every, np.concatenate([every, *tables, x.airspeed_shifts], axis=1)
 
 
-def _even(columns: Floats) -> Floats:
+def _standardise(columns: Floats) -> Floats:
     """About their means, of size one; those that are not reported or do not vary are left out."""
     spread = columns.std(axis=0)
     varies = np.isfinite(spread) & (spread > 1e-9)

@@ -23,7 +23,7 @@ class Errors:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Unseen:
+class HeldOutResidual:
     """Residuals (T, R) rpm on the rows of `problem`, measured minus predicted."""
 
     problem: Problem
@@ -58,7 +58,7 @@ def errors_of(problem: Problem, residual_rpm: Floats, rotor: int | None = None) 
     )
 
 
-def rotor_errors(unseen: Unseen) -> tuple[RotorErrors, ...]:
+def rotor_errors(unseen: HeldOutResidual) -> tuple[RotorErrors, ...]:
     """All rotors together, then each; the intervals are from blocks of time within flights."""
     return tuple(
         RotorErrors(

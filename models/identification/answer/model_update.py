@@ -72,7 +72,7 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
     names = found.problem.names
     unnamed = [one.found for one in found.open_causes]
     records = [record_of(f, names, date) for f in (*found.found, *unnamed)]
-    notes = [_left_behind(f, names) for f in found.found if f.term.effect.of_its_flights]
+    notes = [_omission_note(f, names) for f in found.found if f.term.effect.of_its_flights]
     interval, about = _interval(model, found)
     added = tuple(r for r in records if r is not None)
     return ModelUpdate(
@@ -92,7 +92,7 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
     if effect.of_its_flights:
         return None
     if effect.kept_as is not None:
-        return _as_kept(found, effect.kept_as, names, date)
+        return _change_record(found, effect.kept_as, names, date)
     kept = {p.name for p in effect.parameters}
     row = found.flight
     return EffectRecord(
@@ -113,7 +113,7 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
     )
 
 
-def _as_kept(
+def _change_record(
     found: Found, kept_as: Callable[[Values], Values], names: tuple[str, ...], date: str
 ) -> EffectRecord:
     """A change of what the model has as a second effect of that kind, beside the first."""
@@ -132,7 +132,7 @@ def _as_kept(
     )
 
 
-def _left_behind(found: Found, names: tuple[str, ...]) -> str:
+def _omission_note(found: Found, names: tuple[str, ...]) -> str:
     """What of an effect with values of single flights does not reach the new model."""
     effect = found.term.effect
     if effect.afterwards is not None:
@@ -230,16 +230,16 @@ def margin_changes(found: Identification) -> tuple[tuple[MarginChange, ...], Mar
     flights = "fit" if fitted else "held_out"
     limit = _ceiling(problem)
     stages = [
-        utilisation(_speeds(problem, found.found[:count], own), limit)
+        utilisation(_predicted_speeds(problem, found.found[:count], own), limit)
         for count in range(len(found.found) + 1)
     ]
     steps = tuple(
-        _change(stages[k], stages[k + 1], effect.term.rotor, flights)
+        _margin_change(stages[k], stages[k + 1], effect.term.rotor, flights)
         for k, effect in enumerate(found.found)
     )
     every = (*found.found, *(one.found for one in found.open_causes))
-    whole = utilisation(_speeds(problem, every, own), limit)
-    return steps, _change(stages[0], whole, None, flights)
+    whole = utilisation(_predicted_speeds(problem, every, own), limit)
+    return steps, _margin_change(stages[0], whole, None, flights)
 
 
 def _ceiling(problem: Problem) -> Floats:
@@ -248,7 +248,7 @@ def _ceiling(problem: Problem) -> Floats:
     return limits.max_rotor_speed_rpm
 
 
-def _speeds(problem: Problem, effects: Sequence[Found], own: bool) -> Floats:
+def _predicted_speeds(problem: Problem, effects: Sequence[Found], own: bool) -> Floats:
     placed = [
         Placed(
             effect=f.term.effect,
@@ -264,7 +264,7 @@ def _speeds(problem: Problem, effects: Sequence[Found], own: bool) -> Floats:
     return rotor_speed_rpm(problem.base, every, problem.channels)
 
 
-def _change(before: Floats, after: Floats, rotor: int | None, flights: str) -> MarginChange:
+def _margin_change(before: Floats, after: Floats, rotor: int | None, flights: str) -> MarginChange:
     def figures(use: Floats) -> tuple[float, float]:
         of_rotor = use.max(axis=1) if rotor is None else use[:, rotor]
         typical, worst = np.quantile(of_rotor, [0.5, 1.0 - WORST_SHARE])

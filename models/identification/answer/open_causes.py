@@ -39,7 +39,7 @@ from thrustmargin.models.identification.rows.candidates import (
     candidate,
     derivatives,
 )
-from thrustmargin.models.identification.rows.problem import Problem, thinned
+from thrustmargin.models.identification.rows.problem import Problem, thin_rows
 
 MOST_CAUSES = 4
 
@@ -47,7 +47,7 @@ Choice = tuple[int, ...]  # of the curves
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CausesFound:
+class OpenCauses:
     """The causes of all flights, and what they change in each row, found without its flight."""
 
     causes: tuple[OpenCause, ...] = ()
@@ -79,7 +79,7 @@ class _Curves:
         left = np.einsum("fi,fij,fj->f", weights, own[:, kept[:, None], kept], weights)
         return found, left / self.rows[list(which)]
 
-    def choose(self, which: Sequence[int]) -> Choice:
+    def select_curves(self, which: Sequence[int]) -> Choice:
         """The curves with which the folds `which`, each left out, are predicted better; where a
         constant does as well as a curve, the constant."""
         chosen: Choice = ()
@@ -96,7 +96,9 @@ class _Curves:
             chosen, squares = (*chosen, rest[best]), tried[best]
         return chosen
 
-    def alike(self, which: Sequence[int], chosen: Choice, one: int) -> tuple[str, ...]:
+    def equivalent_channels(
+        self, which: Sequence[int], chosen: Choice, one: int
+    ) -> tuple[str, ...]:
         """The channels along which the same mode would do as well as along that of `one`."""
         rest = tuple(c for c in chosen if c != one)
         least = (1.0 + LEAST_FALL) ** 2 * self.fit(which, chosen)[1].mean()
@@ -108,14 +110,14 @@ class _Curves:
             and self.fit(which, (*rest, c))[1].mean() <= least
         )
 
-    def whole(self, which: Sequence[int], chosen: Choice) -> Floats:
+    def fit_all(self, which: Sequence[int], chosen: Choice) -> Floats:
         """(k,) coefficients by all of the folds `which` together."""
         total = self.sums[list(which)].sum(axis=0)
         at = np.concatenate([np.arange(0), *(np.r_[self.columns[c]] for c in chosen)]).astype(int)
         system = total[at[:, None], at] + self.ridge * np.eye(at.size)
         return np.linalg.solve(system, total[at, -1])
 
-    def placed(self, chosen: Choice, found: Floats) -> list[Placed]:
+    def placed_effects(self, chosen: Choice, found: Floats) -> list[Placed]:
         """The effects of the chosen curves with their coefficients (k,)."""
         out, start = [], 0
         for c in chosen:
@@ -128,37 +130,39 @@ class _Curves:
         return out
 
 
-def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffect]) -> CausesFound:
+def open_causes(
+    problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect]
+) -> OpenCauses:
     """Causes of what a set leaves: `residual_rpm` (T, R), `held` the set with its values."""
     if problem.flights < 2 or problem.of_outputs:
-        return CausesFound()
+        return OpenCauses()
     fold = np.arange(problem.flights) % MOST_FOLDS
-    curves = _curves(problem, residual_rpm, held, fold)
+    curves = _curves(problem, residual_rpm, trials, fold)
     every = np.unique(fold).tolist()
     base = problem.speeds()
 
     def change(chosen: Choice, found: Floats) -> Floats:
-        return problem.speeds(curves.placed(chosen, found)) - base
+        return problem.speeds(curves.placed_effects(chosen, found)) - base
 
     left_out = np.zeros_like(residual_rpm)
     for out in every:
         rest = [f for f in every if f != out]
-        some = curves.choose(rest)
+        some = curves.select_curves(rest)
         if some:
             mine = fold[problem.flight] == out
-            left_out[mine] = change(some, curves.whole(rest, some))[mine]
-    chosen = curves.choose(every)
+            left_out[mine] = change(some, curves.fit_all(rest, some))[mine]
+    chosen = curves.select_curves(every)
     unseen = np.mean((residual_rpm - left_out) ** 2)
     if not chosen or np.mean(residual_rpm**2) < (1.0 + LEAST_FALL) ** 2 * unseen:
-        return CausesFound()
-    found = curves.whole(every, chosen)
+        return OpenCauses()
+    found = curves.fit_all(every, chosen)
     without = curves.fit(every, chosen)[0]
     folds = len(every)
     error = np.sqrt((folds - 1) / folds * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
     half = stdtrit(folds - 1, 0.5 + SURE / 2) * error
-    ends = [curves.placed(chosen, found + side * half) for side in (-1.0, 1.0)]
+    ends = [curves.placed_effects(chosen, found + side * half) for side in (-1.0, 1.0)]
     causes = []
-    for c, item, *sides in zip(chosen, curves.placed(chosen, found), *ends, strict=True):
+    for c, item, *sides in zip(chosen, curves.placed_effects(chosen, found), *ends, strict=True):
         moved = problem.speeds([item]) - base
         value, lower, upper = (
             np.tile(list(of.values.values()), (problem.flights, 1)) for of in (item, *sides)
@@ -172,13 +176,13 @@ def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffe
             rmse_after_rpm=float(np.sqrt(np.mean((residual_rpm - moved) ** 2))),
         )
         rms = float(np.sqrt(np.mean(moved**2)))
-        causes.append(OpenCause(found=one, alike=curves.alike(every, chosen, c), rms_rpm=rms))
-    return CausesFound(
-        causes=tuple(causes), change_rpm=change(chosen, found), left_out_rpm=left_out
-    )
+        causes.append(
+            OpenCause(found=one, alike=curves.equivalent_channels(every, chosen, c), rms_rpm=rms)
+        )
+    return OpenCauses(causes=tuple(causes), change_rpm=change(chosen, found), left_out_rpm=left_out)
 
 
-def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
+def change_by_causes(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
     """(T, R) rpm that causes change on other rows; 0 without any."""
     if not causes:
         return 0.0
@@ -196,14 +200,16 @@ def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
 
 
 def _curves(
-    problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffect], fold: NDArray[np.intp]
+    problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect], fold: NDArray[np.intp]
 ) -> _Curves:
     stride = problem.stride
-    rows = thinned(problem, stride)
-    left = rows.in_modes(residual_rpm[::stride])
+    rows = thin_rows(problem, stride)
+    left = rows.mode_amplitudes(residual_rpm[::stride])
     x, known = rows.channels, min(len(MODES), left.shape[1])
     slopes = {
-        mode: np.nan_to_num(derivatives(rows, [*held, _at_nothing(mode, rows.flights)], len(held)))
+        mode: np.nan_to_num(
+            derivatives(rows, [*trials, _absent_effect(mode, rows.flights)], len(trials))
+        )
         for mode in MODES[:known]
     }
     shapes: dict[str, tuple[tuple[float, float], Floats]] = {
@@ -242,6 +248,6 @@ def _curves(
     )
 
 
-def _at_nothing(mode: str, flights: int) -> TrialEffect:
+def _absent_effect(mode: str, flights: int) -> TrialEffect:
     one = candidate(Term(effect=UNNAMED[mode, CONSTANT]), flights)
-    return one.at_start
+    return one.initial_effect

@@ -22,10 +22,10 @@ from thrustmargin.models.identification.rows.candidates import (
     Term,
     TrialEffect,
     derivatives,
-    predicted,
+    predicted_modes,
 )
 from thrustmargin.models.identification.sets.discrepancy import FORM
-from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear
+from thrustmargin.models.identification.sets.linear_sets import FittedSet, LinearisedSets
 from thrustmargin.models.identification.sets.set_search import Search
 
 
@@ -60,17 +60,19 @@ class Posterior:
     steepness: float  # of the thrust curve of motor outputs: a standard error, as a share
 
     @classmethod
-    def of(cls, search: Search, fitted: Iterable[FittedSet], steepness: float = 0.0) -> Posterior:
+    def from_sets(
+        cls, search: Search, fitted: Iterable[FittedSet], steepness: float = 0.0
+    ) -> Posterior:
         """Sets with their weights."""
         sets = sorted(fitted, key=lambda f: -f.total)
         totals = np.array([s.total for s in sets])
         weights = np.exp(totals - np.logaddexp.reduce(totals))
         return cls(search=search, sets=tuple(sets), weights=weights, steepness=steepness)
 
-    def without(self, aside: Collection[frozenset[int]]) -> Posterior:
+    def drop_sets(self, dropped: Collection[frozenset[int]]) -> Posterior:
         """The answer without some sets."""
-        kept = [s for s in self.sets if s.key not in aside]
-        return Posterior.of(self.search, kept, self.steepness)
+        kept = [s for s in self.sets if s.key not in dropped]
+        return Posterior.from_sets(self.search, kept, self.steepness)
 
     @property
     def best(self) -> FittedSet:
@@ -79,10 +81,10 @@ class Posterior:
     def probability(self, members: Collection[int]) -> float:
         """That at least one of some candidates is there."""
         wanted = set(members)
-        held = [w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted]
-        return min(1.0, float(sum(held)))
+        trials = [w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted]
+        return min(1.0, float(sum(trials)))
 
-    def named(self) -> list[int]:
+    def named_candidates(self) -> list[int]:
         """Candidates that nearly all the weight holds, with an interval that excludes zero.
 
         A rotor that is surely weak is named though it may be so from the start or from a moment on:
@@ -91,17 +93,17 @@ class Posterior:
         seen = sorted({c for s in self.sets for c in s.key if not self._unnamed(c)})
         likely = [c for c in seen if self.probability([c]) >= SURE]
         for c in seen:
-            alike = self._alike(c)
+            alike = self._equivalent_candidates(c)
             names = [k for k in alike if not self._unnamed(k)]
             first = max(names, key=lambda c: self.probability([c]))
             if c == first and not {*likely} & alike and self.probability(alike) >= SURE:
                 likely.append(c)
-        return [c for c in sorted(likely) if _clear(self.estimate(c))]
+        return [c for c in sorted(likely) if _excludes_zero(self.estimate(c))]
 
     def _unnamed(self, candidate: int) -> bool:
         return self.search.candidates[candidate].unnamed
 
-    def _alike(self, candidate: int) -> set[int]:
+    def _equivalent_candidates(self, candidate: int) -> set[int]:
         """The candidate, of an effect on one rotor all that have it on that rotor."""
         term = self.search.candidates[candidate].term
         if term.rotor is None:
@@ -122,11 +124,11 @@ class Posterior:
             if candidate not in one.key:
                 continue
             of = sorted(one.key).index(candidate)
-            before = sum(len(h.candidate.free) for h in one.held[:of])
-            held = one.held[of]
+            before = sum(len(h.candidate.free) for h in one.trials[:of])
+            trial = one.trials[of]
             weight = float(np.exp(one.total - self.sets[0].total))
-            values, errors = held.values.copy(), np.zeros_like(held.values)
-            for k, (parameter, flight) in enumerate(held.candidate.free):
+            values, errors = trial.values.copy(), np.zeros_like(trial.values)
+            for k, (parameter, flight) in enumerate(trial.candidate.free):
                 rows = slice(None) if flight is None else flight
                 values[rows, parameter] += one.scored.step[before + k]
                 errors[rows, parameter] = one.scored.variance[before + k]
@@ -136,11 +138,11 @@ class Posterior:
         mean, square = np.asarray(mean) / total, np.asarray(square) / total
         error = np.sqrt(np.maximum(square - mean**2, 0.0))
         if self._unnamed(candidate):
-            mean = _held_at_edges(self.search.candidates[candidate], mean, error)
+            mean = _interpolate_unknown_knots(self.search.candidates[candidate], mean, error)
         return EffectEstimate(
             candidate=candidate,
             term=term,
-            probability=self.probability(self._alike(candidate)),
+            probability=self.probability(self._equivalent_candidates(candidate)),
             value=mean,
             error=error,
             steepness=self.steepness,
@@ -152,24 +154,28 @@ class Posterior:
         `either ... or`, and as uncertain as the absence of whatever else is likely moves them."""
         kept, found = sorted(kept), []
         while kept:
-            alone = Posterior.of(self.search, [self.of_alone({*kept, *either})], self.steepness)
+            alone = Posterior.from_sets(
+                self.search, [self.fit_alone({*kept, *either})], self.steepness
+            )
             found, still_clear = [], []
             for c in kept:
                 among, own = self.estimate(c), alone.estimate(c)
                 error = np.hypot(own.error, among.value - own.value)
                 found.append(replace(among, value=own.value, error=np.maximum(error, among.error)))
                 # Of one value that is by its interval; of several another may stand out each time.
-                if _clear(own) and (_clear(found[-1]) or len(_main(own.term)) > 1):
+                if _excludes_zero(own) and (
+                    _excludes_zero(found[-1]) or len(_main_values(own.term)) > 1
+                ):
                     still_clear.append(c)
             if still_clear == kept:
                 break
             kept, found = still_clear, []
         return found
 
-    def of_alone(self, kept: Iterable[int]) -> FittedSet:
+    def fit_alone(self, kept: Iterable[int]) -> FittedSet:
         """The set of these effects and no other, fitted from where likely sets have them."""
         key = frozenset(kept)
-        near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.held, strict=True)}
+        near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.trials, strict=True)}
         return self.search.fitted.get(key) or self.search.fit_near(key, near)
 
     def alternatives(self) -> tuple[SetWeight, ...]:
@@ -244,7 +250,7 @@ class Posterior:
             found.append((one, likeliest))
         return tuple(found)
 
-    def excluded(self, linear: Linear, named: Sequence[int]) -> tuple[Excluded, ...]:
+    def excluded(self, linear: LinearisedSets, named: Sequence[int]) -> tuple[Excluded, ...]:
         """Sizes above which effects of one main value are excluded, beside the best set."""
         best, found = self.best, []
         for c, candidate in enumerate(self.search.candidates):
@@ -261,7 +267,7 @@ class Posterior:
             scored = linear.score(key)
             at = sum(len(self.search.candidates[k].free) for k in sorted(key) if k < c) + main[0]
             p = candidate.parameters[main[0]]
-            value = linear.held[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
+            value = linear.trials[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
             error = float(np.hypot(np.sqrt(scored.variance[at]), linear.law_error(c, main[0])))
             above = float(abs(value) + ndtri(SURE) * error)
             absent = p.absent or 0.0
@@ -278,7 +284,7 @@ class Posterior:
         return tuple(found)
 
 
-def _held_at_edges(one: Candidate, value: Floats, error: Floats) -> Floats:
+def _interpolate_unknown_knots(one: Candidate, value: Floats, error: Floats) -> Floats:
     """The values (F, K) of a curve: a knot of which the flights say less than its prior, as one
     that they do not reach, lies between those beside it, and beyond the last is as that."""
     free = {k for k, _ in one.free}
@@ -292,33 +298,33 @@ def _held_at_edges(one: Candidate, value: Floats, error: Floats) -> Floats:
     return value
 
 
-def _main(term: Term) -> list[tuple[int, float]]:
+def _main_values(term: Term) -> list[tuple[int, float]]:
     """The values that make an effect, by their places, and where they are absent."""
     every = enumerate(term.effect.parameters)
     return [(k, p.absent) for k, p in every if p.absent is not None and not p.detail]
 
 
-def _clear(estimate: EffectEstimate) -> bool:
+def _excludes_zero(estimate: EffectEstimate) -> bool:
     """True where the interval of a main value leaves out "absent"; effects without it are clear."""
     away = [
         np.abs(estimate.value[:, k] - absent) > ERRORS * estimate.error[:, k]
-        for k, absent in _main(estimate.term)
+        for k, absent in _main_values(estimate.term)
     ]
     return not away or bool(np.any(away))
 
 
 def posterior_of(search: Search, steepness: float = 0.0) -> Posterior:
     """The sets that a search has fitted, with their weights."""
-    return Posterior.of(search, search.fitted.values(), steepness)
+    return Posterior.from_sets(search, search.fitted.values(), steepness)
 
 
-def known_to_its_law(search: Search, estimate: EffectEstimate) -> EffectEstimate:
+def add_law_error(search: Search, estimate: EffectEstimate) -> EffectEstimate:
     """The estimate with the error of its law beside its own: a law is good to FORM of what it
     changes, so a value to what alone would have to differ for that."""
     reduced, one = search.reduced, search.candidates[estimate.candidate]
-    held = [TrialEffect(candidate=one, values=estimate.value)]
-    change = np.nan_to_num(predicted(reduced, held) - predicted(reduced, ()))
-    by_value = np.nan_to_num(derivatives(reduced, held, 0))
+    trials = [TrialEffect(candidate=one, values=estimate.value)]
+    change = np.nan_to_num(predicted_modes(reduced, trials) - predicted_modes(reduced, ()))
+    by_value = np.nan_to_num(derivatives(reduced, trials, 0))
     size, whole = np.sqrt(np.mean(by_value**2, axis=(0, 1))), np.sqrt(np.mean(change**2))
     of_law = np.zeros(estimate.value.shape[1])
     for (k, flight), per_value, p in zip(one.free, size, one.parameters, strict=True):

@@ -11,7 +11,7 @@ import numpy as np
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.held_out_errors import Errors, Unseen
+from thrustmargin.models.identification.answer.held_out_errors import Errors, HeldOutResidual
 from thrustmargin.models.identification.answer.standing_shares import StandingShares
 from thrustmargin.models.identification.certainty import CHOICE
 from thrustmargin.models.identification.rows.candidates import Term
@@ -170,7 +170,9 @@ class Identification:
     found: tuple[Found, ...]
     left: Unexplained | None  # what no effect explains, in the mode that has most of it
     closest: tuple[Term, ...]  # effects that come closest to it, which are no names
-    unseen: tuple[Unseen, ...]  # of the fitted flights, then of held-out ones if there are any
+    unseen: tuple[
+        HeldOutResidual, ...
+    ]  # of the fitted flights, then of held-out ones if there are any
     before: Errors  # of the last of them
     after: Errors
     residual_after_rpm: Floats  # (T, R) on the rows of `problem`
@@ -278,21 +280,27 @@ class Identification:
                 "after": self.after,
                 "effects": effects,
                 "alternatives": [
-                    {"probability": w.probability, "effects": [_named(t) for t in w.terms]}
+                    {"probability": w.probability, "effects": [_term_json(t) for t in w.terms]}
                     for w in self.alternatives
                 ],
                 "one_of": [
-                    {"effects": [_named(t) for t in o.terms], "probabilities": o.probabilities}
+                    {"effects": [_term_json(t) for t in o.terms], "probabilities": o.probabilities}
                     for o in self.one_of
                 ],
                 "excluded": [
-                    {**_named(e.term), "parameter": e.parameter, "unit": e.unit, "above": e.above}
+                    {
+                        **_term_json(e.term),
+                        "parameter": e.parameter,
+                        "unit": e.unit,
+                        "above": e.above,
+                    }
                     for e in self.excluded
                 ],
                 "likeliest": self.likeliest
-                and {**_named(self.likeliest[0]), "probability": self.likeliest[1]},
-                "mentioned": [_of_rotor(m) for m in self.mentioned],
-                "standing_shares": self.standing and _standing(self.standing, self.problem.names),
+                and {**_term_json(self.likeliest[0]), "probability": self.likeliest[1]},
+                "mentioned": [_mention_json(m) for m in self.mentioned],
+                "standing_shares": self.standing
+                and _shares_json(self.standing, self.problem.names),
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
@@ -317,19 +325,19 @@ class Identification:
         }
 
 
-def _named(term: Term) -> dict[str, Any]:
+def _term_json(term: Term) -> dict[str, Any]:
     """An effect by its name, the variant and the rotor, which is counted from 1."""
     rotor = None if term.rotor is None else term.rotor + 1
     return {"name": term.effect.name, "variant": term.effect.variant, "rotor": rotor}
 
 
-def _standing(shares: StandingShares, names: tuple[str, ...]) -> dict[str, Any]:
+def _shares_json(shares: StandingShares, names: tuple[str, ...]) -> dict[str, Any]:
     """Return the shares as JSON, rotors counted from 1 and the flight by its name."""
     rotors = [{**to_json_values(one), "rotor": (one.rotor or 0) + 1} for one in shares.weak_rotors]
     flight = None if shares.flight is None else names[shares.flight]
     return {**to_json_values(shares), "flight": flight, "weak_rotors": rotors}
 
 
-def _of_rotor(loss: Mentioned) -> dict[str, Any]:
+def _mention_json(loss: Mentioned) -> dict[str, Any]:
     """With the name of the effect, and the rotor counted from 1, as everywhere outside arrays."""
     return {"name": ROTOR_DEGRADATION.name} | to_json_values(loss) | {"rotor": loss.rotor + 1}

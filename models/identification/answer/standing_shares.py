@@ -19,9 +19,9 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
 from thrustmargin.models.effects.thrust_effects import LOSS, ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import TrialEffect, placed
+from thrustmargin.models.identification.rows.candidates import TrialEffect, placed_effects
 from thrustmargin.models.identification.rows.output_shares import lacks_sound_flights
-from thrustmargin.models.identification.rows.problem import Problem, thinned
+from thrustmargin.models.identification.rows.problem import Problem, thin_rows
 
 #: of the mean speed, root mean square over rotors, from which a difference is reported: twice the
 #: scatter of sound propellers, motors and ESCs, as 2 % of thrust
@@ -60,7 +60,7 @@ class StandingShares:
 
 
 def standing_shares(
-    problem: Problem, held: Sequence[TrialEffect], residual_rpm: Floats
+    problem: Problem, trials: Sequence[TrialEffect], residual_rpm: Floats
 ) -> StandingShares | None:
     """Return what stands between outputs and the model with the effects `held`, which leave
     `residual_rpm` (T, R).
@@ -79,33 +79,33 @@ def standing_shares(
     if np.sqrt(np.mean(mean**2)) < IN_COMMON * sizes.max():
         flight = int(np.argmax(sizes))
         mean = flights[flight]
-    few = thinned(problem, max(1, problem.measured_rpm.shape[0] // ROWS))
-    wanted = problem.in_modes(mean)[AXES]
-    beside = placed(few, held)
+    few = thin_rows(problem, max(1, problem.measured_rpm.shape[0] // ROWS))
+    wanted = problem.mode_amplitudes(mean)[AXES]
+    beside = placed_effects(few, trials)
     still = few.speeds(beside)
 
     def moved(effects: Sequence[Placed]) -> Floats:
         change = few.speeds([*beside, *effects]) - still
-        return few.in_modes(change.mean(axis=0))[AXES]
+        return few.mode_amplitudes(change.mean(axis=0))[AXES]
 
     rotors = [
         one
         for rotor in range(problem.measured_rpm.shape[1])
-        if (one := _weak_rotor(moved, wanted, rotor)) is not None
+        if (one := _weak_rotor_cause(moved, wanted, rotor)) is not None
     ]
     return StandingShares(
         rotor_rpm=tuple(mean.tolist()),
         flight=flight,
         per_flight_rpm=tuple(tuple(one.tolist()) for one in flights),
-        trim=_trim(moved, wanted),
+        trim=_trim_cause(moved, wanted),
         weak_rotors=tuple(sorted(rotors, key=lambda one: -one.loss)),
     )
 
 
-def _trim(moved: Change, wanted: Floats) -> StandingCause | None:
+def _trim_cause(moved: Change, wanted: Floats) -> StandingCause | None:
     yaw = BY_KEY["yaw_trim"].parameters[0]
-    found = _solved(
-        lambda v: moved([_cg(v[0], v[1]), _placed("yaw_trim", {yaw.name: v[2]})]),
+    found = _solve_sizes(
+        lambda v: moved([_cg_offset(v[0], v[1]), _placed_effect("yaw_trim", {yaw.name: v[2]})]),
         wanted,
         scale=(CG.scale, CG.scale, yaw.scale),
         most=(CG.upper, CG.upper, yaw.upper),
@@ -115,25 +115,27 @@ def _trim(moved: Change, wanted: Floats) -> StandingCause | None:
     )
 
 
-def _weak_rotor(moved: Change, wanted: Floats, rotor: int) -> StandingCause | None:
+def _weak_rotor_cause(moved: Change, wanted: Floats, rotor: int) -> StandingCause | None:
     """Return the rotor's loss with the centre of gravity that makes the rest of the change; None
     where it would have to gain.
 
     Yaw shows the loss, by the torque that the rotor keeps, known to one standard deviation.
     """
     tries = [
-        _solved(
+        _solve_sizes(
             lambda v, share=share: moved(
                 [
-                    _cg(v[0], v[1]),
-                    _placed(ROTOR_DEGRADATION.key, {"loss": v[2], TORQUE_SHARE.name: share}, rotor),
+                    _cg_offset(v[0], v[1]),
+                    _placed_effect(
+                        ROTOR_DEGRADATION.key, {"loss": v[2], TORQUE_SHARE.name: share}, rotor
+                    ),
                 ]
             ),
             wanted,
             scale=(CG.scale, CG.scale, LOSS.scale),
             most=(CG.upper, CG.upper, LOSS.upper),
         )
-        for share in (TORQUE_SHARE.start, *_ends())
+        for share in (TORQUE_SHARE.start, *_torque_share_limits())
     ]
     first, *others = tries
     if first is None or first[2] < LEAST_LOSS:
@@ -148,24 +150,24 @@ def _weak_rotor(moved: Change, wanted: Floats, rotor: int) -> StandingCause | No
     )
 
 
-def _ends() -> tuple[float, float]:
+def _torque_share_limits() -> tuple[float, float]:
     return TORQUE_SHARE.start - TORQUE_SHARE.scale, TORQUE_SHARE.start + TORQUE_SHARE.scale
 
 
 CG = BY_KEY["cg_offset"].parameters[0]
 
 
-def _cg(x: float, y: float) -> Placed:
-    return _placed("cg_offset", {"x": x, "y": y})
+def _cg_offset(x: float, y: float) -> Placed:
+    return _placed_effect("cg_offset", {"x": x, "y": y})
 
 
-def _placed(key: str, values: Mapping[str, float], rotor: int | None = None) -> Placed:
+def _placed_effect(key: str, values: Mapping[str, float], rotor: int | None = None) -> Placed:
     effect = BY_KEY[key]
     whole = {p.name: p.start for p in effect.parameters} | dict(values)
     return Placed(effect=effect, values=whole, rotor=rotor)
 
 
-def _solved(
+def _solve_sizes(
     change: Callable[[Floats], Floats],
     wanted: Floats,
     *,

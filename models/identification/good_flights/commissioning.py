@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.good_flights.flight_scatter import (
-    LeftOutFlights,
+    HeldOutFlights,
     good_flights,
 )
 from thrustmargin.models.identification.good_flights.standard_effects import (
@@ -92,9 +92,10 @@ def commission(
         bases.insert(0, (trained.model, trained.folds))
     samples = gather(tracks, inputs)
     chains = [
-        chain_of(base, folds, tracks, used, samples, inputs, announce) for base, folds in bases
+        validated_chain(base, folds, tracks, used, samples, inputs, announce)
+        for base, folds in bases
     ]
-    best = chains[-1] if trained is not None and worse(*chains) else chains[0]
+    best = chains[-1] if trained is not None and network_is_worse(*chains) else chains[0]
     announce("effects of all flights")
     model = with_standard_effects(best.base, [tracks[i] for i in used], date=date)
     spread = np.zeros_like(best.predicted_rpm)
@@ -106,7 +107,7 @@ def commission(
     )
     announce("how flights differ")
     left_out = [
-        LeftOutFlights(model=fold.model, tracks=tuple(tracks[i] for i in fold.flights))
+        HeldOutFlights(model=fold.model, tracks=tuple(tracks[i] for i in fold.flights))
         for fold in best.folds
     ]
     shown = replace(
@@ -147,7 +148,7 @@ def _folds(base: RotorModel, flights: Sequence[int]) -> tuple[Fold, ...]:
     return tuple(Fold(model=base, flights=tuple(part.tolist())) for part in parts)
 
 
-def chain_of(
+def validated_chain(
     base: RotorModel,
     folds: Sequence[Fold],
     tracks: Sequence[FlightTrack],
@@ -184,7 +185,7 @@ def _mean_squares(chain: Chain) -> Floats:
     return np.bincount(flight, np.mean(chain.residual_rpm**2, axis=1)) / np.bincount(flight)
 
 
-def worse(network: Chain, curve: Chain) -> bool:
+def network_is_worse(network: Chain, curve: Chain) -> bool:
     """True when flights left out are predicted worse by the network, beyond the standard error."""
     gain, error = gain_and_error(_mean_squares(network), _mean_squares(curve))
     return gain > error

@@ -23,10 +23,10 @@ from thrustmargin.models.identification.rows.candidates import (
     Term,
     TrialEffect,
     candidate,
-    predicted,
+    predicted_modes,
     slopes,
 )
-from thrustmargin.models.identification.rows.noise import Whitening, plain
+from thrustmargin.models.identification.rows.noise import Whitening, unfiltered_whitening
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
 from thrustmargin.models.identification.rows.problem import Problem, assemble
 from thrustmargin.models.identification.rows.row_fit import block_sums
@@ -41,14 +41,14 @@ SMOOTHNESS = 10.0 ** np.arange(-4.0, 5.0)  # weights of the penalty, per row
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LeftOutFlights:
+class HeldOutFlights:
     """Flights, and a model that was made without them."""
 
     model: RotorModel
     tracks: tuple[FlightTrack, ...]
 
 
-def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
+def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
     """What the flights show of how they differ; each flight is in one of `left_out`."""
     estimates: dict[tuple[str, int | None], list[Floats]] = {}
     means: list[Floats] = []
@@ -61,9 +61,9 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
         effects = effects_for(fold.model.airframe)
         catalogue = effects_on_shares(effects) if problem.of_outputs else effects
         catalogues.append(catalogue)
-        modes = problem.in_modes(problem.measured_rpm - problem.speeds())
-        filter_ = plain(modes, problem.flight, problem.of_outputs)
-        for key, found in _own_estimates(problem, filter_, catalogue).items():
+        modes = problem.mode_amplitudes(problem.measured_rpm - problem.speeds())
+        filter_ = unfiltered_whitening(modes, problem.flight, problem.of_outputs)
+        for key, found in _flight_estimates(problem, filter_, catalogue).items():
             estimates.setdefault(key, []).append(found)
         flight.append(problem.flight + len(means))
         means += [
@@ -80,7 +80,7 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     by_mode = np.array(means)  # (F, 2, R)
     return GoodFlights(
         flights=len(means),
-        scatter=_pooled(estimates),
+        scatter=_pool_scatter(estimates),
         mode_scatter_rpm=tuple(
             float(np.nan_to_num(scatter_between(*by_mode[:, :, k].T))) for k in range(len(names))
         ),
@@ -104,7 +104,7 @@ def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.boo
     return np.stack([blocks.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(len(blocks))])
 
 
-def _own_estimates(
+def _flight_estimates(
     problem: Problem, filter_: Whitening, catalogue: Sequence[Effect]
 ) -> dict[tuple[str, int | None], Floats]:
     """(F, 2) value and error of each flight, by parameter ("effect_key.parameter") and rotor."""
@@ -112,15 +112,15 @@ def _own_estimates(
     for effect in catalogue:
         if effect.begins or problem.lacks(effect):
             continue
-        rest, values = _at_the_model(model, effect)
+        rest, values = _separate_effect(model, effect)
         at = replace(problem, model=rest)
         start = np.array([values] * problem.flights)
         for rotor in range(model.airframe.rotor_count) if effect.of_one_rotor else (None,):
             one = candidate(Term(effect=effect, rotor=rotor), problem.flights)
-            held = [TrialEffect(candidate=one, values=start)]
+            trials = [TrialEffect(candidate=one, values=start)]
             main = [k for k, p in enumerate(effect.parameters) if not p.detail]
-            columns = slopes(at, held, 0)[:, :, main]
-            residual = problem.in_modes(problem.measured_rpm) - predicted(at, held)
+            columns = slopes(at, trials, 0)[:, :, main]
+            residual = problem.mode_amplitudes(problem.measured_rpm) - predicted_modes(at, trials)
             whole = np.concatenate([columns, residual[:, :, None]], axis=2)
             sums = block_sums(filter_, whole, problem.block)
             own = np.stack(
@@ -132,7 +132,7 @@ def _own_estimates(
     return found
 
 
-def _at_the_model(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
+def _separate_effect(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
     """The model without the effect, and the effect's values in it, those of no effect if none."""
     for k, (record, placed) in enumerate(zip(model.effects, model.placed, strict=True)):
         if placed.effect.key == effect.key and record.rotor is None:
@@ -159,7 +159,7 @@ def own_estimate(sums: Floats) -> Floats:
     return np.stack([move, np.sqrt(variance)])
 
 
-def _pooled(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
+def _pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
     """Scatter between flights of each parameter; of effects on one rotor, of a rotor of them."""
     scatter: dict[str, list[float]] = {}
     for (key, _), parts in estimates.items():

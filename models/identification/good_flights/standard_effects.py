@@ -27,13 +27,13 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.noise import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
-from thrustmargin.models.identification.rows.problem import Problem, assemble, thinned
+from thrustmargin.models.identification.rows.problem import Problem, assemble, thin_rows
 from thrustmargin.models.identification.rows.row_fit import (
     RowFit,
     RowSums,
-    costs_by,
     fit_rows,
     half_widths,
+    held_out_costs_with,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -43,10 +43,10 @@ DELAYS = ("sensor_lag", "sensor_lag:rotor speed")
 WORTH = 0.01
 ROWS_TO_BEGIN = 2_000  # of all flights: enough to see where a fit begins and what is late
 #: Without a network the base follows the air of each row (Eq. 6), so its density is no choice.
-BY_NATURE = "air_density"
+ALWAYS_KEPT = "air_density"
 STANDARD = (
     *DELAYS,
-    BY_NATURE,
+    ALWAYS_KEPT,
     *(key for key, effect in BY_KEY.items() if effect.of_every_aircraft),
 )
 
@@ -68,29 +68,31 @@ def with_standard_effects(
     At least 2 flights. Raises DataError when one has too few rows to fit.
     """
     problem = assemble(model, tracks)
-    uncertainty = problem.in_modes(base_uncertainty_rpm(model, problem.base, problem.channels))
+    uncertainty = problem.mode_amplitudes(
+        base_uncertainty_rpm(model, problem.base, problem.channels)
+    )
     known = np.sqrt(np.sum(uncertainty**2, axis=0).mean(axis=0))
     terms = standard_effects(model, problem)
-    some = thinned(problem, max(1, problem.measured_rpm.shape[0] // ROWS_TO_BEGIN))
+    some = thin_rows(problem, max(1, problem.measured_rpm.shape[0] // ROWS_TO_BEGIN))
     fit = _fit_from_start(some, terms, known)
     for key in DELAYS:
-        fit = _without_if_unneeded(some, fit, key, known, worth=WORTH)
+        fit = _drop_if_unneeded(some, fit, key, known, worth=WORTH)
     if model.network is not None:
-        fit = _without_if_unneeded(some, fit, BY_NATURE, known)
-    fit = fit_rows(problem, fit.held, known_rpm=known)
-    kept = _needed(fit)
-    while kept != fit.held:  # a value may shrink when those that opposed it are gone
+        fit = _drop_if_unneeded(some, fit, ALWAYS_KEPT, known)
+    fit = fit_rows(problem, fit.trials, known_rpm=known)
+    kept = _needed_effects(fit)
+    while kept != fit.trials:  # a value may shrink when those that opposed it are gone
         fit = fit_rows(problem, kept, known_rpm=known)
-        kept = tuple(h for h in fit.held if _of_note(h))
+        kept = tuple(h for h in fit.trials if _is_worth_storing(h))
     half = iter(_half_widths(fit, uncertainty))
     records = []
-    for held in fit.held:
+    for trial in fit.trials:
         parameters = {}
-        for p, value in zip(held.candidate.parameters, held.free_values, strict=True):
+        for p, value in zip(trial.candidate.parameters, trial.free_values, strict=True):
             width = next(half) + p.resolution + p.accuracy * abs(value)
             ci95 = (float(value - width), float(value + width))
             parameters[p.name] = Identified(value=float(value), unit=p.unit, ci95=ci95)
-        effect = held.candidate.term.effect
+        effect = trial.candidate.term.effect
         records.append(
             EffectRecord(
                 name=effect.name,
@@ -111,13 +113,13 @@ def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> R
     turns, and all moved at once from nothing they end where none is what it is.
     """
     whole = [candidate(t, problem.flights) for t in terms]
-    made = [TrialEffect(candidate=_without_shapes(one), values=one.start) for one in whole]
-    first = fit_rows(problem, made, known_rpm=known).held
+    made = [TrialEffect(candidate=_fix_shapes(one), values=one.start) for one in whole]
+    first = fit_rows(problem, made, known_rpm=known).trials
     from_there = [replace(h, candidate=one) for h, one in zip(first, whole, strict=True)]
     return fit_rows(problem, from_there, known_rpm=known)
 
 
-def _without_shapes(one: Candidate) -> Candidate:
+def _fix_shapes(one: Candidate) -> Candidate:
     parameters = one.term.effect.parameters
     return replace(one, free=tuple(of for of in one.free if parameters[of[0]].absent is not None))
 
@@ -133,58 +135,60 @@ def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
     return half_widths(fit.sums, shared)[0]
 
 
-def _without_if_unneeded(
+def _drop_if_unneeded(
     problem: Problem, fit: RowFit, key: str, known: Floats, *, worth: float = 0.0
 ) -> RowFit:
     """The fit, without one of its effects if flights left out do not ask for it by more than the
     standard error and what it has to be worth."""
-    rest = [h for h in fit.held if h.candidate.key != key]
-    if len(rest) == len(fit.held):
+    rest = [h for h in fit.trials if h.candidate.key != key]
+    if len(rest) == len(fit.trials):
         return fit
     without = fit_rows(problem, rest, known_rpm=known)
-    costs = costs_by(problem, without, fit.filter)
-    gain, error = gain_and_error(costs, fit.sums.left_out_costs())
+    costs = held_out_costs_with(problem, without, fit.filter)
+    gain, error = gain_and_error(costs, fit.sums.held_out_costs())
     return fit if gain > max(error, worth) else without
 
 
-def _needed(fit: RowFit) -> tuple[TrialEffect, ...]:
+def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
     """What stays, by the sums of the fit with all of it.
 
     An effect with a value at a bound is not what happens, one of less than its least worth naming
     is not worth a line: they go first.
     """
-    kept = tuple(h for h in fit.held if _of_note(h))
+    kept = tuple(h for h in fit.trials if _is_worth_storing(h))
     while True:
-        whole = held_at_absent(fit, kept).left_out_costs()
+        whole = sums_without_effects(fit, kept).held_out_costs()
         gains = []
         for one in kept:
-            if one.candidate.key not in (BY_NATURE, *DELAYS):
+            if one.candidate.key not in (ALWAYS_KEPT, *DELAYS):
                 rest = tuple(h for h in kept if h is not one)
-                gain, error = gain_and_error(held_at_absent(fit, rest).left_out_costs(), whole)
+                gain, error = gain_and_error(
+                    sums_without_effects(fit, rest).held_out_costs(), whole
+                )
                 gains.append((gain - error, rest))
         if not gains or min(gains, key=lambda g: g[0])[0] > 0.0:
             return kept
         kept = min(gains, key=lambda g: g[0])[1]
 
 
-def held_at_absent(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
+def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
     """The sums of a fit with the other effects held at nothing, the rest free."""
     free, move = [], []
-    for held in fit.held:
-        for p, value in zip(held.candidate.parameters, held.free_values, strict=True):
-            stays = any(held is h for h in kept)
+    for trial in fit.trials:
+        for p, value in zip(trial.candidate.parameters, trial.free_values, strict=True):
+            stays = any(trial is h for h in kept)
             if stays:
                 free.append(len(move))
             move.append(0.0 if stays or p.absent is None else p.absent - value)
-    return fit.sums.held_at(free, np.array(move))
+    return fit.sums.fix_values(free, np.array(move))
 
 
-def _of_note(held: TrialEffect) -> bool:
+def _is_worth_storing(trial: TrialEffect) -> bool:
     """True when all values that make the effect are inside their bounds and one is worth naming;
     always of an effect that is no choice."""
-    if held.candidate.key == BY_NATURE:
+    if trial.candidate.key == ALWAYS_KEPT:
         return True
-    pairs = zip(held.candidate.parameters, held.free_values, strict=True)
+    pairs = zip(trial.candidate.parameters, trial.free_values, strict=True)
     main = [(p, value) for p, value in pairs if not p.detail]
     return all(p.lower < value < p.upper for p, value in main) and any(
         abs(value - (p.absent or 0.0)) >= p.smallest for p, value in main

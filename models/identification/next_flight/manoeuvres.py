@@ -54,7 +54,7 @@ class FlownLimits:
     typical: dict[str, float]  # pressure Pa, temperature K, altitude m AMSL; NaN unknown
 
     @classmethod
-    def of(cls, tracks: Sequence[FlightTrack]) -> Self:
+    def from_tracks(cls, tracks: Sequence[FlightTrack]) -> Self:
         """From the rows in flight. Raises DataError when none are."""
         origins, durations = [], []
         flown: dict[str, list[Floats]] = {name: [] for name in FLOWN}
@@ -137,7 +137,7 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
             f", once with {largest:.3g} and once with {least:.2g} kg in the tank": (largest, least),
         }
     made = []
-    for name, words, height, pieces in _flown(limits, low, middle):
+    for name, words, height, pieces in _library(limits, low, middle):
         for load, kg in fills.items():
             made.append(
                 Manoeuvre(
@@ -152,14 +152,14 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
     return tuple(made)
 
 
-def lightest(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
+def lightest_manoeuvres(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
     """Those with the least fill alone, and without quick changes of speed: what may be asked of an
     aircraft that may have a bad rotor."""
     least = min((kg for one in every for kg in one.fills_kg), default=0.0)
     return tuple(one for one in every if set(one.fills_kg) == {least} and one.name != "speed steps")
 
 
-def _flown(
+def _library(
     limits: FlownLimits, low: float, middle: float
 ) -> list[tuple[str, str, float, tuple[Piece, ...]]]:
     """Name, words, first height and pieces; what the flights never did is left out."""
@@ -173,19 +173,20 @@ def _flown(
         pieces: list[Piece] = []
         for pace in (speed / 2, speed):
             leg = Piece(seconds=min(LEG_S, 2.0 * limits.reach / pace), speed=pace)
-            pieces += [leg, _stop(pace), around, leg, _stop(pace), around]
+            pieces += [leg, _stop_piece(pace), around, leg, _stop_piece(pace), around]
         legs = f"fly a leg into the wind and back at {speed / 2:.1f} and at {speed:.1f} m/s"
         made.append(("legs", legs, middle, tuple(pieces)))
         short = min(LEG_S, 2.0 * limits.reach / speed) / 3
         steps = [Piece(seconds=short, speed=s * speed) for s in (0.5, 1.0, 0.5)]
-        back = (*steps, _stop(speed), around)
+        back = (*steps, _stop_piece(speed), around)
         words = f"change speed in steps between 0, {speed / 2:.1f} and {speed:.1f} m/s"
         made.append(("speed steps", words, middle, (*back, *back)))
         pace, corner = speed / 2, np.pi / 2 / rate
         sides = [
             piece
             for way in (1.0, -1.0)
-            for piece in 4 * [Piece(seconds=SIDE_S, speed=pace), _stop(pace), _corner(corner, way)]
+            for piece in 4
+            * [Piece(seconds=SIDE_S, speed=pace), _stop_piece(pace), _corner_piece(corner, way)]
         ]
         words = "fly a small square to the right, then one to the left, nose ahead"
         made.append(("squares", words, middle, tuple(sides)))
@@ -199,11 +200,11 @@ def _flown(
     return made
 
 
-def _stop(speed: float) -> Piece:
+def _stop_piece(speed: float) -> Piece:
     return Piece(seconds=speed / ACCELERATION)
 
 
-def _corner(seconds: float, way: float) -> Piece:
+def _corner_piece(seconds: float, way: float) -> Piece:
     return Piece(seconds=seconds, turn=way * np.pi / 2 / seconds)
 
 
@@ -255,7 +256,7 @@ def flown_track(
             model.forward_flight, airspeed, np.full_like(airspeed, mass), model.reference_density
         )
     force = np.gradient(velocity, STEP_S, axis=0) - np.array([0.0, 0.0, G0])
-    attitude = _upright(force, through_air, slowing, heading)
+    attitude = _attitude(force, through_air, slowing, heading)
     position = np.cumsum(velocity, axis=0) * STEP_S
     position += corners_ned(manoeuvre, limits)[0]
     body = Rotation.from_euler("ZYX", attitude[:, ::-1])
@@ -284,7 +285,7 @@ def flown_track(
     )
 
 
-def _upright(force: Floats, through_air: Floats, slowing: Floats, heading: Floats) -> Floats:
+def _attitude(force: Floats, through_air: Floats, slowing: Floats, heading: Floats) -> Floats:
     """(T, 3) roll, pitch, yaw at which the rotors carry `force` per mass and level drag."""
     way = through_air / np.maximum(np.linalg.norm(through_air, axis=1, keepdims=True), 1e-3)
     lift = force + np.column_stack([slowing[:, None] * way, np.zeros_like(slowing)])

@@ -38,7 +38,7 @@ from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     Manoeuvre,
     flown_track,
-    lightest,
+    lightest_manoeuvres,
     manoeuvres,
 )
 from thrustmargin.models.identification.rows.candidates import (
@@ -46,7 +46,7 @@ from thrustmargin.models.identification.rows.candidates import (
     TrialEffect,
     candidate,
     derivatives,
-    predicted,
+    predicted_modes,
     slopes,
     unnamed_candidates,
 )
@@ -55,9 +55,9 @@ from thrustmargin.models.identification.rows.problem import (
     BLOCK_SECONDS,
     Problem,
     RowsToFit,
-    thinned,
+    thin_rows,
 )
-from thrustmargin.models.identification.rows.row_fit import fit_rows, moved_by
+from thrustmargin.models.identification.rows.row_fit import fit_rows, move_values
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -67,12 +67,12 @@ class Explanation:
     """Effects with values that all flights share, and the covariance of all values in their
     order."""
 
-    held: tuple[TrialEffect, ...]
+    trials: tuple[TrialEffect, ...]
     covariance: Floats  # (P, P)
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        return tuple(one.candidate.term for one in self.held)
+        return tuple(one.candidate.term for one in self.trials)
 
 
 def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Floats) -> Explanation:
@@ -82,34 +82,36 @@ def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Float
     `noise_rpm` (R,) is that of a mean over one second. Values have their usual sizes as prior,
     their covariance the scatter of a sound aircraft in it.
     """
-    rows = thinned(problem, problem.stride)
-    fit = fit_rows(rows, [_shared(term, rows) for term in terms])
+    rows = thin_rows(problem, problem.stride)
+    fit = fit_rows(rows, [_shared_effect(term, rows) for term in terms])
     noise = noise_rpm / np.sqrt(float(np.sum(problem.durations)) / rows.measured_rpm.shape[0])
-    every = [p for one in fit.held for p in one.candidate.parameters]
+    every = [p for one in fit.trials for p in one.candidate.parameters]
     size = np.array([p.scale for p in every])
-    values = np.concatenate([np.zeros(0), *(one.free_values for one in fit.held)])
-    own = over_noise(fit.columns * size, noise)
-    left = np.nan_to_num(rows.in_modes(rows.measured_rpm) - predicted(rows, fit.held))
-    pull = own.T @ over_noise(left[:, :, None], noise)[:, 0]
-    pull += (np.array([_absent(p) for p in every]) - values) / size
+    values = np.concatenate([np.zeros(0), *(one.free_values for one in fit.trials)])
+    own = scale_by_noise(fit.columns * size, noise)
+    left = np.nan_to_num(
+        rows.mode_amplitudes(rows.measured_rpm) - predicted_modes(rows, fit.trials)
+    )
+    pull = own.T @ scale_by_noise(left[:, :, None], noise)[:, 0]
+    pull += (np.array([_absent_value(p) for p in every]) - values) / size
     step = np.asarray(np.linalg.solve(own.T @ own + np.eye(size.size), pull), dtype=np.float64)
-    likeliest = moved_by(fit.held, size * step)
-    whole = np.hstack([own, over_noise(scatter(rows, problem.background_rpm), noise)])
+    likeliest = move_values(fit.trials, size * step)
+    whole = np.hstack([own, scale_by_noise(scatter_columns(rows, problem.background_rpm), noise)])
     inverse = np.linalg.inv(whole.T @ whole + np.eye(whole.shape[1]))[: size.size, : size.size]
     of_values: Floats = np.asarray(inverse, dtype=np.float64) * np.outer(size, size)
     return Explanation(
-        held=tuple(replace(one, values=one.values[:1]) for one in likeliest),
+        trials=tuple(replace(one, values=one.values[:1]) for one in likeliest),
         covariance=of_values,
     )
 
 
-def over_noise(columns: Floats, noise_rpm: Floats) -> Floats:
+def scale_by_noise(columns: Floats, noise_rpm: Floats) -> Floats:
     """(T R, K) of columns (T, R, K) rpm in modes, in units of the noise (R,) of a row."""
     rows, modes, count = columns.shape
     return (columns / noise_rpm[:, None]).reshape(rows * modes, count)
 
 
-def scatter(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
+def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
     """(T, R, N) rpm in modes by which a sound aircraft's flight may be off: one deviation a column.
 
     Each mode's mean by `background_rpm` (R,), and every effect by its scatter from flight to
@@ -125,7 +127,7 @@ def scatter(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
             continue
         own = [shown.get(f"{effect.key}.{p.name}", p.smallest) for p in effect.parameters]
         moving = [k for k, size in enumerate(own) if size > 0.0]
-        absent = np.array([[_absent(p) for p in effect.parameters]] * rows.flights)
+        absent = np.array([[_absent_value(p) for p in effect.parameters]] * rows.flights)
         for rotor in range(shape[1]) if effect.of_one_rotor else (None,):
             one = candidate(Term(effect=effect, rotor=rotor), rows.flights)
             by_value = slopes(rows, [TrialEffect(candidate=one, values=absent)], 0, moving)
@@ -139,7 +141,7 @@ def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
     `residual_rpm` (T, R) is what the effects found leave on the rows of the problem. Means over
     BLOCK_SECONDS about that of their flight have what lasts for seconds in them.
     """
-    amplitudes = problem.in_modes(residual_rpm)
+    amplitudes = problem.mode_amplitudes(residual_rpm)
     count = np.bincount(problem.block).astype(float)[:, None]
     blocks = np.stack([np.bincount(problem.block, a) for a in amplitudes.T], axis=1) / count
     flights = np.bincount(problem.block_flight).astype(float)[:, None]
@@ -149,17 +151,17 @@ def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
     return np.sqrt(np.sum(about**2, axis=0) / free * BLOCK_SECONDS) + 1e-3
 
 
-def _shared(term: Term, rows: RowsToFit) -> TrialEffect:
+def _shared_effect(term: Term, rows: RowsToFit) -> TrialEffect:
     """A term, of a step what it is afterwards, all of whose values flights share."""
     lasting = Term(effect=term.effect.afterwards or term.effect, rotor=term.rotor)
     free = tuple((k, None) for k in range(len(lasting.effect.parameters)))
     one = replace(candidate(lasting, rows.flights), free=free)
     if one.unnamed:  # its curve lies where these flights have its channel
         one = next(known for known in unnamed_candidates(rows) if known.key == term.key)
-    return one.at_start
+    return one.initial_effect
 
 
-def _absent(parameter: Parameter) -> float:
+def _absent_value(parameter: Parameter) -> float:
     return parameter.start if parameter.absent is None else parameter.absent
 
 
@@ -185,7 +187,7 @@ class NextFlight:
         return self.repeats * self.manoeuvre.minutes
 
 
-def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> NextFlight | None:
+def plan_next_flight(found: Identification, tracks: Sequence[FlightTrack]) -> NextFlight | None:
     """What to fly next after an identification; `tracks` are the flights it was given.
 
     None when it left nothing open, or when no manoeuvre of the library would tell.
@@ -195,7 +197,7 @@ def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> Ne
         return None
     noise = second_noise_rpm(found.problem, found.residual_after_rpm)
     try:
-        limits = FlownLimits.of(tracks)
+        limits = FlownLimits.from_tracks(tracks)
     except DataError:
         return None
     best = next_flight(
@@ -248,13 +250,13 @@ def next_flight(
     """
 
     @cache
-    def flown_at(name: str, fill_kg: float) -> _Flown:
+    def flown_at(name: str, fill_kg: float) -> _FlownManoeuvre:
         track = flown_track(library[name], model, limits, fill_kg)
-        return _flown_once(model, explanations, track, noise_rpm, background_rpm, of_outputs)
+        return _fly_once(model, explanations, track, noise_rpm, background_rpm, of_outputs)
 
     every = manoeuvres(limits)
     if any(t.rotor is not None for one in explanations for t in one.terms):
-        every = lightest(every)
+        every = lightest_manoeuvres(every)
     library = {manoeuvre.name: manoeuvre for manoeuvre in every}
     made: list[NextFlight] = []
     for manoeuvre in every:
@@ -282,7 +284,7 @@ def _preference(made: NextFlight) -> tuple[bool, float]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Flown:
+class _FlownManoeuvre:
     """A manoeuvre at one fill, N rows of all modes: columns of S, and d."""
 
     shared: Floats  # (N, P) what is open of their values, which all fills share
@@ -290,28 +292,28 @@ class _Flown:
     difference: Floats  # (N,)
 
 
-def _flown_once(
+def _fly_once(
     model: RotorModel,
     explanations: tuple[Explanation, Explanation],
     track: FlightTrack,
     noise_rpm: Floats,
     background_rpm: Floats | float,
     of_outputs: bool,
-) -> _Flown:
+) -> _FlownManoeuvre:
     rows = rows_of(model, track, [t.effect for one in explanations for t in one.terms], of_outputs)
     noise = noise_rpm / np.sqrt(ROW_S)
-    ours, theirs = (np.nan_to_num(predicted(rows, one.held)) for one in explanations)
+    ours, theirs = (np.nan_to_num(predicted_modes(rows, one.trials)) for one in explanations)
     columns = [
-        np.nan_to_num(derivatives(rows, one.held, k))
+        np.nan_to_num(derivatives(rows, one.trials, k))
         for one in explanations
-        for k in range(len(one.held))
+        for k in range(len(one.trials))
     ]
     open_ = np.concatenate([np.zeros((*ours.shape, 0)), *columns], axis=2)
     covariance = np.asarray(block_diag(*(one.covariance for one in explanations)))
-    return _Flown(
-        shared=over_noise(open_, noise) @ _root(covariance),
-        apart=over_noise(scatter(rows, background_rpm), noise),
-        difference=over_noise((ours - theirs)[:, :, None], noise)[:, 0],
+    return _FlownManoeuvre(
+        shared=scale_by_noise(open_, noise) @ _covariance_root(covariance),
+        apart=scale_by_noise(scatter_columns(rows, background_rpm), noise),
+        difference=scale_by_noise((ours - theirs)[:, :, None], noise)[:, 0],
     )
 
 
@@ -339,7 +341,7 @@ def rows_of(
     return replace(rows, measured_rpm=rows.speeds(), of_outputs=of_outputs)
 
 
-def _gram(flown: Sequence[_Flown]) -> Floats:
+def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
     """Gram matrix of the columns of S, with d last, of a manoeuvre flown once at each fill."""
     table = np.column_stack(
         [
@@ -359,6 +361,6 @@ def _distance_square(gram: Floats, repeats: int) -> float:
     return float(max(0.0, whole[-1, -1] - explained))
 
 
-def _root(covariance: Floats) -> Floats:
+def _covariance_root(covariance: Floats) -> Floats:
     sizes, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(sizes, 0.0))

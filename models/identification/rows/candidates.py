@@ -96,7 +96,7 @@ class Candidate:
         return np.array(flights, dtype=np.intp), np.array(which, dtype=np.intp)
 
     @property
-    def at_start(self) -> TrialEffect:
+    def initial_effect(self) -> TrialEffect:
         return TrialEffect(candidate=self, values=self.start)
 
     @property
@@ -133,16 +133,16 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
     rotors = reduced.measured_rpm.shape[1]
     most, taught = _flyable_loss(reduced), reduced.model.taught
     found = []
-    for effect in (e for known in catalogue if (e := _beside(reduced, known)) is not None):
+    for effect in (e for known in catalogue if (e := _possible_change(reduced, known)) is not None):
         if effect.begins or (effect.by_flights and reduced.flights == 1):
             continue
         if effect.of_one_rotor:
-            effect = _bounded(effect, most)
+            effect = _bound_loss(effect, most)
         if effect.key == PARASITE_DRAG.key:
-            effect = _of_no_less_than_none(reduced, effect)
+            effect = _bound_drag(reduced, effect)
         for rotor in range(rotors) if effect.of_one_rotor else (None,):
             term = Term(effect=effect, rotor=rotor)
-            if not reduced.lacks(effect) and _would_show(reduced, effect):
+            if not reduced.lacks(effect) and _is_observable(reduced, effect):
                 one = candidate(term, reduced.flights, taught=taught)
                 good, delay_s = reduced.model.good_flights, reduced.delay_s
                 if effect.delays:
@@ -190,7 +190,7 @@ def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
     return found
 
 
-def _beside(reduced: Reduced, effect: Effect) -> Effect | None:
+def _possible_change(reduced: Reduced, effect: Effect) -> Effect | None:
     """The effect, or what of it may have changed where the model has it; None where nothing may.
 
     Outputs answer gusts as they do turns: they show no change of what turning takes.
@@ -203,7 +203,7 @@ def _beside(reduced: Reduced, effect: Effect) -> Effect | None:
     return None if reduced.of_outputs else effect.change(effect, has, scatter)
 
 
-def _would_show(reduced: Reduced, effect: Effect) -> bool:
+def _is_observable(reduced: Reduced, effect: Effect) -> bool:
     """False for an effect that even at its usual size these flights could hardly show."""
     if effect.weight is None:
         return True
@@ -221,7 +221,7 @@ def _flyable_loss(reduced: Reduced) -> float:
     return most if np.isfinite(most) else 1.0
 
 
-def _bounded(effect: Effect, most: float) -> Effect:
+def _bound_loss(effect: Effect, most: float) -> Effect:
     """A rotor's loss that nobody could have flown with is none, nor is a rotor that gains."""
     kept = tuple(
         replace(p, lower=-MOST_GAIN, upper=min(p.upper, max(most, p.scale)))
@@ -232,7 +232,7 @@ def _bounded(effect: Effect, most: float) -> Effect:
     return replace(effect, parameters=kept)
 
 
-def _of_no_less_than_none(reduced: Reduced, effect: Effect) -> Effect:
+def _bound_drag(reduced: Reduced, effect: Effect) -> Effect:
     """Drag that is missing, bounded by what the model has of it: less than none there is not.
 
     As an area at the airspeed up to which the model knows: what rotors and body slow it down by
@@ -265,10 +265,10 @@ def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:
     return Candidate(term=term, start=start, free=tuple(free), log_prior=float(np.log(prior)))
 
 
-def placed(rows: RowsToFit, held: Sequence[TrialEffect]) -> list[Placed]:
+def placed_effects(rows: RowsToFit, trials: Sequence[TrialEffect]) -> list[Placed]:
     """Effects with their values, an array of N where flights have their own."""
     out = []
-    for one in held:
+    for one in trials:
         values: dict[str, Any] = {}
         columns = zip(*one.values.tolist(), strict=True)
         for k, (p, (first, *others)) in enumerate(
@@ -281,61 +281,61 @@ def placed(rows: RowsToFit, held: Sequence[TrialEffect]) -> list[Placed]:
     return out
 
 
-def predicted(rows: RowsToFit, held: Sequence[TrialEffect]) -> Floats:
+def predicted_modes(rows: RowsToFit, trials: Sequence[TrialEffect]) -> Floats:
     """(N, R) rpm in modes."""
-    return rows.in_modes(rows.speeds(placed(rows, held)))
+    return rows.mode_amplitudes(rows.speeds(placed_effects(rows, trials)))
 
 
-def derivatives(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> Floats:
+def derivatives(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> Floats:
     """(T, R, P) rpm in modes by the free values of one of the candidates."""
-    return value_columns(rows, held, of).wide(rows.flight)
+    return value_columns(rows, trials, index).dense(rows.flight)
 
 
-def value_columns(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> ValueColumns:
+def value_columns(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> ValueColumns:
     """The same, those of one flight's own values without the zeros of all others."""
-    free = held[of].candidate.free
+    free = trials[index].candidate.free
     wanted = sorted({k for k, _ in free})
     return ValueColumns.with_source(
-        slopes(rows, held, of, wanted),
+        slopes(rows, trials, index, wanted),
         np.array([wanted.index(k) for k, _ in free], dtype=np.intp),
         np.array([ALL_FLIGHTS if f is None else f for _, f in free], dtype=np.intp),
     )
 
 
 def slopes(
-    rows: RowsToFit, held: Sequence[TrialEffect], of: int, wanted: Sequence[int] | None = None
+    rows: RowsToFit, trials: Sequence[TrialEffect], index: int, wanted: Sequence[int] | None = None
 ) -> Floats:
     """(T, R, K) rpm in modes by the parameters of one of the candidates, or those `wanted`, by
     central differences.
 
     A value at its bound is moved to one side only, one beyond its bounds not at all.
     """
-    one = held[of]
+    one = trials[index]
     parameters = one.candidate.term.effect.parameters
     if one.candidate.unnamed and place_of(one.candidate.term.effect)[1] != CONSTANT:
-        knots = _of_curve(rows, held, of)
+        knots = _curve_slopes(rows, trials, index)
         return knots if wanted is None else knots[:, :, list(wanted)]
     columns = [np.zeros((*rows.measured_rpm.shape, 0))]
-    still = placed(rows, held)
+    still = placed_effects(rows, trials)
     for k in range(len(parameters)) if wanted is None else wanted:
         p = parameters[k]
         ends = []
         for sign in (1.0, -1.0):
             values = one.values.copy()
             values[:, k] = np.clip(values[:, k] + sign * STEP * p.scale, p.lower, p.upper)
-            moved = placed(rows, [replace(one, values=values)])
-            speeds = rows.speeds([*still[:of], *moved, *still[of + 1 :]])
-            ends.append((rows.in_modes(speeds), values[:, k]))
+            moved = placed_effects(rows, [replace(one, values=values)])
+            speeds = rows.speeds([*still[:index], *moved, *still[index + 1 :]])
+            ends.append((rows.mode_amplitudes(speeds), values[:, k]))
         (above, up), (below, down) = ends
         width = np.where(up == down, np.inf, up - down)[rows.flight]
         columns.append(((above - below) / width[:, None])[:, :, None])
     return np.concatenate(columns, axis=2)
 
 
-def _of_curve(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> Floats:
+def _curve_slopes(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> Floats:
     """(T, R, K) rpm in modes by the knots of a cause without a name: what the same all the time
     would do, in the proportion in which each row has the knot."""
-    one, rest = held[of], [*held[:of], *held[of + 1 :]]
+    one, rest = trials[index], [*trials[:index], *trials[index + 1 :]]
     mode, channel = place_of(one.candidate.term.effect)
     term = Term(effect=UNNAMED[mode, CONSTANT], rotor=one.candidate.term.rotor)
     flat = candidate(term, rows.flights)
@@ -343,7 +343,7 @@ def _of_curve(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> Floats:
     ends = []
     for sign in (1.0, -1.0):
         values = flat.start + sign * STEP * p.scale
-        ends.append(predicted(rows, [*rest, TrialEffect(candidate=flat, values=values)]))
+        ends.append(predicted_modes(rows, [*rest, TrialEffect(candidate=flat, values=values)]))
     slope = (ends[0] - ends[1]) / (2.0 * STEP * p.scale)
     shape = curve_columns(np.asarray(ALONG[channel].read(rows.channels)), *one.values[0, -2:])
     return slope[:, :, None] * shape[:, None, :]

@@ -75,10 +75,10 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
     if flight.of_outputs or flight.lacks(ROTOR_SPEED_LAG):
         return UNKNOWN
     flight, bins = flight.rows(np.arange(min(ENOUGH, bins.size))), bins[:ENOUGH]
-    measured = flight.in_modes(flight.measured_rpm)
+    measured = flight.mode_amplitudes(flight.measured_rpm)
 
     def left(delay: float) -> Floats:
-        return _within(measured - _predicted(flight, delay), bins)
+        return _subtract_bin_means(measured - _predict_delayed(flight, delay), bins)
 
     (lag,) = ROTOR_SPEED_LAG.parameters
     tried = np.arange(lag.lower, lag.upper, lag.scale)  # from nothing, steps may end anywhere
@@ -106,12 +106,12 @@ def _log_likelihood(residual: Floats) -> float:
     return -0.5 * len(residual) * float(np.log(np.sum(residual**2, axis=0)).sum())
 
 
-def _predicted(flight: Problem, delay: float) -> Floats:
+def _predict_delayed(flight: Problem, delay: float) -> Floats:
     placed = Placed(effect=ROTOR_SPEED_LAG, rotor=None, values={"lag": delay})
-    return flight.in_modes(flight.speeds([placed]))
+    return flight.mode_amplitudes(flight.speeds([placed]))
 
 
-def _within(values: Floats, bins: NDArray[np.intp]) -> Floats:
+def _subtract_bin_means(values: Floats, bins: NDArray[np.intp]) -> Floats:
     """(T, R) less the mean over each bin."""
     _, start, of = np.unique(bins, return_index=True, return_inverse=True)
     mean = np.add.reduceat(values, start, axis=0) / np.bincount(of)[:, None]

@@ -66,7 +66,7 @@ class Whitening:
         out *= (self.weight / self.scale)[:, :, *[None] * (values.ndim - 2)]
         return out
 
-    def of_means(self, kept: Bools) -> Whitening:
+    def select_means(self, kept: Bools) -> Whitening:
         """Of some of the n means only."""
         return replace(
             self,
@@ -78,7 +78,7 @@ class Whitening:
         )
 
 
-def plain(
+def unfiltered_whitening(
     residual: Floats,
     flight: NDArray[np.intp],
     of_outputs: bool = False,
@@ -126,11 +126,11 @@ def whitening_of(
     unfiltered = slow[rows]
     filtered = rows[~unfiltered]
     coefficients, scale = np.zeros((modes, ORDER)), np.ones((rows.size, modes))
-    states = [_states(busy[rows], flight[rows] == f) for f in range(flights)]
+    states = [_state_masks(busy[rows], flight[rows] == f) for f in range(flights)]
     least = LEAST_NOISE * mean_speed_rpm
     for mode in range(modes):
         e = residual[:, mode]
-        size = np.array([_size(e[flight == f]) for f in range(flights)])[flight]
+        size = np.array([_robust_size(e[flight == f]) for f in range(flights)])[flight]
         e = e / np.maximum(size, least)
         past = np.stack([e[filtered - 1], e[filtered - 2]], axis=1)
         kept = np.abs(np.column_stack([e[filtered], past])).max(axis=1) < HUBER
@@ -141,9 +141,9 @@ def whitening_of(
         left = e[rows] - np.stack([e[rows - 1], e[rows - 2]], axis=1) @ coefficients[mode]
         left[unfiltered] = e[rows[unfiltered]]
         for state in (s for of_flight in states for s in of_flight):
-            scale[state, mode] = _size(left[state])
+            scale[state, mode] = _robust_size(left[state])
         for f in np.unique(flight[rows[unfiltered]]):
-            scale[unfiltered & (flight[rows] == f), mode] *= _shared(e[flight == f])
+            scale[unfiltered & (flight[rows] == f), mode] *= _correlation_factor(e[flight == f])
     scale = np.maximum(scale, least)
     plain = Whitening(
         rows=rows,
@@ -164,13 +164,13 @@ def whitening_of(
     )
 
 
-def _states(busy: Bools, mine: Bools) -> list[Bools]:
+def _state_masks(busy: Bools, mine: Bools) -> list[Bools]:
     """The means of one flight in calm and in manoeuvres; in one where either are too few."""
     parts = [mine & ~busy, mine & busy]
     return parts if min(int(p.sum()) for p in parts) >= FEWEST else [mine]
 
 
-def _shared(values: Floats) -> float:
+def _correlation_factor(values: Floats) -> float:
     """Return by how much correlation r of successive values (N,) widens the error of their mean.
 
     That is sqrt((1 + r) / (1 - r)) of a first-order process (Bartlett 1946), 1 for too few values.
@@ -183,7 +183,7 @@ def _shared(values: Floats) -> float:
     return float(np.sqrt((1.0 + r) / (1.0 - r)))
 
 
-def _size(values: Floats) -> float:
+def _robust_size(values: Floats) -> float:
     """Standard deviation by the median absolute deviation from the median."""
     if values.size < 2:
         return 0.0
@@ -195,11 +195,15 @@ FORM = 0.25  # of lift and of drag, that their forms may be off by beyond the kn
 
 def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:
     """(D, T, R) rpm: independent directions, each of the size of one standard deviation."""
-    parts = [*_of_members(model, x), *_beyond(model, base, x), *_of_effects(model, base, x)]
+    parts = [
+        *_member_deviations(model, x),
+        *_extrapolation_errors(model, base, x),
+        *_effect_errors(model, base, x),
+    ]
     return np.stack(parts) if parts else np.zeros((0, x.time_s.size, base.effectiveness.size))
 
 
-def _of_members(model: RotorModel, x: Channels) -> list[Floats]:
+def _member_deviations(model: RotorModel, x: Channels) -> list[Floats]:
     """How each member of the ensemble differs from their mean, at the edge of the training beyond
     it; scaled so that the squares add up to the members' variance."""
     network, domain = model.network, model.training_domain
@@ -213,7 +217,7 @@ def _of_members(model: RotorModel, x: Channels) -> list[Floats]:
     return list((speeds - speeds.mean(axis=0)) / np.sqrt(network.members - 1.0))
 
 
-def _beyond(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
+def _extrapolation_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
     """What a part of the lift, and of the drag, changes beyond the airspeeds that are known."""
     flight, known = model.forward_flight, model.known_airspeed
     if flight is None or not np.any(x.airspeed > known):
@@ -235,7 +239,7 @@ def _beyond(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
     return [np.nan_to_num(now * (growth(other) / growth(flight) - 1.0)) for other in others]
 
 
-def _of_effects(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
+def _effect_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
     """What one standard deviation of each identified value changes."""
     placed = model.placed
     if not placed:
@@ -250,11 +254,11 @@ def _of_effects(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]
             error = (found.ci95[1] - found.ci95[0]) / 2 / ERRORS
             if not error > 0.0:
                 continue
-            moved = _moved(item, parameter.name, error)
+            moved = _move_value(item, parameter.name, error)
             other = rotor_speed_rpm(base, (*placed[:k], moved, *placed[k + 1 :]), x)
             parts.append(np.nan_to_num(other - now))
     return parts
 
 
-def _moved(item: Placed, name: str, by: float) -> Placed:
+def _move_value(item: Placed, name: str, by: float) -> Placed:
     return replace(item, values={**item.values, name: item.values[name] + by})

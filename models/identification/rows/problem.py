@@ -67,7 +67,7 @@ class RowsToFit:
     def lacks(self, effect: Effect) -> tuple[str, ...]:
         """The channels that the effect needs or reads and that not every row has."""
         read = dict.fromkeys((*effect.needs, *effect.neutral))
-        return tuple(name for name in read if not _reported(self.channels.read(name)))
+        return tuple(name for name in read if not _is_complete(self.channels.read(name)))
 
     def speeds(self, placed: Sequence[Placed] = (), *, without: int | None = None) -> Floats:
         """(T, R) rpm with effects besides those that the model has, or all of those but one."""
@@ -78,7 +78,7 @@ class RowsToFit:
                 speed = scaled_to(np.sum(self.measured_rpm**2, axis=1), speed)
         return speed
 
-    def in_modes(self, speed_rpm: Floats) -> Floats:
+    def mode_amplitudes(self, speed_rpm: Floats) -> Floats:
         """Amplitudes (..., R) rpm of the modes of speeds or their differences."""
         return speed_rpm @ self.modes.directions
 
@@ -130,9 +130,9 @@ def airspeed_is_ground_speed(track: FlightTrack) -> bool:
     return track.source("airspeed").meaning is Meaning.GROUND_SPEED
 
 
-def _reported(channel: Any) -> bool:
+def _is_complete(channel: Any) -> bool:
     if isinstance(channel, tuple):
-        return all(_reported(c) for c in channel)
+        return all(_is_complete(c) for c in channel)
     return isinstance(channel, np.ndarray) and bool(np.isfinite(channel).all())
 
 
@@ -142,17 +142,17 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
     Raises AirframeError for a wrong rotor count and DataError when a flight has too few rows.
     """
     of_outputs(tracks)  # raises where flights are of both kinds
-    stride = stride_of(model, tracks)
-    return joined([thinned(assemble_flight(model, track), stride) for track in tracks])
+    stride = row_stride(model, tracks)
+    return join_flights([thin_rows(assemble_flight(model, track), stride) for track in tracks])
 
 
-def stride_of(model: RotorModel, tracks: Sequence[FlightTrack]) -> int:
+def row_stride(model: RotorModel, tracks: Sequence[FlightTrack]) -> int:
     """Every how many rows of flights are kept, so that about MOST_ROWS are."""
     rows = sum(int(training_rows(track, model.inputs).sum()) for track in tracks)
     return max(1, -(-rows // MOST_ROWS))
 
 
-def flown_s(model: RotorModel, track: FlightTrack) -> float:
+def usable_seconds(model: RotorModel, track: FlightTrack) -> float:
     """How long a flight is that can be fitted."""
     rows = training_rows(track, model.inputs)
     return float(rows.sum() * np.median(np.diff(track.time_s))) if rows.any() else 0.0
@@ -169,7 +169,7 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
     if model.network is None and airspeed_is_ground_speed(track):
         track = replace(track, airspeed=np.full_like(track.airspeed, np.nan))
     track = by_thermometer(track, model.thermometer)
-    track = replace(track, voltage=_without_noise(track))
+    track = replace(track, voltage=_smooth_voltage(track))
     channels = model_channels(model, track, effects=effects_for(airframe))
     keep = training_rows(track, model.inputs)
     if "airspeed" in model.inputs:
@@ -216,7 +216,7 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
     )
 
 
-def _without_noise(track: FlightTrack) -> Floats:
+def _smooth_voltage(track: FlightTrack) -> Floats:
     """(T,) V in flight, without the sensor's noise, beside which an exponent comes out too small.
 
     Source: Fuller 1987, Measurement Error Models, chapter 1 (attenuation).
@@ -226,13 +226,13 @@ def _without_noise(track: FlightTrack) -> Floats:
     return np.where(np.isfinite(track.voltage), mean, np.nan)
 
 
-def thinned(problem: Problem, stride: int) -> Problem:
+def thin_rows(problem: Problem, stride: int) -> Problem:
     """Every so many rows."""
     which = np.arange(0, problem.measured_rpm.shape[0], stride)
     return problem if stride == 1 else problem.rows(which)
 
 
-def joined(parts: Sequence[Problem]) -> Problem:
+def join_flights(parts: Sequence[Problem]) -> Problem:
     """Flights of one aircraft under each other; of motor outputs, with how flights differ."""
     counts = np.cumsum([0, *(p.block_flight.size for p in parts)])
     problem = replace(
@@ -248,6 +248,6 @@ def joined(parts: Sequence[Problem]) -> Problem:
     )
     if not problem.of_outputs:
         return problem
-    residual = problem.in_modes(problem.measured_rpm - problem.speeds())
+    residual = problem.mode_amplitudes(problem.measured_rpm - problem.speeds())
     spread = spread_of_flights(residual, problem.flight, problem.background_rpm)
     return replace(problem, background_rpm=spread)

@@ -22,10 +22,10 @@ from thrustmargin.models.identification.rows.problem import (
     Problem,
     RowsToFit,
     assemble_flight,
-    flown_s,
-    joined,
-    stride_of,
-    thinned,
+    join_flights,
+    row_stride,
+    thin_rows,
+    usable_seconds,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -64,15 +64,15 @@ def rows_and_means(
     """The rows as `problem.assemble` thins them, and the means of all rows, with `delays` those of
     the rotor speeds; one flight at a time is held in full."""
     of_outputs(tracks)  # raises where flights are of both kinds
-    stride = stride_of(model, tracks)
-    seconds = sum(flown_s(model, track) for track in tracks)
+    stride = row_stride(model, tracks)
+    seconds = sum(usable_seconds(model, track) for track in tracks)
     every = -(-int(seconds / (BIN * froude_time_scale(model.airframe))) // MOST_MEANS)
     length = min(STRETCH, max(LEAST_STRETCH, MOST_MEANS // len(tracks)))
     rows, parts, late = [], [], []
     for index, track in enumerate(tracks):
         whole = assemble_flight(model, track)
-        rows.append(thinned(whole, stride))
-        parts.append(_stretches(_means(whole, index), index, every, length))
+        rows.append(thin_rows(whole, stride))
+        parts.append(_select_stretches(_bin_means(whole, index), index, every, length))
         late.append(delay_of(whole) if delays else UNKNOWN)
     first = parts[0]
     channels = concatenate([p.channels for p in parts])
@@ -86,22 +86,22 @@ def rows_and_means(
         delay_s=np.array(late),
         names=tuple(name for p in parts for name in p.names),
     )
-    return joined(rows), means
+    return join_flights(rows), means
 
 
 def delay_of(flight: Problem) -> Floats:
     """(2,) s of all rows of one flight; `delay_of_rows`."""
-    return delay_of_rows(flight, _bins(flight))
+    return delay_of_rows(flight, _bin_numbers(flight))
 
 
-def _bins(flight: Problem) -> NDArray[np.intp]:
+def _bin_numbers(flight: Problem) -> NDArray[np.intp]:
     """(T,) which mean each row is of."""
     time_s = flight.channels.time_s
     long = BIN * froude_time_scale(flight.model.airframe)
     return ((time_s - time_s[0]) / long).astype(np.intp)
 
 
-def _stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
+def _select_stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
     """Every so many stretches of `length` means that follow each other, one at the least."""
     place = np.arange(means.flight.size) // length
     kept = np.flatnonzero((place + flight) % every == 0)
@@ -117,8 +117,8 @@ def _stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
     )
 
 
-def _means(problem: Problem, index: int) -> Reduced:
-    bins, start, count = np.unique(_bins(problem), return_index=True, return_counts=True)
+def _bin_means(problem: Problem, index: int) -> Reduced:
+    bins, start, count = np.unique(_bin_numbers(problem), return_index=True, return_counts=True)
     full = count >= LEAST_FILL * np.median(count)
 
     def mean(values: Floats) -> Floats:

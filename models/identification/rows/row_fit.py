@@ -16,8 +16,12 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.identification.rows.candidates import TrialEffect, derivatives, predicted
-from thrustmargin.models.identification.rows.noise import Whitening, plain
+from thrustmargin.models.identification.rows.candidates import (
+    TrialEffect,
+    derivatives,
+    predicted_modes,
+)
+from thrustmargin.models.identification.rows.noise import Whitening, unfiltered_whitening
 from thrustmargin.models.identification.rows.problem import Problem
 
 ROUNDS = 2  # of weights by what is left
@@ -57,7 +61,7 @@ class RowSums:
         system = total[:-1, :-1] + np.diag(self.prior)
         return np.asarray(np.linalg.solve(system, total[:-1, -1] + self.pull), dtype=np.float64)
 
-    def left_out_costs(self) -> Floats:
+    def held_out_costs(self) -> Floats:
         """(F,) cost of each flight under the values that the others give."""
         each = self.by_flight()
         total, costs = each.sum(axis=0), []
@@ -66,7 +70,7 @@ class RowSums:
             costs.append(float(weights @ own @ weights))
         return np.array(costs)
 
-    def held_at(self, free: Sequence[int], move: Floats) -> RowSums:
+    def fix_values(self, free: Sequence[int], move: Floats) -> RowSums:
         """With the values moved (P,) and only some of them free."""
         chosen = np.zeros((self.prior.size + 1, len(free) + 1))
         chosen[list(free), np.arange(len(free))] = 1.0
@@ -83,7 +87,7 @@ class RowSums:
 class RowFit:
     """Effects with the values found, and the sums about them."""
 
-    held: tuple[TrialEffect, ...]
+    trials: tuple[TrialEffect, ...]
     filter: Whitening
     columns: Floats  # (T, R, P) rpm in modes
     sums: RowSums
@@ -91,7 +95,7 @@ class RowFit:
 
 def fit_rows(
     problem: Problem,
-    held: Sequence[TrialEffect],
+    trials: Sequence[TrialEffect],
     chosen: Bools | None = None,
     known_rpm: Floats | float = 0.0,
 ) -> RowFit:
@@ -100,52 +104,54 @@ def fit_rows(
     `known_rpm` (R,) is what the base model may be off by in each mode: quiet sensors do not make it
     any truer.
     """
-    held = tuple(held)
-    measured = problem.in_modes(problem.measured_rpm)
+    trials = tuple(trials)
+    measured = problem.mode_amplitudes(problem.measured_rpm)
     chosen = np.ones(problem.block_flight.size, dtype=bool) if chosen is None else chosen
     rows = chosen[problem.block]
 
     def residual(of: Sequence[TrialEffect]) -> Floats:
-        return np.nan_to_num(measured - predicted(problem, of))
+        return np.nan_to_num(measured - predicted_modes(problem, of))
 
-    left = residual(held)
-    for _ in range(ROUNDS if any(h.candidate.free for h in held) else 1):
-        filter_ = plain(left, problem.flight, problem.of_outputs, known_rpm)
+    left = residual(trials)
+    for _ in range(ROUNDS if any(h.candidate.free for h in trials) else 1):
+        filter_ = unfiltered_whitening(left, problem.flight, problem.of_outputs, known_rpm)
         for _ in range(STEPS):
-            columns = _columns(problem, held)
-            sums = _sums(problem, held, filter_, columns, left)
-            taken = inside_bounds(sums, sums.sums[chosen].sum(axis=0), held)
-            size = np.array([p.scale for h in held for p in h.candidate.parameters])
+            columns = _columns(problem, trials)
+            sums = _row_sums(problem, trials, filter_, columns, left)
+            taken = bounded_step(sums, sums.sums[chosen].sum(axis=0), trials)
+            size = np.array([p.scale for h in trials for p in h.candidate.parameters])
             taken = np.clip(taken, -FARTHEST * size, FARTHEST * size)
-            merit = _merit(held, sums.prior, filter_.apply(left)[rows])
+            merit = _merit(trials, sums.prior, filter_.apply(left)[rows])
             gained = 0.0
             for shrink in SHRINK:
-                moved = moved_by(held, shrink * taken)
+                moved = move_values(trials, shrink * taken)
                 new = residual(moved)
                 value = _merit(moved, sums.prior, filter_.apply(new)[rows])
                 if value < merit:
-                    gained, held, left = merit - value, moved, new
+                    gained, trials, left = merit - value, moved, new
                     break
             if gained <= CONVERGED * merit:
                 break
-    filter_ = plain(left, problem.flight, problem.of_outputs, known_rpm)
-    columns = _columns(problem, held)
-    sums = _sums(problem, held, filter_, columns, left)
-    return RowFit(held=held, filter=filter_, columns=columns, sums=sums)
+    filter_ = unfiltered_whitening(left, problem.flight, problem.of_outputs, known_rpm)
+    columns = _columns(problem, trials)
+    sums = _row_sums(problem, trials, filter_, columns, left)
+    return RowFit(trials=trials, filter=filter_, columns=columns, sums=sums)
 
 
-def costs_by(problem: Problem, fit: RowFit, filter_: Whitening) -> Floats:
+def held_out_costs_with(problem: Problem, fit: RowFit, filter_: Whitening) -> Floats:
     """(F,) what a fit leaves of each flight left out, by the filter of another fit: a fit's own is
     as wide as what it leaves, and so its costs compare with nobody's."""
-    left = np.nan_to_num(problem.in_modes(problem.measured_rpm) - predicted(problem, fit.held))
-    return _sums(problem, fit.held, filter_, fit.columns, left).left_out_costs()
+    left = np.nan_to_num(
+        problem.mode_amplitudes(problem.measured_rpm) - predicted_modes(problem, fit.trials)
+    )
+    return _row_sums(problem, fit.trials, filter_, fit.columns, left).held_out_costs()
 
 
-def inside_bounds(sums: RowSums, total: Floats, held: Sequence[TrialEffect]) -> Floats:
+def bounded_step(sums: RowSums, total: Floats, trials: Sequence[TrialEffect]) -> Floats:
     """(P,) the move of the values; one at a bound that would leave it stays, and the others move as
     is best without it."""
-    value = np.concatenate([np.zeros(0), *(h.free_values for h in held)])
-    which = [h.candidate.parameters for h in held]
+    value = np.concatenate([np.zeros(0), *(h.free_values for h in trials)])
+    which = [h.candidate.parameters for h in trials]
     low = np.array([p.lower for of in which for p in of])
     high = np.array([p.upper for of in which for p in of])
     taken, free = np.zeros(value.size), np.ones(value.size, dtype=bool)
@@ -153,23 +159,27 @@ def inside_bounds(sums: RowSums, total: Floats, held: Sequence[TrialEffect]) -> 
         some = np.flatnonzero(free)
         taken[:] = 0.0
         kept = np.append(some, value.size)
-        taken[some] = sums.held_at(some.tolist(), taken).move(total[np.ix_(kept, kept)])
+        taken[some] = sums.fix_values(some.tolist(), taken).move(total[np.ix_(kept, kept)])
         out = ((value <= low) & (taken < 0.0)) | ((value >= high) & (taken > 0.0))
         if not np.any(out):
             return taken
         free &= ~out
 
 
-def _columns(problem: Problem, held: Sequence[TrialEffect]) -> Floats:
+def _columns(problem: Problem, trials: Sequence[TrialEffect]) -> Floats:
     empty = np.zeros((*problem.measured_rpm.shape, 0))
-    parts = [derivatives(problem, held, k) for k in range(len(held))]
+    parts = [derivatives(problem, trials, k) for k in range(len(trials))]
     return np.nan_to_num(np.concatenate([empty, *parts], axis=2))
 
 
-def _sums(
-    problem: Problem, held: Sequence[TrialEffect], filter_: Whitening, columns: Floats, left: Floats
+def _row_sums(
+    problem: Problem,
+    trials: Sequence[TrialEffect],
+    filter_: Whitening,
+    columns: Floats,
+    left: Floats,
 ) -> RowSums:
-    away, weight = _from_absent(held), RIDGE * left.shape[0] / _sizes(held) ** 2
+    away, weight = _distances_from_absent(trials), RIDGE * left.shape[0] / _usual_sizes(trials) ** 2
     whole = np.concatenate([columns, left[:, :, None]], axis=2)
     return RowSums(
         sums=block_sums(filter_, whole, problem.block),
@@ -180,26 +190,26 @@ def _sums(
     )
 
 
-def _merit(held: Sequence[TrialEffect], prior: Floats, z: Floats) -> float:
-    return float(np.sum(z**2) + np.sum(prior * _from_absent(held) ** 2))
+def _merit(trials: Sequence[TrialEffect], prior: Floats, z: Floats) -> float:
+    return float(np.sum(z**2) + np.sum(prior * _distances_from_absent(trials) ** 2))
 
 
-def _sizes(held: Sequence[TrialEffect]) -> Floats:
-    return np.array([p.scale for h in held for p in h.candidate.parameters])
+def _usual_sizes(trials: Sequence[TrialEffect]) -> Floats:
+    return np.array([p.scale for h in trials for p in h.candidate.parameters])
 
 
-def _from_absent(held: Sequence[TrialEffect]) -> Floats:
+def _distances_from_absent(trials: Sequence[TrialEffect]) -> Floats:
     """(P,) how far each value is from nothing; none where there is no such value."""
     pairs = [
-        (p, v) for h in held for p, v in zip(h.candidate.parameters, h.free_values, strict=True)
+        (p, v) for h in trials for p, v in zip(h.candidate.parameters, h.free_values, strict=True)
     ]
     return np.array([0.0 if p.absent is None else v - p.absent for p, v in pairs])
 
 
-def moved_by(held: Sequence[TrialEffect], by: Floats) -> tuple[TrialEffect, ...]:
+def move_values(trials: Sequence[TrialEffect], by: Floats) -> tuple[TrialEffect, ...]:
     """With all free values (P,) moved, each kept within its bounds."""
-    ends = np.cumsum([0, *(len(h.candidate.free) for h in held)])
-    return tuple(h.moved(by[a:b]) for h, (a, b) in zip(held, pairwise(ends), strict=True))
+    ends = np.cumsum([0, *(len(h.candidate.free) for h in trials)])
+    return tuple(h.moved(by[a:b]) for h, (a, b) in zip(trials, pairwise(ends), strict=True))
 
 
 def half_widths(

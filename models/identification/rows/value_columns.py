@@ -29,7 +29,7 @@ class ValueColumns:
     mode: NDArray[np.intp]  # (q,) the one mode in which it is not zero, or ALL_MODES
 
     @classmethod
-    def of_all(cls, values: Floats) -> ValueColumns:
+    def from_values(cls, values: Floats) -> ValueColumns:
         """Columns (N, R, q) of all flights."""
         return cls.with_source(values, np.arange(values.shape[2]))
 
@@ -52,11 +52,11 @@ class ValueColumns:
     def count(self) -> int:
         return self.source.size
 
-    def in_flight(self, flight: int) -> NDArray[np.intp]:
+    def active_in(self, flight: int) -> NDArray[np.intp]:
         """(u,) the columns that are not zero throughout a flight."""
         return np.flatnonzero((self.flight == ALL_FLIGHTS) | (self.flight == flight))
 
-    def without_nan(self) -> ValueColumns:
+    def replace_nan(self) -> ValueColumns:
         """With 0 where something is not known."""
         return replace(self, values=np.nan_to_num(self.values))
 
@@ -71,7 +71,7 @@ class ValueColumns:
             found[mine] = sums[self.mode[mine], self.source[mine]]
         return found
 
-    def wide(self, flight: NDArray[np.intp]) -> Floats:
+    def dense(self, flight: NDArray[np.intp]) -> Floats:
         """(N, R, q) written out, for rows of the flights (N,)."""
         there = (self.flight == ALL_FLIGHTS) | (self.flight == flight[:, None])
         modes = np.arange(self.values.shape[1])[:, None]
@@ -79,7 +79,7 @@ class ValueColumns:
         return self.values[:, :, self.source] * (there[:, None, :] & acts)
 
 
-def side_by_side(parts: Sequence[ValueColumns]) -> ValueColumns:
+def concatenate_columns(parts: Sequence[ValueColumns]) -> ValueColumns:
     """All columns of some parts, in their order."""
     first = np.cumsum([0, *(p.values.shape[2] for p in parts)])
     return ValueColumns(

@@ -22,7 +22,10 @@ from thrustmargin.models.identification.certainty import ERRORS
 
 FALSE_ENTRIES = 0.01  # wanted of one aircraft in one season
 LEAST_FLIGHTS, LEAST_LINE = 3, 5  # in a segment; on a line
-WILD, AROUND = 3.0, 5  # errors beyond which a flight is drawn in to its neighbours' median; flights
+OUTLIER, NEIGHBOURS = (
+    3.0,
+    5,
+)  # errors beyond which a flight is drawn in to its neighbours' median; flights
 QUARTILE = float(ndtri(0.75))  # standard deviations of the median absolute deviation
 
 
@@ -77,11 +80,11 @@ def spread_of(values: Floats) -> float:
     return float(np.median(np.abs(second)) / QUARTILE / np.sqrt(6.0)) if second.size else 0.0
 
 
-def drawn_in(values: Floats, errors: Floats) -> Floats:
+def clip_outliers(values: Floats, errors: Floats) -> Floats:
     """Values of which a single wild flight is no further from its neighbours' median than WILD
     times its error and theirs together."""
-    middle = median_filter(values, AROUND, mode="nearest")
-    far = WILD * np.hypot(errors, median_filter(errors, AROUND, mode="nearest"))
+    middle = median_filter(values, NEIGHBOURS, mode="nearest")
+    far = OUTLIER * np.hypot(errors, median_filter(errors, NEIGHBOURS, mode="nearest"))
     return middle + np.clip(values - middle, -far, far)
 
 
@@ -134,7 +137,7 @@ class _ConstantOrLine:
         return _Piece(*(float(value) for value in of))
 
 
-def placed(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
+def recount_flights(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
     """An entry of the flights at the places `where`, counted over all flights."""
     after = [*where.tolist(), int(where[-1]) + 1]
     counted = ("flight", "earliest", "latest", "until")
@@ -166,7 +169,7 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
     """
     if values.size < 2 * LEAST_FLIGHTS:
         return [], np.full(values.size, float(np.mean(values)) if values.size else np.nan)
-    values = drawn_in(values, errors)
+    values = clip_outliers(values, errors)
     sums = _ConstantOrLine(values, errors, penalty)
     pieces = segments(values, errors, penalty)
     fits = [sums.fitted(*piece) for piece in pieces]
@@ -177,7 +180,9 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
         if k:
             began, old = pieces[k - 1][0], fits[k - 1]
             before = float(old.at(start - 1))
-            bent = _hinge(values, errors, began, end, line=bool(old.slope)) if now.slope else None
+            bent = (
+                _fit_hinge(values, errors, began, end, line=bool(old.slope)) if now.slope else None
+            )
             if bent is not None and bent[0] - now.squares - old.squares <= penalty:
                 dates = bent[1]
             else:
@@ -187,7 +192,9 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
                     SeasonEntry(
                         ramp=False,
                         flight=start,
-                        earliest=min(start, (tried := _step(values, errors, began, end))[0]),
+                        earliest=min(
+                            start, (tried := _step_interval(values, errors, began, end))[0]
+                        ),
                         latest=max(start, tried[1]),
                         until=end,
                         before=before,
@@ -218,23 +225,23 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
     return found, curve
 
 
-def _profile(costs: Floats, first: int) -> tuple[int, int, int]:
+def _date_interval(costs: Floats, first: int) -> tuple[int, int, int]:
     """The flight of the least cost, and the first and last that cost no more above it than a
     date of 95 % has (chi-squared of one value)."""
     good = np.flatnonzero(costs <= costs.min() + ERRORS**2)
     return int(np.argmin(costs)) + first, int(good[0]) + first, int(good[-1]) + first
 
 
-def _step(values: Floats, errors: Floats, began: int, end: int) -> tuple[int, int]:
+def _step_interval(values: Floats, errors: Floats, began: int, end: int) -> tuple[int, int]:
     """Earliest and latest flight of the step in a stretch, each side with its own line."""
     sums = _ConstantOrLine(values, errors, 0.0)
     tried = np.arange(began + LEAST_FLIGHTS, end - LEAST_FLIGHTS + 1)
     costs = sums.costs(began, tried)
     costs += sums.costs(tried, end)
-    return _profile(costs, int(tried[0]))[1:]
+    return _date_interval(costs, int(tried[0]))[1:]
 
 
-def _hinge(
+def _fit_hinge(
     values: Floats, errors: Floats, began: int, end: int, line: bool
 ) -> tuple[float, tuple[int, int, int]]:
     """The squares left by two lines that meet (the first of them flat unless `line`), and the
@@ -256,4 +263,4 @@ def _hinge(
     system, along = np.moveaxis(system[:used, :used], 2, 0), along[:used].T
     size = np.linalg.solve(system, along[:, :, None]).squeeze(2)
     costs = float(w @ y**2) - np.sum(along * size, axis=1)
-    return float(np.min(costs)), _profile(costs, int(tried[0]) + 1)
+    return float(np.min(costs)), _date_interval(costs, int(tried[0]) + 1)

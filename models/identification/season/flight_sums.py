@@ -6,7 +6,7 @@ the discrepancy, noise). With that marginalised, all that the flight says is [J 
 of flights add up, so a season is identified without its rows (`season_sums`).
 
 A rotor's loss bends: 8 % does 6 % more than 8 times what 1 % does. The columns of what it does
-beyond its derivative, over d², are kept too, so that sums can be had about any loss (`about`).
+beyond its derivative, over d², are kept too, so that sums can be had about any loss (`linearise_at`).
 
 A rotor's share of the torque moves nothing while it has lost nothing. Its column is therefore what
 the share changes in the derivative by the loss, and its value is loss x (share - usual share).
@@ -32,7 +32,7 @@ from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     TrialEffect,
     derivatives,
-    predicted,
+    predicted_modes,
     slopes,
 )
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
@@ -40,7 +40,7 @@ from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flig
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.model.rotor_model import RotorModel
 
-BENT_AT = 0.1  # of thrust lost, up to which the bend is that of a chord
+BEND_SPAN = 0.1  # of thrust lost, up to which the bend is that of a chord
 #: of each column: value of no effect, bounds, usual size, flight-to-flight scatter of a sound
 #: aircraft, 1 where the value is a single flight's own, 1 where it only shapes an effect
 LIMITS = ("absent", "lower", "upper", "scale", "smallest", "per_flight", "shapes")
@@ -66,7 +66,7 @@ class FlightEvidence:
         """(q,) one column of LIMITS."""
         return self.limits[:, LIMITS.index(name)]
 
-    def about(self, values: Floats) -> Floats:
+    def linearise_at(self, values: Floats) -> Floats:
         """(q + 1, q + 1) of [derivatives, residual] where the bent values are as in `values` (q,),
         so that r = J d still holds for the values d from 0: r + Q v² = (J + 2 Q v) d."""
         size, bends = len(self.names), len(self.bent)
@@ -89,7 +89,7 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
     space = search_space(model, [track], catalogue, reduced)
     names, limits, columns, bent, bends = [], [], [], [], []
     for c, one in enumerate(space.candidates):
-        columns.append(_derivatives(reduced, one, space.at_start.get(c)))
+        columns.append(_derivatives(reduced, one, space.start_derivatives.get(c)))
         first = len(names)
         suffix = "" if one.term.rotor is None else f"@{one.term.rotor + 1}"
         for (_, flight), p, start in zip(one.free, one.parameters, one.start_values, strict=True):
@@ -102,10 +102,10 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
                 absent, lower, upper, scale = 0.0, -1.0, 1.0, TORQUE_SHARE.scale
             own = (float(flight is not None), float(p.detail))
             limits.append((absent, lower, upper, scale, p.smallest, *own))
-    residual = reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ())
+    residual = reduced.mode_amplitudes(reduced.measured_rpm) - predicted_modes(reduced, ())
     last = [np.stack([*bends, residual], axis=2)]
     whole = np.nan_to_num(np.concatenate([*columns, *last], axis=2))
-    solved = space.nuisance.solved()
+    solved = space.nuisance.marginalise()
     sums = space.nuisance.sums(whole)
     gram = solved.reduce(sums)
     gram = (gram + gram.T) / 2.0
@@ -127,7 +127,7 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
 def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floats:
     """(N, R, P) rpm in modes by the values of a candidate at its start, perhaps `found` before."""
     if found is None:
-        found = derivatives(reduced, [one.at_start], 0)
+        found = derivatives(reduced, [one.initial_effect], 0)
     shares = [k for k, p in enumerate(one.parameters) if p.name == TORQUE_SHARE.name]
     if one.term.effect.of_one_rotor and shares:
         moved = one.start.copy()
@@ -141,9 +141,11 @@ def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floa
 def _bend(reduced: Reduced, one: Candidate, slope: Floats) -> Floats:
     """(N, R) rpm in modes that a loss d does beyond its derivative, over d²."""
     moved = one.start.copy()
-    moved[:, [p.name for p in one.parameters].index(LOSS.name)] += BENT_AT
-    done = predicted(reduced, (TrialEffect(candidate=one, values=moved),)) - predicted(reduced, ())
-    return (done - BENT_AT * slope) / BENT_AT**2
+    moved[:, [p.name for p in one.parameters].index(LOSS.name)] += BEND_SPAN
+    done = predicted_modes(reduced, (TrialEffect(candidate=one, values=moved),)) - predicted_modes(
+        reduced, ()
+    )
+    return (done - BEND_SPAN * slope) / BEND_SPAN**2
 
 
 def to_arrays(evidence: FlightEvidence) -> dict[str, Floats]:
@@ -270,7 +272,7 @@ def season_sums(
     squares, known = np.zeros(count), np.zeros((count, size))
     for k, flight in enumerate(flights):
         at = np.array([bent[name][k] if name in bent else 0.0 for name in flight.names])
-        gram, own = flight.about(at), flight.limit("per_flight") > 0.0
+        gram, own = flight.linearise_at(at), flight.limit("per_flight") > 0.0
         steeper = gram.diagonal()[:-1] / np.maximum(flight.gram.diagonal()[: at.size], 1e-300)
         if own.any():
             mine = np.flatnonzero(np.append(own, False))

@@ -25,7 +25,7 @@ from thrustmargin.models.identification.season.change_points import (
     SeasonEntry,
     changes,
     penalty_of,
-    placed,
+    recount_flights,
     spread_beyond,
 )
 from thrustmargin.models.identification.season.flight_sums import SeasonSums, season_sums
@@ -35,8 +35,8 @@ from thrustmargin.models.identification.sets.set_search import NEAR
 MOST_FINDS = 8  # of one season
 RECENT = 10  # flights
 NO_SCATTER = 0.05  # of the usual size: scatter of a value that has none of its own
-ABOUT, BENT = 4, 0.001  # times sums are made anew; near enough to a loss
-_Fit = tuple[Floats, float]  # of `_joint`
+MOST_RELINEARISATIONS, SAME_LOSS = 4, 0.001  # times sums are made anew; near enough to a loss
+_Fit = tuple[Floats, float]  # of `_joint_fit`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,13 +80,13 @@ class SeasonChanges:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Found:
+class _SeasonModel:
     """Values that depart from the model in all flights, and curves of those that change."""
 
     shared: frozenset[int] = frozenset()
     shapes: Mapping[int, Floats] = field(default_factory=dict)  # place -> (F,) from 0
 
-    def with_shape(self, place: int, shape: Floats | None) -> _Found:
+    def with_shape(self, place: int, shape: Floats | None) -> _SeasonModel:
         rest = {k: v for k, v in self.shapes.items() if k != place}
         return replace(self, shapes=rest if shape is None else {**rest, place: shape})
 
@@ -95,35 +95,35 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
     """What all flights of a season depart in from the model, and what changed between them, at a
     rate of false entries a season."""
     penalty = penalty_of(sums.flights, len(sums.main), false_entries)
-    found = _Found()
+    found = _SeasonModel()
     for _ in range(MOST_FINDS):
-        more = _next(sums, found, penalty)
+        more = _add_best_value(sums, found, penalty)
         if more is None:
             break
         found = more
-        sums = _about(sums, found)
+        sums = _relinearise(sums, found)
         for place in found.shapes:  # each anew beside the others, as they are with it
-            curves = _joint(sums, found)[0]
-            found = found.with_shape(place, _shape(sums, place, found, penalty, curves))
-        sums = _about(sums, found)
+            curves = _joint_fit(sums, found)[0]
+            found = found.with_shape(place, _change_curve(sums, place, found, penalty, curves))
+        sums = _relinearise(sums, found)
         for place in found.shared:  # a mean that was only a change
             rest = replace(found, shared=found.shared - {place})
-            gain = _gain(sums, _joint(sums, rest), _joint(sums, found), place)
+            gain = _gain(sums, _joint_fit(sums, rest), _joint_fit(sums, found), place)
             if gain / sums.flights <= penalty:
                 found = rest
-    fit = _joint(sums, found)
+    fit = _joint_fit(sums, found)
     order = [*found.shapes, *(int(k) for k in sums.main if k not in found.shapes)]
     return SeasonChanges(
         trends=tuple(_trend(sums, k, found, fit, penalty) for k in order),
-        shared=tuple(_shared(sums, found, penalty)),
+        shared=tuple(_shared_effects(sums, found, penalty)),
     )
 
 
-def _about(sums: SeasonSums, found: _Found) -> SeasonSums:
+def _relinearise(sums: SeasonSums, found: _SeasonModel) -> SeasonSums:
     """The sums about the losses that were found: those of a large loss about 0 leave enough of it
     to be taken for another rotor's."""
-    for _ in range(ABOUT):
-        curves = _joint(sums, found)[0]
+    for _ in range(MOST_RELINEARISATIONS):
+        curves = _joint_fit(sums, found)[0]
         bends = {n for flight in sums.evidence for n in (flight.names[k] for k in flight.bent)}
         bent = {
             sums.names[k]: curves[:, k]
@@ -131,34 +131,36 @@ def _about(sums: SeasonSums, found: _Found) -> SeasonSums:
             if sums.names[k] in bends
         }
         if bent.keys() == sums.bent.keys() and all(
-            np.allclose(curve, sums.bent[name], atol=BENT) for name, curve in bent.items()
+            np.allclose(curve, sums.bent[name], atol=SAME_LOSS) for name, curve in bent.items()
         ):
             break
         sums = season_sums(sums.evidence, bent)
     return sums
 
 
-def _next(sums: SeasonSums, found: _Found, penalty: float) -> _Found | None:
+def _add_best_value(sums: SeasonSums, found: _SeasonModel, penalty: float) -> _SeasonModel | None:
     """With the one value more that explains most, if any is worth the penalty."""
-    now, best, most = _joint(sums, found), None, penalty
+    now, best, most = _joint_fit(sums, found), None, penalty
     for place in (int(k) for k in sums.main):
         tried = []
         if place not in found.shared:
             tried.append((replace(found, shared=found.shared | {place}), sums.flights))
-        shape = None if place in found.shapes else _shape(sums, place, found, penalty, now[0])
+        shape = (
+            None if place in found.shapes else _change_curve(sums, place, found, penalty, now[0])
+        )
         if shape is not None:
             tried.append((found.with_shape(place, shape), 1))
         for more, flights in tried:
-            gain = _gain(sums, now, _joint(sums, more), place, most * flights) / flights
-            if gain > most and (flights == 1 or _possible(sums, more, place, penalty)):
+            gain = _gain(sums, now, _joint_fit(sums, more), place, most * flights) / flights
+            if gain > most and (flights == 1 or _is_possible(sums, more, place, penalty)):
                 best, most = more, gain
     return best
 
 
-def _possible(sums: SeasonSums, found: _Found, place: int, penalty: float) -> bool:
+def _is_possible(sums: SeasonSums, found: _SeasonModel, place: int, penalty: float) -> bool:
     """False for a mean that no aircraft has, or that the form of the other means may make, which
     is known to FORM."""
-    at = _joint(sums, replace(found, shapes={}))[0][0]
+    at = _joint_fit(sums, replace(found, shapes={}))[0][0]
     value = sums.limit("absent")[place] + at[place]
     if not sums.limit("lower")[place] < value < sums.limit("upper")[place]:
         return False
@@ -172,24 +174,24 @@ def _gain(sums: SeasonSums, less: _Fit, more: _Fit, place: int, least: float = -
     """What one value more takes of the squares, as its flights scatter; at most that where it is
     no more than the `least` that counts."""
     gain = less[1] - more[1]
-    return gain / _series(sums, place, more[0])[2] ** 2 if gain > least else gain
+    return gain / _flight_estimates(sums, place, more[0])[2] ** 2 if gain > least else gain
 
 
-def _shape(
-    sums: SeasonSums, place: int, found: _Found, penalty: float, curves: Floats
+def _change_curve(
+    sums: SeasonSums, place: int, found: _SeasonModel, penalty: float, curves: Floats
 ) -> Floats | None:
     """(F,) by how much a value departs from its first flights beside the `curves` of all others;
     None where it stays."""
-    entries, curve = _entries(sums, place, found, curves, penalty)
+    entries, curve = _value_changes(sums, place, found, curves, penalty)
     return curve - curve[0] if entries else None
 
 
-def _entries(
-    sums: SeasonSums, place: int, found: _Found, curves: Floats, penalty: float
+def _value_changes(
+    sums: SeasonSums, place: int, found: _SeasonModel, curves: Floats, penalty: float
 ) -> tuple[list[SeasonEntry], Floats]:
     """The changes of one value that stand out of all that others may make of it, flights counted
     over the whole season; and (F,) its curve."""
-    value, error, _ = _series(sums, place, curves)
+    value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
     entries, curve = changes(value[where], error[where], penalty)
     if not entries:
@@ -203,11 +205,11 @@ def _entries(
     for change in entries:
         own = np.hypot(change.size / change.score, off)
         if abs(change.size) > np.sqrt(penalty) * own:
-            kept.append(placed(change, where))
+            kept.append(recount_flights(change, where))
     return kept, np.interp(np.arange(sums.flights), where, curve)
 
 
-def _series(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Floats, float]:
+def _flight_estimates(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Floats, float]:
     """(F,) estimates and standard errors, these as flights scatter, and by how much they do.
 
     No flight counts as surer than the median one: flights of one kind share faults of the model,
@@ -221,11 +223,11 @@ def _series(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Float
     return value, error * beyond, beyond
 
 
-def _basis(sums: SeasonSums, found: _Found) -> tuple[NDArray[np.intp], Floats, Floats]:
+def _basis(sums: SeasonSums, found: _SeasonModel) -> tuple[NDArray[np.intp], Floats, Floats]:
     """(B,) place, (F, B) curve and (B,) prior size of what all flights are fitted with: each value
     has a mean, as on a sound aircraft unless it is shared; each shape its size, a loss its torque
     share. The means come first."""
-    main, scale, usual = sums.main, sums.limit("scale"), _usual(sums)
+    main, scale, usual = sums.main, sums.limit("scale"), _usual_sizes(sums)
     free = np.array([int(k) in found.shared for k in main], dtype=bool)
     prior = [*(np.where(free, scale[main], usual[main]) / np.sqrt(sums.flights))]
     places, curves = [*main], [np.ones((sums.flights, main.size))]
@@ -241,12 +243,12 @@ def _basis(sums: SeasonSums, found: _Found) -> tuple[NDArray[np.intp], Floats, F
     return np.array(places), np.concatenate(curves, axis=1), np.array(prior)
 
 
-def _usual(sums: SeasonSums) -> Floats:
+def _usual_sizes(sums: SeasonSums) -> Floats:
     """(q,) what a sound aircraft has of each value."""
     return np.maximum(sums.limit("smallest"), NO_SCATTER * sums.limit("scale"))
 
 
-def _joint(sums: SeasonSums, found: _Found) -> _Fit:
+def _joint_fit(sums: SeasonSums, found: _SeasonModel) -> _Fit:
     """(F, q) curves of all values by least squares, and what is left with the cost of priors."""
     places, over, prior = _basis(sums, found)
     means = sums.main.size
@@ -264,7 +266,7 @@ def _joint(sums: SeasonSums, found: _Found) -> _Fit:
     return curves, float(sums.squares.sum() - along @ size)
 
 
-def _shared(sums: SeasonSums, found: _Found, penalty: float) -> list[SharedEffect]:
+def _shared_effects(sums: SeasonSums, found: _SeasonModel, penalty: float) -> list[SharedEffect]:
     """Means of the season that stand out of the standard errors that flights show, each flight
     counted once."""
     places, over, prior = _basis(sums, found)
@@ -276,7 +278,7 @@ def _shared(sums: SeasonSums, found: _Found, penalty: float) -> list[SharedEffec
     left = along - system @ size
     variance = np.diag(bread @ left.T @ left @ bread)
     variance = variance * sums.flights / max(sums.flights - 1, 1)
-    squares, out = _joint(sums, found)[1], []
+    squares, out = _joint_fit(sums, found)[1], []
     for k in sorted(found.shared):
         at = int(np.flatnonzero(places == k)[0])
         rest = replace(found, shared=found.shared - {k})
@@ -288,37 +290,37 @@ def _shared(sums: SeasonSums, found: _Found, penalty: float) -> list[SharedEffec
         error = float(np.hypot(np.sqrt(variance[at]), np.nanmedian(sums.uncertainty(k))))
         if abs(size[at]) < np.sqrt(penalty) * error:
             continue
-        instead = _as_good(sums, rest, squares, others)
+        instead = _equivalent_values(sums, rest, squares, others)
         out.append(
             SharedEffect(name=sums.names[k], value=float(size[at]), error=error, instead=instead)
         )
     return out
 
 
-def _as_good(
-    sums: SeasonSums, rest: _Found, squares: float, others: Mapping[int, _Found]
+def _equivalent_values(
+    sums: SeasonSums, rest: _SeasonModel, squares: float, others: Mapping[int, _SeasonModel]
 ) -> tuple[str, ...]:
     """Values that take nearly as much of the squares as the one that is not in `rest`: what effects
     do is known to FORM of itself."""
-    gain = _joint(sums, rest)[1] - squares
+    gain = _joint_fit(sums, rest)[1] - squares
     most = squares + max(2.0 * NEAR, FORM * gain)
-    return tuple(sums.names[k] for k, other in others.items() if _joint(sums, other)[1] < most)
+    return tuple(sums.names[k] for k, other in others.items() if _joint_fit(sums, other)[1] < most)
 
 
-def _trend(sums: SeasonSums, place: int, found: _Found, fit: _Fit, penalty: float) -> Trend:
+def _trend(sums: SeasonSums, place: int, found: _SeasonModel, fit: _Fit, penalty: float) -> Trend:
     curves, squares = fit
-    value, error, _ = _series(sums, place, curves)
+    value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
     entries: list[SeasonEntry] = []
     instead: tuple[str, ...] = ()
     if place in found.shapes:
-        entries = _entries(sums, place, found, curves, penalty)[0]
+        entries = _value_changes(sums, place, found, curves, penalty)[0]
         rest = found.with_shape(place, None)
-        beside = _joint(sums, rest)[0]
+        beside = _joint_fit(sums, rest)[0]
         places = (int(k) for k in sums.main if k != place)
-        shapes = {k: _shape(sums, k, rest, penalty, beside) for k in places}
+        shapes = {k: _change_curve(sums, k, rest, penalty, beside) for k in places}
         others = {k: rest.with_shape(k, s) for k, s in shapes.items() if s is not None}
-        instead = _as_good(sums, rest, squares, others)
+        instead = _equivalent_values(sums, rest, squares, others)
     recent = min(RECENT, where.size // 2)
     least = np.nan
     if recent:
@@ -332,5 +334,5 @@ def _trend(sums: SeasonSums, place: int, found: _Found, fit: _Fit, penalty: floa
         changes=tuple(entries),
         instead=instead,
         least_seen=least,
-        usual=float(_usual(sums)[place]),
+        usual=float(_usual_sizes(sums)[place]),
     )

@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.moment_effects import MANOEUVRE_MOMENT
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import predicted
+from thrustmargin.models.identification.rows.candidates import predicted_modes
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.sets.nuisance import (
     FlightScatter,
     Nuisance,
-    root_of,
-    root_of_shared,
+    inverse_cholesky,
+    shared_root,
 )
 
 #: channel -> number of hats, and the least span over which it can be a cause: less is control
@@ -69,7 +69,7 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
         if not np.isfinite(values).all() or np.ptp(values) <= max(least, 1e-6):
             continue
         if name == "voltage":
-            values = slowly(values, flight)
+            values = flight_running_mean(values, flight)
         if name == "heading":
             part = np.stack([f(k * values) for k in (1, 2) for f in (np.sin, np.cos)], axis=1)
         else:
@@ -137,7 +137,7 @@ def hats(values: Floats, count: int) -> Floats:
     return np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots.size)), 0.0)
 
 
-def slowly(values: Floats, flight: NDArray[np.intp]) -> Floats:
+def flight_running_mean(values: Floats, flight: NDArray[np.intp]) -> Floats:
     """Running mean within each flight."""
     out = np.empty_like(values)
     for f in np.unique(flight):
@@ -153,16 +153,16 @@ SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
 ANSWER = 0.3  # of an output's answer to a turn: what a third less thrust would make of it
 
 
-def what_laws_leave(reduced: Reduced) -> Floats:
+def law_uncertainty(reduced: Reduced) -> Floats:
     """(N, R, D) rpm in modes: what the base model may be off by, and the forms of its effects.
 
     A law may be off along slow channels and with how large the change is: where large turns bend
     otherwise than small ones, another inertia against the law's own freedom would take that.
     """
-    columns = [np.moveaxis(reduced.in_modes(reduced.uncertainty_rpm), 0, 2)]
-    base, slow = predicted(reduced, ()), form_columns(reduced.channels)
+    columns = [np.moveaxis(reduced.mode_amplitudes(reduced.uncertainty_rpm), 0, 2)]
+    base, slow = predicted_modes(reduced, ()), form_columns(reduced.channels)
     for k in range(len(reduced.model.placed)):
-        change = np.nan_to_num(base - reduced.in_modes(reduced.speeds((), without=k)))
+        change = np.nan_to_num(base - reduced.mode_amplitudes(reduced.speeds((), without=k)))
         for mode in range(base.shape[1]):
             if np.sqrt(np.mean(change[:, mode] ** 2)) < LEAST_CHANGE:
                 continue
@@ -171,14 +171,14 @@ def what_laws_leave(reduced: Reduced) -> Floats:
             own = np.zeros((*base.shape, along.shape[1]))
             own[:, mode] = FORM * size * along
             columns.append(own)
-    columns += _shapes(reduced, base)
-    columns += [_answers_to_load(reduced, base)]
-    columns += _answers(reduced, base) if reduced.of_outputs else []
-    columns += [] if reduced.model.taught else [_of_rotors(reduced, base)]
+    columns += _shape_columns(reduced, base)
+    columns += [_load_response(reduced, base)]
+    columns += _turn_response(reduced, base) if reduced.of_outputs else []
+    columns += [] if reduced.model.taught else [_rotor_columns(reduced, base)]
     return np.concatenate(columns, axis=2)
 
 
-def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
+def _shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
     """What the shapes of the model's own effects (lags, derivative corrections) may be off by."""
     columns = []
     for k, item in enumerate(reduced.model.placed):
@@ -187,12 +187,12 @@ def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
                 value = float(item.values[p.name])
                 step = SHAPE * p.scale * (1.0 if value < (p.lower + p.upper) / 2 else -1.0)
                 moved = replace(item, values={**item.values, p.name: value + step})
-                change = reduced.in_modes(reduced.speeds((moved,), without=k)) - base
+                change = reduced.mode_amplitudes(reduced.speeds((moved,), without=k)) - base
                 columns.append(np.nan_to_num(change)[:, :, None])
     return columns
 
 
-def _of_rotors(reduced: Reduced, base: Floats) -> Floats:
+def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
     """(N, R, R) rpm: FORM of what each rotor's predicted speed does within its flight.
 
     Where no flight has shown how the rotors of this aircraft answer to load, that is known no
@@ -205,17 +205,17 @@ def _of_rotors(reduced: Reduced, base: Floats) -> Floats:
     return FORM * speed[:, None, :] * directions.T
 
 
-def _answers_to_load(reduced: Reduced, base: Floats) -> Floats:
+def _load_response(reduced: Reduced, base: Floats) -> Floats:
     """(N, R, R - 1) rpm: what the moments' modes do while gusts and manoeuvres load the rotors.
 
     A controller's answer, as large as the load's own change: it is no sign of how rotors share it.
     """
     load = np.nan_to_num(base[:, 0])
-    fast = load - slowly(load, reduced.flight)
+    fast = load - flight_running_mean(load, reduced.flight)
     return fast[:, None, None] * np.eye(base.shape[1])[None, :, 1:]
 
 
-def _answers(reduced: Reduced, base: Floats) -> list[Floats]:
+def _turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
     """By how much each rotor's output may answer a turn more than the others.
 
     Outputs are asked for, not measured: a rate loop that answers a gust asks the same of all
@@ -224,7 +224,7 @@ def _answers(reduced: Reduced, base: Floats) -> list[Floats]:
     columns = []
     for k, item in enumerate(reduced.model.placed):
         if item.effect.key == MANOEUVRE_MOMENT.key:
-            turning = base - reduced.in_modes(reduced.speeds((), without=k))
+            turning = base - reduced.mode_amplitudes(reduced.speeds((), without=k))
             by_rotor = np.nan_to_num(turning) @ reduced.modes.directions.T
             for rotor, direction in enumerate(reduced.modes.directions):
                 columns.append((ANSWER * by_rotor[:, rotor, None] * direction)[:, :, None])
@@ -237,20 +237,20 @@ LEAST = 0.05  # of the size that a component began with, below which it is not l
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Learnt:
+class VarianceFactors:
     """Factors of the sizes that a nuisance began with."""
 
     scatter: Floats  # (K,)
     free: Floats  # (R, groups)
 
 
-def learn(
+def learn_variances(
     nuisance: Nuisance,
     residual: Floats,
     groups: tuple[str, ...],
     numbers: NDArray[np.intp],
     factor: float = 1.0,
-) -> Learnt:
+) -> VarianceFactors:
     """Variance components of a residual (N, R) rpm in modes.
 
     `groups` (H,) is each hat's channel; `numbers` (K,) has the component of each column that a
@@ -261,9 +261,9 @@ def learn(
     modes = nuisance.free.shape[0]
     scatter = np.ones(nuisance.scatter.shape[2])
     free = np.ones((modes, len(names)))
-    sums = _Sums.of(nuisance, residual)
+    sums = _Sums.from_residual(nuisance, residual)
     if factor != 1.0 and len(sums.flights) == 1:
-        sums = _of_draws_alone(sums, factor)
+        sums = _marginalise_shared(sums, factor)
     known, hats = sums.known, sums.hats
     of = of[:hats]
     acts = np.concatenate([one.acts for one in sums.flights])
@@ -272,13 +272,13 @@ def learn(
         taken, moved, spread = [], [], []
         for one, seen in zip(sums.flights, sums.seen, strict=True):
             own = scatter[one.acts, None]
-            root = root_of(np.eye(one.acts.size) + own * one.gram * own.T)
+            root = inverse_cholesky(np.eye(one.acts.size) + own * one.gram * own.T)
             taken.append(root @ (own * np.concatenate([one.crossed * size, seen], axis=1)))
             moved.append(root.T @ taken[-1])
             spread.append(np.sum(root**2, axis=0))
         crossed, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
         left = size[:, None] * sums.shared * size - crossed.T @ crossed
-        root = root_of_shared(left, known, hats, factor)
+        root = shared_root(left, known, hats, factor)
         mean = root.T @ (root @ (size[:, None] * sums.along - crossed.T @ drawn))
         square = (mean[:, 0] ** 2 + np.sum(root**2, axis=0))[known:].reshape(modes, hats)
         for g in range(len(names)):
@@ -291,7 +291,7 @@ def learn(
         for g in range(numbers.max() + 1):
             scatter[numbers == g] *= np.sqrt(drawn[numbers == g].mean())
         scatter, free = np.maximum(scatter, LEAST), np.maximum(free, LEAST)
-    return Learnt(scatter=scatter, free=free)
+    return VarianceFactors(scatter=scatter, free=free)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -306,8 +306,8 @@ class _Sums:
     hats: int  # of each mode
 
     @classmethod
-    def of(cls, nuisance: Nuisance, residual: Floats) -> _Sums:
-        z = nuisance.filtered(residual[:, :, None])
+    def from_residual(cls, nuisance: Nuisance, residual: Floats) -> _Sums:
+        z = nuisance.filter_columns(residual[:, :, None])
         pairs = zip(nuisance.by_flight, nuisance.flights, strict=True)
         return cls(
             flights=nuisance.by_flight,
@@ -321,11 +321,11 @@ class _Sums:
         )
 
 
-def _of_draws_alone(sums: _Sums, factor: float) -> _Sums:
+def _marginalise_shared(sums: _Sums, factor: float) -> _Sums:
     """A single flight, what flights share marginalised once, for it keeps its size: the steps then
     solve for the draws alone, a fifth of all."""
     (one,), (seen,) = sums.flights, sums.seen
-    root = root_of_shared(sums.shared, sums.known, sums.hats, factor)
+    root = shared_root(sums.shared, sums.known, sums.hats, factor)
     moved = one.crossed @ root.T
     alone = replace(one, gram=one.gram - moved @ moved.T, crossed=one.crossed[:, :0])
     return _Sums(

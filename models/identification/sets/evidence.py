@@ -68,14 +68,14 @@ class ValuePrior:
     values: Floats  # (P,)
     pull: Floats  # (P,) gradient of the normal ones at the values
 
-    def beyond(self, step: Floats) -> Bools:
+    def exceeds_bounds(self, step: Floats) -> Bools:
         """(P,) true for a shape that a step (P,) takes beyond its bounds."""
         lower, upper = self.of_set.limits[:2]
         at = self.values + step
         return ((at < lower) | (at > upper)) & self.of_set.normal
 
     @property
-    def read(self) -> float:
+    def log_likelihood_ratio(self) -> float:
         """Log likelihood of the readings, over that of no effect."""
         away = self.of_set.weight * (self.values - self.of_set.centre) ** 2
         return 0.5 * float(np.sum((self.of_set.nothing - away)[self.of_set.main]))
@@ -98,7 +98,7 @@ class ValuePrior:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scored:
+class SetScore:
     """A set."""
 
     log_evidence: float  # with the prior of the set
@@ -107,7 +107,7 @@ class Scored:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _OwnPrior:
+class _CandidatePrior:
     """What one candidate brings to the prior of every set that holds it."""
 
     limits: Floats  # (5, P)
@@ -119,7 +119,7 @@ class _OwnPrior:
 
 
 @lru_cache(maxsize=4096)
-def _own_prior(one: Candidate) -> _OwnPrior:
+def _candidate_prior(one: Candidate) -> _CandidatePrior:
     parameters = one.parameters
     rows = [
         (p.lower, p.upper, p.scale, p.smallest or 0.01 * p.scale, p.absent or 0.0)
@@ -134,13 +134,13 @@ def _own_prior(one: Candidate) -> _OwnPrior:
         most = float(np.max(np.maximum(upper - absent, absent - lower) / scale))
         half = 0.5 * scale.size
         surface = log(2.0) + half * log(pi) - lgamma(half)  # of the unit sphere
-        constant = -surface - log(log1p_ratio(most, least)) - float(np.sum(np.log(scale)))
+        constant = -surface - log(log_range_integral(most, least)) - float(np.sum(np.log(scale)))
     weight = np.where(normal, limits[2] ** -2.0, 0.0)
     centre = np.array(one.start_values)
     if one.reading is not None and one.parameters:
         centre[0], error = one.reading.pooled
         weight[0] = (TEMPERATURE * error) ** -2.0
-    return _OwnPrior(
+    return _CandidatePrior(
         limits=limits,
         normal=normal,
         weight=weight,
@@ -151,8 +151,8 @@ def _own_prior(one: Candidate) -> _OwnPrior:
 
 
 @lru_cache(maxsize=4096)
-def _of_candidates(candidates: tuple[Candidate, ...]) -> SetPrior:
-    own = [_own_prior(one) for one in candidates]
+def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
+    own = [_candidate_prior(one) for one in candidates]
     normal = np.concatenate([np.zeros(0, dtype=bool), *(of.normal for of in own)])
     weight = np.concatenate([np.zeros(0), *(of.weight for of in own)])
     centre = np.concatenate([np.zeros(0), *(of.centre for of in own)])
@@ -172,18 +172,18 @@ def _of_candidates(candidates: tuple[Candidate, ...]) -> SetPrior:
         dimensions=dimensions,
         least=np.array([of.least for of in some]),
         constant=np.array([of.constant for of in some]),
-        log_sets=sum(one.log_prior for one in candidates) + _first_rotor(candidates),
+        log_sets=sum(one.log_prior for one in candidates) + _first_rotor_log_odds(candidates),
     )
 
 
-def prior_of(held: Sequence[TrialEffect]) -> ValuePrior:
+def prior_of(trials: Sequence[TrialEffect]) -> ValuePrior:
     """The prior of the values of a set."""
-    of_set = _of_candidates(tuple(one.candidate for one in held))
-    at = np.concatenate([np.zeros(0), *(one.free_values for one in held)])
+    of_set = _set_prior(tuple(one.candidate for one in trials))
+    at = np.concatenate([np.zeros(0), *(one.free_values for one in trials)])
     return ValuePrior(of_set=of_set, values=at, pull=-of_set.weight * (at - of_set.centre))
 
 
-def _first_rotor(candidates: Sequence[Candidate]) -> float:
+def _first_rotor_log_odds(candidates: Sequence[Candidate]) -> float:
     """By how much likelier the first bad rotor of a set is than those beside it."""
     some = any(one.term.rotor is not None for one in candidates)
     return log(EFFECT_PRIOR / ROTOR_PRIOR) if some else 0.0
@@ -194,13 +194,13 @@ def is_shape(p: Parameter) -> bool:
     return p.detail or p.absent is None
 
 
-def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> Scored:
+def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore:
     """A set by its normal equations (P + 1, P + 1): [J r]'[J r] of derivatives and residual, in
     units of `temperature` times the noise; the variance of its values is that of the noise."""
     count, cost = prior.values.size, float(gram[-1, -1])
     if not count:
         none = np.zeros(0)
-        return Scored(log_evidence=-0.5 * cost, step=none, variance=none)
+        return SetScore(log_evidence=-0.5 * cost, step=none, variance=none)
     system = gram[:-1, :-1].copy()
     place = np.arange(count)
     system[place, place] += prior.weight + 1e-9 * (system[place, place] + 1e-30)
@@ -209,13 +209,13 @@ def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> Scored:
         factor = np.linalg.cholesky(system)
     except np.linalg.LinAlgError:
         nothing, wide = np.zeros(count), np.full(count, 1e9)
-        return Scored(log_evidence=IMPOSSIBLE, step=nothing, variance=wide)
+        return SetScore(log_evidence=IMPOSSIBLE, step=nothing, variance=wide)
     inverse = INVERTED(factor, lower=1)[0]
     variance = np.sum(inverse**2, axis=0)
     step = inverse.T @ (inverse @ pulled)
     gain = 0.5 * float(pulled @ step)
-    if prior.beyond(step).any():  # what lies beyond a bound is no evidence for the set
-        step = _held_at_bounds(prior, system, pulled, step)
+    if prior.exceeds_bounds(step).any():  # what lies beyond a bound is no evidence for the set
+        step = _step_at_bounds(prior, system, pulled, step)
         gain = float(step @ (pulled - 0.5 * system @ step))
     out = -0.5 * cost + gain + 0.5 * count * LOG_2_PI - float(np.log(factor[place, place]).sum())
     normal = prior.of_set.normal
@@ -223,24 +223,24 @@ def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> Scored:
     away = (prior.values - prior.centre)[normal] / scale
     out -= float(np.sum(np.log(scale) + 0.5 * LOG_2_PI + 0.5 * away**2))
     out += _log_sizes(prior, prior.values + step, np.sqrt(variance)) + prior.of_set.log_sets
-    out += prior.read
-    return Scored(log_evidence=out, step=step, variance=variance / temperature**2)
+    out += prior.log_likelihood_ratio
+    return SetScore(log_evidence=out, step=step, variance=variance / temperature**2)
 
 
-def _held_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Floats) -> Floats:
+def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Floats) -> Floats:
     """(P,) the likeliest step with shapes at the bounds that they would else go beyond.
 
     One that is held moves the others, which may go beyond theirs then.
     """
     lower, upper = prior.of_set.limits[:2]
-    held = np.zeros(step.shape, dtype=np.bool_)
-    while (beyond := prior.beyond(step) & ~held).any():
-        held |= beyond
+    trials = np.zeros(step.shape, dtype=np.bool_)
+    while (beyond := prior.exceeds_bounds(step) & ~trials).any():
+        trials |= beyond
         to_bound = np.clip(step, lower - prior.values, upper - prior.values)
-        stiff = np.where(held, STIFF * system.diagonal(), 0.0)
+        stiff = np.where(trials, STIFF * system.diagonal(), 0.0)
         right = pulled + stiff * to_bound
         step = np.linalg.solve(system + np.diag(stiff), right).astype(np.float64)
-    return np.where(held, np.clip(step, lower - prior.values, upper - prior.values), step)
+    return np.where(trials, np.clip(step, lower - prior.values, upper - prior.values), step)
 
 
 def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> float:
@@ -259,6 +259,6 @@ def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> float:
     return float(np.where(free, out, IMPOSSIBLE).sum())  # else held at the bound of the possible
 
 
-def log1p_ratio(most: float, least: float) -> float:
+def log_range_integral(most: float, least: float) -> float:
     """The integral of 1/(x + least) from 0 to `most`."""
     return float(np.log1p(most / least))

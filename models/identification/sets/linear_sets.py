@@ -23,38 +23,40 @@ from thrustmargin.models.identification.rows.candidates import TrialEffect
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.evidence import (
-    Scored,
+    SetScore,
     ValuePrior,
     is_shape,
     prior_of,
     score,
 )
-from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved, Sums
+from thrustmargin.models.identification.sets.nuisance import Nuisance, ReducedNuisance, Sums
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prepared:
+class FilteredColumns:
     """P filtered columns."""
 
     nuisance: Nuisance
-    solved: Solved
+    solved: ReducedNuisance
     z: ValueColumns  # n means
     drawn: Floats  # (draws of all flights, P) what the scatter takes of them
     taken: Floats  # (X, P) what all that flights share takes
     left: Floats  # (P, P) of them, all that is not asked marginalised
 
     @classmethod
-    def of(cls, nuisance: Nuisance, solved: Solved, columns: ValueColumns) -> Prepared:
+    def from_columns(
+        cls, nuisance: Nuisance, solved: ReducedNuisance, columns: ValueColumns
+    ) -> FilteredColumns:
         """Columns (N, R, P) rpm in modes."""
-        z = nuisance.filtered(columns)
-        drawn, (shared, own) = nuisance.drawn(z), nuisance.products(z)
+        z = nuisance.filter_columns(columns)
+        drawn, (shared, own) = nuisance.flight_draws(z), nuisance.products(z)
         sums = shared - nuisance.crossed.T @ drawn, own - drawn.T @ drawn
         return cls(
             nuisance=nuisance,
             solved=solved,
             z=z,
             drawn=drawn,
-            taken=solved.taken(sums[0]),
+            taken=solved.absorbed(sums[0]),
             left=solved.reduce(sums),
         )
 
@@ -62,9 +64,9 @@ class Prepared:
         """(P + 1, P + 1) of the columns and a residual (N, R) rpm in modes, with all that is not
         asked marginalised."""
         n = self.nuisance
-        r = n.filtered(residual[:, :, None])
-        drawn, (shared, own) = n.drawn(r)[:, 0], n.products(r)
-        taken = self.solved.taken(shared - n.crossed.T @ drawn[:, None])[:, 0]
+        r = n.filter_columns(residual[:, :, None])
+        drawn, (shared, own) = n.flight_draws(r)[:, 0], n.products(r)
+        taken = self.solved.absorbed(shared - n.crossed.T @ drawn[:, None])[:, 0]
         along = self.z.products(r.values[:, :, 0], n.flights) - self.drawn.T @ drawn
         along = along - self.taken.T @ taken
         corner = np.array([[own[0, 0] - drawn @ drawn - taken @ taken]])
@@ -81,25 +83,25 @@ class FittedSet:
     """A set fitted in full."""
 
     key: Key
-    held: tuple[TrialEffect, ...]
-    scored: Scored
+    trials: tuple[TrialEffect, ...]
+    scored: SetScore
     total: float  # log evidence
     residual: Floats  # (N, R) rpm in modes
 
     @property
-    def possible(self) -> Key:
+    def possible_key(self) -> Key:
         """The effects without those of which a value stands at its bound, so that no set with them
         can be: what is left when they are not there."""
         kept = []
-        for c, held in zip(sorted(self.key), self.held, strict=True):
-            values = zip(held.candidate.parameters, held.free_values, strict=True)
+        for c, trial in zip(sorted(self.key), self.trials, strict=True):
+            values = zip(trial.candidate.parameters, trial.free_values, strict=True)
             if all(is_shape(p) or p.lower < value < p.upper for p, value in values):
                 kept.append(c)
         return frozenset(kept)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Linear:
+class LinearisedSets:
     """All candidates about a fitted set: `gram` (q, q) of [derivatives, changes, residual].
 
     `columns` are the places of each candidate's values; a change is what a candidate adds to the
@@ -107,7 +109,7 @@ class Linear:
     """
 
     about: FittedSet
-    held: tuple[
+    trials: tuple[
         TrialEffect, ...
     ]  # every candidate: at its values in the set, at its start out of it
     columns: tuple[slice, ...]
@@ -117,30 +119,30 @@ class Linear:
     @cached_property
     def _priors(self) -> tuple[ValuePrior, ...]:
         """Of the values of each candidate alone."""
-        return tuple(prior_of([one]) for one in self.held)
+        return tuple(prior_of([one]) for one in self.trials)
 
     @cached_property
-    def _reads(self) -> Floats:
+    def _reading_ratios(self) -> Floats:
         """(C,) what readings say for each candidate."""
-        return np.array([one.read for one in self._priors])
+        return np.array([one.log_likelihood_ratio for one in self._priors])
 
-    def score(self, key: Iterable[int]) -> Scored:
+    def score(self, key: Iterable[int]) -> SetScore:
         """A set about this one."""
         members = sorted(key)
-        where = self._where(members)
-        residual = self._residual(frozenset(members))
+        where = self._value_places(members)
+        residual = self._residual_weights(frozenset(members))
         along = self.gram @ residual
         whole = np.empty((where.size + 1, where.size + 1))
         whole[:-1, :-1] = self.gram[where[:, None], where]
         whole[:-1, -1] = whole[-1, :-1] = along[where]
         whole[-1, -1] = along @ residual
-        return score(prior_of([self.held[c] for c in members]), whole, self.temperature)
+        return score(prior_of([self.trials[c] for c in members]), whole, self.temperature)
 
     def gains(self, key: Key, pool: Sequence[int]) -> Floats:
         """Roughly how much each candidate of a pool would add to the log likelihood of a set."""
         members = sorted(key)
-        gram, where, residual = self.gram, self._where(members), self._residual(key)
-        prior = prior_of([self.held[c] for c in members])
+        gram, where, residual = self.gram, self._value_places(members), self._residual_weights(key)
+        prior = prior_of([self.trials[c] for c in members])
         system = gram[np.ix_(where, where)] + np.diag(prior.weight + TINY)
         left = gram - gram[:, where] @ np.linalg.solve(system, gram[where])
         along = left @ residual
@@ -161,25 +163,25 @@ class Linear:
             h[:, place, place] += weight + TINY * (np.abs(h[:, place, place]) + TINY)
             gain = np.sum(g * np.linalg.solve(h, g[:, :, None])[:, :, 0], axis=1)
             out[of] = 0.5 * gain - sign * along[change] - 0.5 * left[change, change]
-            out[of] += self._reads[some]
+            out[of] += self._reading_ratios[some]
         return out
 
-    def only(self, members: Collection[int], without: Collection[int]) -> Linear:
+    def restrict(self, members: Collection[int], without: Collection[int]) -> LinearisedSets:
         """With values of some candidates alone, and none that are of the flights `without`."""
-        held, columns, kept = [], [], []
-        for c, (one, places) in enumerate(zip(self.held, self.columns, strict=True)):
+        trials, columns, kept = [], [], []
+        for c, (one, places) in enumerate(zip(self.trials, self.columns, strict=True)):
             free = one.candidate.free if c in members else ()
             mine = [k for k, (_, flight) in enumerate(free) if flight not in without]
             candidate = replace(one.candidate, free=tuple(free[k] for k in mine))
             if candidate.reading is not None:
                 candidate = replace(candidate, reading=candidate.reading.without(without))
-            held.append(replace(one, candidate=candidate))
+            trials.append(replace(one, candidate=candidate))
             columns.append(slice(len(kept), len(kept) + len(mine)))
             kept += [places.start + k for k in mine]
         first = self.columns[-1].stop if self.columns else 0
         kept += range(first, self.gram.shape[0])
         gram = self.gram[np.ix_(kept, kept)]
-        return replace(self, held=tuple(held), columns=tuple(columns), gram=gram)
+        return replace(self, trials=tuple(trials), columns=tuple(columns), gram=gram)
 
     def law_error(self, c: int, k: int) -> float:
         """The standard error of value k of a candidate c out of the set, as the laws of those in
@@ -190,12 +192,12 @@ class Linear:
         along = float(np.abs(self.gram[place, changes]).sum())
         return FORM * along / max(float(self.gram[place, place]), TINY)
 
-    def _where(self, members: Sequence[int]) -> NDArray[np.intp]:
+    def _value_places(self, members: Sequence[int]) -> NDArray[np.intp]:
         """Places of the values of some candidates."""
         places = [k for c in members for k in range(self.columns[c].start, self.columns[c].stop)]
         return np.array(places, dtype=np.intp)
 
-    def _residual(self, key: Key) -> Floats:
+    def _residual_weights(self, key: Key) -> Floats:
         """(q,) weights that make the residual of a set of the columns: less what each candidate
         changes that comes in or goes out."""
         weights = np.zeros(self.gram.shape[1])
@@ -206,20 +208,20 @@ class Linear:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ColumnsAbout:
-    """What makes a `Linear`: q columns of rpm in modes."""
+class SetColumns:
+    """What makes a `LinearisedSets`: q columns of rpm in modes."""
 
     about: FittedSet
-    held: tuple[TrialEffect, ...]
+    trials: tuple[TrialEffect, ...]
     columns: tuple[slice, ...]
     whole: ValueColumns
     temperature: float
 
-    def linear(self, solved: Solved, sums: Sums) -> Linear:
-        """By the sums of the flights that are `solved`."""
-        return Linear(
+    def linear(self, solved: ReducedNuisance, sums: Sums) -> LinearisedSets:
+        """By the sums of the flights that are `marginalise`."""
+        return LinearisedSets(
             about=self.about,
-            held=self.held,
+            trials=self.trials,
             columns=self.columns,
             gram=solved.reduce(sums),
             temperature=self.temperature,

@@ -33,7 +33,7 @@ CONSTANT_FACTOR = 2.0
 _factored, _inverted = get_lapack_funcs(("potrf", "trtri"))
 
 
-def root_of(system: Floats) -> Floats:
+def inverse_cholesky(system: Floats) -> Floats:
     """Of I + X'X = L L' the inverse of L; NaN where not finite."""
     if not system.size:
         return system
@@ -44,7 +44,7 @@ def root_of(system: Floats) -> Floats:
     return np.ascontiguousarray(_inverted(factor, lower=True)[0])
 
 
-def root_of_shared(gram: Floats, known: int, hats: int, factor: float) -> Floats:
+def shared_root(gram: Floats, known: int, hats: int, factor: float) -> Floats:
     """(X, X) the root G of the covariance G'G of the shared columns with the `gram` (X, X); of X
     the first are `known`, then come so many `hats` a mode, which are `factor` times their size on
     a sound aircraft.
@@ -54,7 +54,7 @@ def root_of_shared(gram: Floats, known: int, hats: int, factor: float) -> Floats
     size = np.full(gram.shape[0], factor)
     size[:known] = 1.0
     size[known :: max(hats, 1)] = CONSTANT_FACTOR
-    return root_of(np.eye(size.size) + size[:, None] * gram * size) * size
+    return inverse_cholesky(np.eye(size.size) + size[:, None] * gram * size) * size
 
 
 #: times the size that the discrepancy has on a sound aircraft: what noise is learnt beside
@@ -62,13 +62,13 @@ WIDE = 16.0
 
 EVERY = slice(None)
 #: of each mode, which of the columns act in it, and these (k, n): most act in one mode alone
-OfModes = tuple[tuple[NDArray[np.intp], Floats], ...]
+ModeColumns = tuple[tuple[NDArray[np.intp], Floats], ...]
 #: of q columns z: X'z (X, q) with the shared X and z'z (q, q), the scatter of flights marginalised
 Sums = tuple[Floats, Floats]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Solved:
+class ReducedNuisance:
     """The nuisances of flights eliminated."""
 
     gram: Floats  # (X, X) X'X of the shared columns, the scatter of flights marginalised
@@ -78,20 +78,20 @@ class Solved:
 
     @cached_property
     def _root(self) -> Floats:
-        return root_of_shared(self.gram, self.known, self.hats, self.factor)
+        return shared_root(self.gram, self.known, self.hats, self.factor)
 
     @cached_property
     def shared(self) -> Floats:
         """(X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c."""
         return self._root.T @ self._root
 
-    def taken(self, shared: Floats) -> Floats:
+    def absorbed(self, shared: Floats) -> Floats:
         """(X, q) of X'z (X, q), the square of which is what b and c take of z'z."""
         return self._root @ shared
 
     def reduce(self, sums: Sums) -> Floats:
         """(q, q): z'z with the nuisances marginalised."""
-        taken = self.taken(sums[0])
+        taken = self.absorbed(sums[0])
         return sums[1] - taken.T @ taken
 
 
@@ -101,7 +101,7 @@ class FlightScatter:
 
     acts: NDArray[np.intp]  # (K,) which columns
     columns: Floats  # (R, K, n)
-    of_modes: OfModes  # the same
+    of_modes: ModeColumns  # the same
     gram: Floats  # (K, K) S'S
     crossed: Floats  # (K, X) S'X
 
@@ -123,8 +123,12 @@ class Nuisance:
         for rows in self.flights:
             acts = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
             columns = self.scatter[rows][:, :, acts].transpose(1, 2, 0).copy()
-            of_modes = _acting(columns)
-            by_known = _times(self._of_modes, known, columns.swapaxes(1, 2), rows).sum(axis=0).T
+            of_modes = _split_by_mode(columns)
+            by_known = (
+                _mode_products(self._uncertainty_by_mode, known, columns.swapaxes(1, 2), rows)
+                .sum(axis=0)
+                .T
+            )
             free = np.concatenate(columns @ self.free[:, rows], axis=1)
             gram = (columns @ columns.swapaxes(1, 2)).sum(axis=0)
             crossed = np.concatenate([by_known, free], axis=1)
@@ -136,18 +140,18 @@ class Nuisance:
         return tuple(found)
 
     @cached_property
-    def _of_modes(self) -> OfModes:
+    def _uncertainty_by_mode(self) -> ModeColumns:
         """What the base model is unsure of, by modes."""
-        return _acting(self.uncertainty.transpose(1, 2, 0))
+        return _split_by_mode(self.uncertainty.transpose(1, 2, 0))
 
     @cached_property
     def _roots(self) -> tuple[Floats, ...]:
         """(F,) the root of I + S'S of each flight."""
-        return tuple(root_of(np.eye(of.acts.size) + of.gram) for of in self.by_flight)
+        return tuple(inverse_cholesky(np.eye(of.acts.size) + of.gram) for of in self.by_flight)
 
     @cached_property
     def crossed(self) -> Floats:
-        """(draws of all flights, X): L^-1 S'X, as `drawn` is of columns."""
+        """(draws of all flights, X): L^-1 S'X, as `flight_draws` is of columns."""
         pairs = zip(self._roots, self.by_flight, strict=True)
         return np.concatenate([root @ of.crossed for root, of in pairs])
 
@@ -166,21 +170,21 @@ class Nuisance:
             whole[part, part] = free.T @ free
         return whole
 
-    def solved(self, factor: float = 1.0, less: Nuisance | None = None) -> Solved:
+    def marginalise(self, factor: float = 1.0, less: Nuisance | None = None) -> ReducedNuisance:
         """The nuisances eliminated from all flights but those of `less`."""
         left = self.shared_gram - self.crossed.T @ self.crossed
         if less is not None:
             left = left - (less.shared_gram - less.crossed.T @ less.crossed)
-        return Solved(
+        return ReducedNuisance(
             gram=left,
             known=self.uncertainty.shape[2],
             hats=self.free.shape[2],
             factor=factor,
         )
 
-    def of_means(self, kept: Bools) -> Nuisance:
+    def select_means(self, kept: Bools) -> Nuisance:
         """With some of the n means only."""
-        filter_ = self.whitening.of_means(kept)
+        filter_ = self.whitening.select_means(kept)
         flights = tuple(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(len(self.flights))
         )
@@ -192,31 +196,31 @@ class Nuisance:
             free=self.free[:, kept],
         )
 
-    def of_flight(self, flight: int, first: int) -> Nuisance:
+    def select_flight(self, flight: int, first: int) -> Nuisance:
         """With one flight only, whose means begin at `first`."""
-        part = self.of_means(self.whitening.flight == flight)
+        part = self.select_means(self.whitening.flight == flight)
         filter_ = replace(part.whitening, rows=part.whitening.rows - first)
         return replace(part, whitening=filter_, flights=(slice(0, filter_.rows.size),))
 
     def sums(self, columns: ValueColumns | Floats) -> Sums:
         """Of columns (N, R, q) rpm in modes."""
-        z = self.filtered(columns)
-        drawn, (shared, own) = self.drawn(z), self.products(z)
+        z = self.filter_columns(columns)
+        drawn, (shared, own) = self.flight_draws(z), self.products(z)
         return shared - self.crossed.T @ drawn, own - drawn.T @ drawn
 
-    def filtered(self, columns: ValueColumns | Floats) -> ValueColumns:
+    def filter_columns(self, columns: ValueColumns | Floats) -> ValueColumns:
         """Columns of N means as columns of n, in units of the noise."""
-        asked = columns if isinstance(columns, ValueColumns) else ValueColumns.of_all(columns)
+        asked = columns if isinstance(columns, ValueColumns) else ValueColumns.from_values(columns)
         return replace(asked, values=self.whitening.apply(asked.values))
 
-    def drawn(self, z: ValueColumns) -> Floats:
+    def flight_draws(self, z: ValueColumns) -> Floats:
         """(draws of all flights, q) of filtered columns: L^-1 S'z, the square of which is what the
         scatter takes."""
         found = []
         for f, rows in enumerate(self.flights):
             of = self.by_flight[f]
-            sums = _times(of.of_modes, of.acts.size, z.values[rows].swapaxes(0, 1))
-            along = _by_mode(sums)[z.mode, :, z.source].T
+            sums = _mode_products(of.of_modes, of.acts.size, z.values[rows].swapaxes(0, 1))
+            along = _with_mode_total(sums)[z.mode, :, z.source].T
             along[:, (z.flight != ALL_FLIGHTS) & (z.flight != f)] = 0.0
             found.append(self._roots[f] @ along)
         return np.concatenate(found)
@@ -228,13 +232,13 @@ class Nuisance:
         shared, own = np.zeros((known + modes * hats, z.count)), np.zeros((z.count, z.count))
         owners = [(EVERY, ALL_FLIGHTS), *((rows, f) for f, rows in enumerate(self.flights))]
         for rows, f in owners:
-            left, right = np.flatnonzero(z.flight == f), z.in_flight(f)
+            left, right = np.flatnonzero(z.flight == f), z.active_in(f)
             if not left.size:
                 continue
             values = z.values[rows].swapaxes(0, 1)
             sources, place = np.unique(z.source[left], return_inverse=True)
             part = values if sources.size == values.shape[2] else values[:, :, sources]
-            sums = _by_mode(_times(self._of_modes, known, part, rows))
+            sums = _with_mode_total(_mode_products(self._uncertainty_by_mode, known, part, rows))
             shared[:known, left] = sums[z.mode[left], :, place].T
             free = (self.free[:, rows].swapaxes(1, 2) @ part)[:, :, place]
             one, other = z.mode[left], z.mode[right]
@@ -242,19 +246,21 @@ class Nuisance:
             shared[known:, left] = (free * acts[:, None]).reshape(modes * hats, -1)
             both = np.where(one[:, None] == ALL_MODES, other, one[:, None])
             both[(one[:, None] != other) & (one[:, None] != ALL_MODES) & (other != ALL_MODES)] = -2
-            block = _by_mode(part.swapaxes(1, 2) @ values)[both, place[:, None], z.source[right]]
+            block = _with_mode_total(part.swapaxes(1, 2) @ values)[
+                both, place[:, None], z.source[right]
+            ]
             own[np.ix_(left, right)] = block
             own[np.ix_(right, left)] = block.T
         return shared, own
 
 
-def _acting(columns: Floats) -> OfModes:
+def _split_by_mode(columns: Floats) -> ModeColumns:
     """Columns (R, K, n) by modes."""
     acts = [np.flatnonzero(of.any(axis=1)) for of in columns]
     return tuple((some, of[some]) for some, of in zip(acts, columns, strict=True))
 
 
-def _times(columns: OfModes, count: int, values: Floats, rows: slice = EVERY) -> Floats:
+def _mode_products(columns: ModeColumns, count: int, values: Floats, rows: slice = EVERY) -> Floats:
     """(R, K, q) sums of `count` columns, over some of their means, with values (R, n, q)."""
     sums = np.zeros((len(columns), count, values.shape[2]))
     for (acts, of), out, along in zip(columns, sums, values, strict=True):
@@ -262,7 +268,7 @@ def _times(columns: OfModes, count: int, values: Floats, rows: slice = EVERY) ->
     return sums
 
 
-def _by_mode(sums: Floats) -> Floats:
+def _with_mode_total(sums: Floats) -> Floats:
     """(R + 2, ...) of sums (R, ...) by mode: after them nothing (-2), and all modes together (-1,
     ALL_MODES)."""
     return np.concatenate([sums, np.zeros_like(sums[:1]), sums.sum(axis=0, keepdims=True)])

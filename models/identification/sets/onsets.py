@@ -48,7 +48,7 @@ KINDS = {
 }
 
 
-def without_rotors(search: Search, key: Key) -> Key:
+def drop_rotor_effects(search: Search, key: Key) -> Key:
     """A set without its bad rotors and causes without a name, which take what begins at a time for
     a curve along time."""
     return frozenset(
@@ -61,32 +61,32 @@ def without_rotors(search: Search, key: Key) -> Key:
 
 def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
     """Steps worth a place among the candidates, about a set without its bad rotors."""
-    sound = without_rotors(search, about.key)
-    near = dict(zip(sorted(about.key), about.held, strict=True))
+    sound = drop_rotor_effects(search, about.key)
+    near = dict(zip(sorted(about.key), about.trials, strict=True))
     fitted = search.fitted.get(sound) or search.fit_near(sound, near)
     reduced, rotors = search.reduced, search.reduced.measured_rpm.shape[1]
     found = []
     for rotor in range(rotors):
         loss = candidate(Term(effect=ROTOR_DEGRADATION, rotor=rotor), reduced.flights)
-        held = [*fitted.held, loss.at_start]
-        column = np.nan_to_num(derivatives(reduced, held, len(held) - 1)[:, :, 0])
+        trials = [*fitted.trials, loss.initial_effect]
+        column = np.nan_to_num(derivatives(reduced, trials, len(trials) - 1)[:, :, 0])
         best: dict[str, tuple[float, int, tuple[float, ...]]] = {}
-        tries, sums = 0, _LossSums.of(search, fitted, column)
-        for step in _steps(search):
+        tries, sums = 0, _LossSums.about_set(search, fitted, column)
+        for step in _step_families(search):
             times = step.times
             if not times.size:
                 continue
-            gains = _gains(sums.gram(step, times))
+            gains = _step_gains(sums.gram(step, times))
             tries += times.size
             k = int(np.argmax(gains))
             if step.kind not in best or gains[k] > best[step.kind][0]:
                 fine = times[k] + np.arange(-GRID, GRID + FINE, FINE)
-                closer = _gains(sums.gram(step, fine))
-                k = _middle(closer)[0]
+                closer = _step_gains(sums.gram(step, fine))
+                k = argmax_centre(closer)[0]
                 best[step.kind] = (float(closer[k]), step.flight or 0, (float(fine[k]),))
             if step.kind == "one":
                 tries += times.size * (times.size - 1) // 2
-                gain, ends = _while(sums, step)
+                gain, ends = _best_transient(sums, step)
                 if gain > best.get("while", (0.0,))[0]:
                     best["while"] = (gain, step.flight or 0, ends)
         spans = list(sums.spans())
@@ -95,10 +95,10 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
             if gain > best.get(kind, (0.0,))[0]:
                 best[kind] = (gain, flight, ends)
         # What the same rotor's loss from the beginning says far better is no step.
-        least = _gains(sums.throughout())[0] - FAR
+        least = _step_gains(sums.constant_gram())[0] - FAR
         for kind, (gain, flight, when) in best.items():
             if gain > max(least, LEAST_GAIN + np.log(tries)):
-                found.append((gain, _candidate(search, kind, rotor, flight, when, tries)))
+                found.append((gain, _step_candidate(search, kind, rotor, flight, when, tries)))
     found.sort(key=lambda pair: -pair[0])
     return [one for _, one in found[: 2 * len(KINDS)]]
 
@@ -113,7 +113,7 @@ class _Step:
     after: Bools  # (F,) other flights that have the loss throughout
 
 
-def _steps(search: Search) -> Iterator[_Step]:
+def _step_families(search: Search) -> Iterator[_Step]:
     x, flight = search.reduced.channels, search.reduced.flight
     flights = search.reduced.flights
     starts = np.array([x.clock_s[flight == f][0] for f in range(flights)])
@@ -146,10 +146,10 @@ class _LossSums:
     own: Sequence[Floats]  # (2, 2)
 
     @classmethod
-    def of(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
+    def about_set(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
         columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
         flight, flights = search.nuisance.whitening.flight, search.reduced.flights
-        parts = [search.nuisance.of_means(flight == f).sums(columns) for f in range(flights)]
+        parts = [search.nuisance.select_means(flight == f).sums(columns) for f in range(flights)]
         return cls(
             search=search,
             columns=columns,
@@ -157,7 +157,7 @@ class _LossSums:
             own=[p[1] for p in parts],
         )
 
-    def throughout(self) -> Floats:
+    def constant_gram(self) -> Floats:
         """(2, 2) of the loss in all flights from their beginning, and of the residual."""
         return self.search.solved.reduce(self.search.nuisance.sums(self.columns))
 
@@ -199,10 +199,10 @@ class _LossSums:
         reduced, nuisance = self.search.reduced, self.search.nuisance
         f, count = step.flight, times.size
         if f is None:
-            shared, own = nuisance.sums(self._from(times, slice(None)))
+            shared, own = nuisance.sums(self._loss_from(times, slice(None)))
         else:
             means = slice(*np.searchsorted(reduced.flight, [f, f + 1]))
-            shared, own = nuisance.of_flight(f, means.start).sums(self._from(times, means))
+            shared, own = nuisance.select_flight(f, means.start).sums(self._loss_from(times, means))
         for g in range(reduced.flights) if f is not None else ():
             if g != f and step.after[g]:
                 both = [0] * count + [1]
@@ -213,44 +213,44 @@ class _LossSums:
                 own[-1, -1] += self.own[g][1, 1]
         return own - shared.T @ self.search.solved.shared @ shared
 
-    def _from(self, times: Floats, means: slice) -> Floats:
+    def _loss_from(self, times: Floats, means: slice) -> Floats:
         """(n, R, S + 1) the loss from each time on, and the residual."""
         later = self.search.reduced.channels.time_s[means, None] >= times
         loss = self.columns[means, :, :1] * later[:, None, :]
         return np.concatenate([loss, self.columns[means, :, 1:]], axis=2)
 
 
-def _gains(gram: Floats) -> Floats:
+def _step_gains(gram: Floats) -> Floats:
     """(S,) gain of a loss in each step."""
     power = np.maximum(np.diag(gram)[:-1], 1e-12)
     return np.maximum(gram[:-1, -1], 0.0) ** 2 / power / 2
 
 
-def _middle(gains: Floats) -> tuple[int, ...]:
+def argmax_centre(gains: Floats) -> tuple[int, ...]:
     """Where gains are largest, in the middle of those alike: times between two means are."""
     ties = np.argwhere(gains >= gains.max() * (1.0 - 1e-6))
     return tuple(int(np.sort(places)[places.size // 2]) for places in ties.T)
 
 
-def _while(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
+def _best_transient(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
     """The largest gain of a loss between two times, and the two; found about those of the grid."""
     near = np.arange(-GRID, GRID + FINE, FINE)
-    began, ended = _between(sums, step, step.times)[1]
-    return _between(sums, step, np.unique(np.concatenate([near + began, near + ended])))
+    began, ended = _best_interval(sums, step, step.times)[1]
+    return _best_interval(sums, step, np.unique(np.concatenate([near + began, near + ended])))
 
 
-def _between(sums: _LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
+def _best_interval(sums: _LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
     """The same between two of some times: a step less a later step."""
     gram = sums.gram(step, times)
     inner, power = gram[:-1, -1], np.diag(gram)[:-1]
     between = power[:, None] + power - 2.0 * gram[:-1, :-1]
     score = np.maximum(inner[:, None] - inner, 0.0) ** 2 / np.maximum(between, 1e-12) / 2
     score[times[None, :] - times[:, None] < LEAST_AFTER] = 0.0
-    i, j = _middle(score)
+    i, j = argmax_centre(score)
     return float(score[i, j]), (float(times[i]), float(times[j]))
 
 
-def _candidate(
+def _step_candidate(
     search: Search, kind: str, rotor: int, flight: int, when: tuple[float, ...], tries: int
 ) -> Candidate:
     effect, clock = KINDS[kind]

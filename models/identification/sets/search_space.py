@@ -24,7 +24,7 @@ from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     candidates_of,
     derivatives,
-    predicted,
+    predicted_modes,
     unnamed_candidates,
 )
 from thrustmargin.models.identification.rows.noise import Whitening, whitening_of
@@ -37,9 +37,9 @@ from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flig
 from thrustmargin.models.identification.sets.discrepancy import (
     WANDER,
     free_columns,
-    learn,
+    law_uncertainty,
+    learn_variances,
     wander_columns,
-    what_laws_leave,
 )
 from thrustmargin.models.identification.sets.nuisance import WIDE, Nuisance
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -56,7 +56,7 @@ OF_DIRECTION = (
 )
 
 
-def unreported_wind(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
+def unreported_wind_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
     """(N, R, 2) rpm in modes by a wind from south and one from west, as strong as the strongest of
     the good flights; no column where these flights report the wind, or the good ones did not."""
     domain = reduced.model.training_domain
@@ -65,7 +65,7 @@ def unreported_wind(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
     columns = np.zeros((*reduced.measured_rpm.shape, 0))
     if not strongest > 0.0 or not any(lacking):
         return columns
-    still = predicted(reduced, ())
+    still = predicted_modes(reduced, ())
     for wind in strongest * np.eye(3)[:2]:
         blown = [
             replace(track, wind_ned=np.tile(wind, (track.time_s.size, 1))) if lacks else track
@@ -75,7 +75,7 @@ def unreported_wind(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
         moved = replace(
             reduced.channels, **{name: getattr(channels, name) for name in OF_DIRECTION}
         )
-        change = np.nan_to_num(predicted(replace(reduced, channels=moved), ()) - still)
+        change = np.nan_to_num(predicted_modes(replace(reduced, channels=moved), ()) - still)
         columns = np.concatenate([columns, change[:, :, None]], axis=2)
     return columns
 
@@ -106,7 +106,7 @@ class SearchSpace:
     sizes: Floats  # (R, H) rpm of each hat on a sound aircraft
     wander_rpm: Floats  # (R,) size of the flights' slow noise in each mode
     #: of a single flight: (N, R, P) rpm in modes by the values of each candidate, at its start
-    at_start: Mapping[int, Floats]
+    start_derivatives: Mapping[int, Floats]
 
 
 def search_space(
@@ -117,21 +117,23 @@ def search_space(
 ) -> SearchSpace:
     """`means` are those of the flights, if at hand; raises as `problem.assemble`."""
     reduced = reduce_flights(model, tracks) if means is None else means
-    candidates = _tellable(reduced, candidates_of(reduced, catalogue))
-    residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
-    anything, at_start = _moved(reduced, candidates)
+    candidates = _drop_constant_shares(reduced, candidates_of(reduced, catalogue))
+    residual = np.nan_to_num(
+        reduced.mode_amplitudes(reduced.measured_rpm) - predicted_modes(reduced, ())
+    )
+    anything, start_derivatives = _effect_columns(reduced, candidates)
     sizes_of = _scatter_sizes(candidates, model.good_flights)
     offsets, shared = _flight_offsets(reduced, residual)
     form = (anything * sizes_of)[:, :, sizes_of > 0.0]
     hats, groups = free_columns(reduced.channels, reduced.flight)
     if offsets.any():  # how flights differ as a whole is known, and is nobody else's
-        form = _within_flights(form, reduced.flight)
+        form = _subtract_flight_means(form, reduced.flight)
         hats[:, 0] = 0.0
-    shared = np.concatenate([shared, _of_thermometer(reduced, tracks)], axis=2)
-    scatter = np.concatenate([form, offsets, unreported_wind(reduced, tracks)], axis=2)
-    filter_ = _noise(reduced, residual, anything, hats)
+    shared = np.concatenate([shared, _thermometer_columns(reduced, tracks)], axis=2)
+    scatter = np.concatenate([form, offsets, unreported_wind_columns(reduced, tracks)], axis=2)
+    filter_ = _noise_filter(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())
-    wander, own = _wander(reduced, scatter.shape[2])
+    wander, own = _slow_noise_columns(reduced, scatter.shape[2])
     sizes = _free_sizes(reduced, groups, model.good_flights, speed)
     whole = np.repeat(hats[:, None, :], residual.shape[1], axis=1)
     nuisance = Nuisance(
@@ -140,20 +142,20 @@ def search_space(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(reduced.flights)
         ),
         scatter=filter_.apply(np.concatenate([scatter, wander], axis=2)),
-        uncertainty=filter_.apply(np.concatenate([what_laws_leave(reduced), shared], axis=2)),
+        uncertainty=filter_.apply(np.concatenate([law_uncertainty(reduced), shared], axis=2)),
         free=np.moveaxis(filter_.apply(whole), 1, 0) * sizes[:, None, :],
     )
     unnamed = tuple(unnamed_candidates(reduced))
     anywhere = filter_.apply(
-        np.concatenate([FREE_EFFECTS * anything, _curves(reduced, unnamed)], 2)
+        np.concatenate([FREE_EFFECTS * anything, _unnamed_columns(reduced, unnamed)], 2)
     )
     open_ = replace(nuisance, uncertainty=np.concatenate([nuisance.uncertainty, anywhere], axis=2))
-    size = learn(open_, residual, groups, own, WIDE).scatter
+    size = learn_variances(open_, residual, groups, own, WIDE).scatter
     usual = USUAL_SHARE * speed
     if model.good_flights is not None and model.good_flights.slow_rpm:
         slow = np.array(model.good_flights.slow_rpm) / usual
         size = np.where(own >= 0, np.maximum(size, slow[own]), size)
-    noise = _left_noise(replace(open_, scatter=nuisance.scatter * size), residual)
+    noise = _unexplained_noise(replace(open_, scatter=nuisance.scatter * size), residual)
     return SearchSpace(
         reduced=reduced,
         candidates=candidates,
@@ -169,11 +171,13 @@ def search_space(
         hats=hats,
         sizes=sizes,
         wander_rpm=usual * np.array([size[own == mode][0] for mode in range(residual.shape[1])]),
-        at_start=at_start if reduced.flights == 1 else {},
+        start_derivatives=start_derivatives if reduced.flights == 1 else {},
     )
 
 
-def _tellable(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+def _drop_constant_shares(
+    reduced: Reduced, candidates: Sequence[Candidate]
+) -> tuple[Candidate, ...]:
     """Drop what shifts the balance by a constant, where motor outputs are all and no sound flight
     is known: `answer.standing_shares` reports it."""
     if not (reduced.of_outputs and lacks_sound_flights(reduced.model)):
@@ -181,13 +185,13 @@ def _tellable(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Candid
     kept = []
     for one in candidates:
         main = [k for k, p in enumerate(one.parameters) if not p.detail]
-        change = np.nan_to_num(derivatives(reduced, [one.at_start], 0))[:, :, main]
+        change = np.nan_to_num(derivatives(reduced, [one.initial_effect], 0))[:, :, main]
         if not is_constant_share(change, reduced.flight):
             kept.append(one)
     return tuple(kept)
 
 
-def _wander(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
+def _slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
     """(N, R, R W) rpm: slow noise of the usual size in each mode, and of it and `others` before it
     the mode of each."""
     x, modes = reduced.channels, reduced.measured_rpm.shape[1]
@@ -200,14 +204,14 @@ def _wander(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
     return columns, own.astype(np.intp)
 
 
-def _left_noise(open_: Nuisance, residual: Floats) -> Floats:
+def _unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
     """(n, R) size of what nothing explains, of each flight and mode, where it is more than noise.
 
     Wild seconds hide behind the median that noise is taken from; more than they is no noise.
     """
     z = open_.whitening.apply(residual)
     shared, _ = open_.sums(residual[:, :, None])
-    mean = open_.solved(WIDE).shared @ shared[:, 0]
+    mean = open_.marginalise(WIDE).shared @ shared[:, 0]
     known = open_.uncertainty.shape[2]
     free = mean[known:].reshape(open_.free.shape[0], -1)
     left = z - open_.uncertainty @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
@@ -232,7 +236,9 @@ def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
     return names
 
 
-def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Floats, dict[int, Floats]]:
+def _effect_columns(
+    reduced: Reduced, candidates: Sequence[Candidate]
+) -> tuple[Floats, dict[int, Floats]]:
     """(N, R, K) rpm in modes: what `smallest` of every value that makes an effect changes, and the
     derivatives (N, R, P) of each candidate that has such a value."""
     columns = []
@@ -240,20 +246,20 @@ def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Floats, d
     for c, k, _ in main_values(candidates):
         one = candidates[c]
         if c not in at:
-            at[c] = np.nan_to_num(derivatives(reduced, [one.at_start], 0))
+            at[c] = np.nan_to_num(derivatives(reduced, [one.initial_effect], 0))
         columns.append(at[c][:, :, k] * one.parameters[k].smallest)
     if not columns:
         return np.zeros((*reduced.measured_rpm.shape, 0)), at
     return np.stack(columns, axis=2), at
 
 
-def _curves(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
+def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
     """(N, R, K) rpm in modes: what causes without a name may do at most, knot by knot, along
     channels as slow as the noise that they could be taken for."""
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
     for one in (c for c in unnamed if place_of(c.term.effect)[1] in SLOW):
         most = np.array([p.upper for p in one.parameters])
-        columns.append(most * derivatives(reduced, [one.at_start], 0))
+        columns.append(most * derivatives(reduced, [one.initial_effect], 0))
     return np.nan_to_num(np.concatenate(columns, axis=2))
 
 
@@ -290,21 +296,21 @@ def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]
     return each / np.sqrt(1.0 + 1.0 / good), each / np.sqrt(good + 1.0)
 
 
-def _of_thermometer(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
+def _thermometer_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
     """(N, R, 1 or 0) rpm: what a thermometer that good flights taught is off by in all flights.
 
     Its board is aired, shaded and loaded otherwise in one season than in another: in that of the
     good flights and in this one by as much, it is taken, as from one flight to the next. N goes
     with the root of the air's temperature (Eq. 1, and the gas law).
     """
-    known, base = reduced.model.thermometer, np.nan_to_num(predicted(reduced, ()))
+    known, base = reduced.model.thermometer, np.nan_to_num(predicted_modes(reduced, ()))
     if known is None or not any(needs_thermometer(track) for track in tracks):
         return np.zeros((*base.shape, 0))
     error = SEASONS**0.5 * known.error_k / SEA_LEVEL_TEMPERATURE
     return (0.5 * error * base)[:, :, None]
 
 
-def _within_flights(columns: Floats, flight: NDArray[np.intp]) -> Floats:
+def _subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
     """Columns (N, R, K) less their means over each flight, which stand in the modes' scatter."""
     out = np.empty_like(columns)
     for f in np.unique(flight):
@@ -312,7 +318,7 @@ def _within_flights(columns: Floats, flight: NDArray[np.intp]) -> Floats:
     return out
 
 
-def _noise(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
+def _noise_filter(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
     """The filter of what no effect and no curve can explain, each flight with its own values."""
     left = np.empty_like(residual)
     for mode in range(residual.shape[1]):
@@ -324,12 +330,12 @@ def _noise(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) ->
             gram, columns.T @ residual[:, mode]
         )
     speed = float(reduced.measured_rpm.mean())
-    busy = _busy(reduced)
+    busy = _manoeuvre_mask(reduced)
     found = whitening_of(left, reduced.flight, reduced.follows, busy, speed)
     return replace(found, weight=found.weight * reduced.scored_modes)
 
 
-def _busy(reduced: Reduced) -> Bools:
+def _manoeuvre_mask(reduced: Reduced) -> Bools:
     """(N,) means in a manoeuvre or beside one."""
     x = reduced.channels
     with np.errstate(invalid="ignore"):

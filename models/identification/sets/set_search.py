@@ -21,11 +21,11 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     TrialEffect,
-    predicted,
+    predicted_modes,
     value_columns,
 )
 from thrustmargin.models.identification.rows.reduced import Reduced
-from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
+from thrustmargin.models.identification.rows.value_columns import ValueColumns, concatenate_columns
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
     TEMPERATURE,
@@ -33,11 +33,11 @@ from thrustmargin.models.identification.sets.evidence import (
     score,
 )
 from thrustmargin.models.identification.sets.linear_sets import (
-    ColumnsAbout,
+    FilteredColumns,
     FittedSet,
     Key,
-    Linear,
-    Prepared,
+    LinearisedSets,
+    SetColumns,
 )
 from thrustmargin.models.identification.sets.nuisance import Nuisance
 
@@ -71,11 +71,13 @@ class Search:
         tempered = replace(filter_, scale=self.temperature * filter_.scale)
         self.reduced, self.nuisance = reduced, replace(nuisance, whitening=tempered)
         self.candidates = list(candidates)
-        self.solved = self.nuisance.solved()
+        self.solved = self.nuisance.marginalise()
         self.fitted: dict[Key, FittedSet] = {}
-        self.start = [TrialEffect(candidate=c, values=self._begin(c)) for c in self.candidates]
+        self.start = [
+            TrialEffect(candidate=c, values=self._start_values(c)) for c in self.candidates
+        ]
 
-    def _begin(self, one: Candidate) -> Floats:
+    def _start_values(self, one: Candidate) -> Floats:
         """(F, K) where its values start: a delay has more than one likely value, and steps from
         nothing may end at a small wrong one, so it starts where rows show it."""
         if not one.term.effect.delays:
@@ -92,37 +94,37 @@ class Search:
             if progress:
                 progress(f"round {number + 1}", number / ROUNDS)
             linear = self.linearise(best)
-            for key in self.promising(linear):
-                self.fit(key, linear.held)
+            for key in self.promising_sets(linear):
+                self.fit(key, linear.trials)
                 if self.best.total > best.total + FAR:
                     break
             if self.best.key == best.key:
-                self._again(linear)
+                self._refit_from_best(linear)
             if self.best.key == best.key:
                 break
             best = self.best
 
-    def _again(self, linear: Linear) -> None:
+    def _refit_from_best(self, linear: LinearisedSets) -> None:
         """Fit sets anew from the values of the best, where about it they promise to be likelier
         than they were found from elsewhere: of an exponent or a lag steps may end short."""
         best = self.fitted[linear.about.key]
-        for key in self.possible:
+        for key in self.possible_sets:
             found = self.fitted[key]
             promised = linear.score(key).log_evidence
             if promised > max(found.total + STALE, best.total - NEAR):
-                other = self._fit(key, [linear.held[c] for c in sorted(key)], 8, best.total)
+                other = self._fit(key, [linear.trials[c] for c in sorted(key)], 8, best.total)
                 self.fitted[key] = max(found, other, key=lambda one: one.total)
 
     def add(self, more: Sequence[Candidate], beside: Key) -> bool:
         """Candidates that were found on the way, each tried alone and beside a set; True where one
         comes near the best, so that the search is to go on."""
         near = {
-            c: h for f in self.fitted.values() for c, h in zip(sorted(f.key), f.held, strict=True)
+            c: h for f in self.fitted.values() for c, h in zip(sorted(f.key), f.trials, strict=True)
         }
         found = []
         for one in more:
             self.candidates.append(one)
-            self.start.append(one.at_start)
+            self.start.append(one.initial_effect)
             new = len(self.candidates) - 1
             values = [near.get(c, self.start[c]) for c in range(new + 1)]
             found += [self.fit(key, values) for key in (frozenset({new}), beside | {new})]
@@ -132,7 +134,7 @@ class Search:
         """A set fitted from the values of a neighbour, without a place among the sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 8)
 
-    def open_members(self, key: Key) -> list[int]:
+    def unnamed_members(self, key: Key) -> list[int]:
         """What of a set may go into a model without a name: causes without one, what is steady of
         the loss of a rotor that has one, and what is of no rotor and lasts."""
         every = self.candidates
@@ -147,7 +149,7 @@ class Search:
         return found
 
     @property
-    def possible(self) -> list[Key]:
+    def possible_sets(self) -> list[Key]:
         """Sets that can be."""
         return [key for key, found in self.fitted.items() if found.total > IMPOSSIBLE / 2]
 
@@ -155,48 +157,48 @@ class Search:
     def best(self) -> FittedSet:
         return max(self.fitted.values(), key=lambda f: f.total)
 
-    def linearise(self, about: FittedSet) -> Linear:
+    def linearise(self, about: FittedSet) -> LinearisedSets:
         """All candidates about a fitted set."""
-        columns = self.columns_about(about)
+        columns = self.set_columns(about)
         return columns.linear(self.solved, self.nuisance.sums(columns.whole))
 
-    def columns_about(self, about: FittedSet, *, alone: bool = False) -> ColumnsAbout:
+    def set_columns(self, about: FittedSet, *, alone: bool = False) -> SetColumns:
         """What all candidates do about a fitted set, by the means; `alone` what its own do, and the
         others nothing."""
-        inside = dict(zip(sorted(about.key), about.held, strict=True))
-        base = predicted(self.reduced, about.held)
-        held, columns, changes, places = [], [], [], []
+        inside = dict(zip(sorted(about.key), about.trials, strict=True))
+        base = predicted_modes(self.reduced, about.trials)
+        trials, columns, changes, places = [], [], [], []
         first = 0
         for c, at_start in enumerate(self.start):
             if c in inside:
-                members = list(about.held)
+                members = list(about.trials)
                 of = sorted(about.key).index(c)
                 rest = [h for k, h in enumerate(members) if k != of]
-                changes.append(predicted(self.reduced, rest) - base)
+                changes.append(predicted_modes(self.reduced, rest) - base)
             elif alone:
-                held.append(replace(at_start, candidate=replace(at_start.candidate, free=())))
+                trials.append(replace(at_start, candidate=replace(at_start.candidate, free=())))
                 changes.append(np.zeros_like(base))
                 places.append(slice(first, first))
                 continue
             else:
-                members, of = [*about.held, at_start], len(about.held)
-                changes.append(predicted(self.reduced, members) - base)
+                members, of = [*about.trials, at_start], len(about.trials)
+                changes.append(predicted_modes(self.reduced, members) - base)
             columns.append(value_columns(self.reduced, members, of))
-            held.append(members[of])
+            trials.append(members[of])
             places.append(slice(first, first + columns[-1].count))
             first = places[-1].stop
-        residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
+        residual = self.reduced.mode_amplitudes(self.reduced.measured_rpm) - base
         both = np.stack([*changes, residual], axis=2)
-        whole = side_by_side([*columns, ValueColumns.of_all(both)])
-        return ColumnsAbout(
+        whole = concatenate_columns([*columns, ValueColumns.from_values(both)])
+        return SetColumns(
             about=about,
-            held=tuple(held),
+            trials=tuple(trials),
             columns=tuple(places),
-            whole=whole.without_nan(),
+            whole=whole.replace_nan(),
             temperature=self.temperature,
         )
 
-    def promising(self, linear: Linear) -> list[Key]:
+    def promising_sets(self, linear: LinearisedSets) -> list[Key]:
         """Sets that are not fitted yet and would be likely, by the linear problem."""
         found: dict[Key, float] = {}
         best = self.fitted[linear.about.key]
@@ -218,7 +220,9 @@ class Search:
         more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
         return list(dict.fromkeys([*near[:FITTED], *more[:NEXT]]))
 
-    def _grow(self, linear: Linear, starts: Sequence[Key], look: Callable[[Key], float]) -> None:
+    def _grow(
+        self, linear: LinearisedSets, starts: Sequence[Key], look: Callable[[Key], float]
+    ) -> None:
         """Look at sets that grow from each of some, then from the likeliest of each size, until
         they get no likelier."""
         everything = range(len(self.candidates))
@@ -227,7 +231,7 @@ class Search:
         while True:
             grown: dict[Key, float] = {}
             for key in sorted(beam, key=lambda k: -beam[k])[:grown_from]:
-                pool = [c for c in everything if c not in key and not self._twice(key, c)]
+                pool = [c for c in everything if c not in key and not self._is_duplicate(key, c)]
                 if len(key) >= MOST_EFFECTS or not pool:
                     continue
                 gains = linear.gains(key, pool)
@@ -239,7 +243,7 @@ class Search:
                 break
             beam, grown_from = grown, BEAM
 
-    def _twice(self, key: Key, c: int) -> bool:
+    def _is_duplicate(self, key: Key, c: int) -> bool:
         """True where the same effect of the same rotor, or the only load on a cable, is in a set in
         another form."""
         term = self.candidates[c].term
@@ -259,78 +263,80 @@ class Search:
             key, [near[c] if near else self.start[c] for c in sorted(key)], steps, best
         )
         self.fitted[key] = found
-        if found.possible != key:
-            self.fit(found.possible, near)  # what cannot be may hide what is beside it
+        if found.possible_key != key:
+            self.fit(found.possible_key, near)  # what cannot be may hide what is beside it
         return found
 
     def _fit(
-        self, key: Key, held: Sequence[TrialEffect], steps: int, best: float = -np.inf
+        self, key: Key, trials: Sequence[TrialEffect], steps: int, best: float = -np.inf
     ) -> FittedSet:
         """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more,
         and where even these promise far less than the `best` log evidence, that is the end."""
-        measured = self.reduced.in_modes(self.reduced.measured_rpm)
-        columns, fresh = self._prepared(held), True
-        residual = np.nan_to_num(measured - predicted(self.reduced, held))
-        gram, merit = self._normal(columns, held, residual)
+        measured = self.reduced.mode_amplitudes(self.reduced.measured_rpm)
+        columns, fresh = self._filtered_columns(trials), True
+        residual = np.nan_to_num(measured - predicted_modes(self.reduced, trials))
+        gram, merit = self._normal_equations(columns, trials, residual)
         promised = np.inf
-        for number in range(steps if held else 0):
+        for number in range(steps if trials else 0):
             if fresh:
-                found = self._scored(key, columns, held, residual)
+                found = self._fitted_set(key, columns, trials, residual)
                 change, promised = abs(found.total - promised), found.total
                 if (number and promised < best - HOPELESS) or promised + 2 * change < best - FAR:
                     return found
-            prior = prior_of(held)
+            prior = prior_of(trials)
             taken = score(prior, gram).step
             gained = 0.0
             for shrink in (1.0, 0.3, 0.1):
-                parts = zip(held, prior.groups, strict=True)
+                parts = zip(trials, prior.groups, strict=True)
                 moved = [h.moved(shrink * taken[group]) for h, group in parts]
-                new = np.nan_to_num(measured - predicted(self.reduced, moved))
-                trial, value = self._normal(columns, moved, new)
+                new = np.nan_to_num(measured - predicted_modes(self.reduced, moved))
+                trial, value = self._normal_equations(columns, moved, new)
                 if value < merit:
                     gained = merit - value
-                    held, residual, gram, merit = moved, new, trial, value
+                    trials, residual, gram, merit = moved, new, trial, value
                     break
             if gained < CONVERGED and fresh:
                 break
             if gained < STALE:
-                columns = self._prepared(held)
-                gram, merit = self._normal(columns, held, residual)
+                columns = self._filtered_columns(trials)
+                gram, merit = self._normal_equations(columns, trials, residual)
             fresh = gained < STALE
-        if held and not fresh:
-            columns = self._prepared(held)
-        return self._scored(key, columns, held, residual)
+        if trials and not fresh:
+            columns = self._filtered_columns(trials)
+        return self._fitted_set(key, columns, trials, residual)
 
-    def _normal(
-        self, columns: Prepared, held: Sequence[TrialEffect], residual: Floats
+    def _normal_equations(
+        self, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
     ) -> tuple[Floats, float]:
         """The normal equations of a set at its values, and what these cost."""
-        gram, prior = columns.gram(residual), prior_of(held)
+        gram, prior = columns.gram(residual), prior_of(trials)
         away = prior.values - prior.centre
         return gram, float(gram[-1, -1]) + float(np.sum(prior.weight * away**2))
 
-    def _scored(
-        self, key: Key, columns: Prepared, held: Sequence[TrialEffect], residual: Floats
+    def _fitted_set(
+        self, key: Key, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
     ) -> FittedSet:
         """A set as it stands, with all that the derivatives promise."""
-        scored = score(prior_of(held), columns.gram(residual), self.temperature)
+        scored = score(prior_of(trials), columns.gram(residual), self.temperature)
         total = scored.log_evidence
-        return FittedSet(key=key, held=tuple(held), scored=scored, total=total, residual=residual)
+        return FittedSet(
+            key=key, trials=tuple(trials), scored=scored, total=total, residual=residual
+        )
 
-    def stepped(self, best: FittedSet) -> Floats:
+    def final_step_change(self, best: FittedSet) -> Floats:
         """(N, R) rpm in modes by which a set's prediction moves to its likeliest values."""
         moved, first = np.zeros_like(best.residual), 0
         step = best.scored.step
-        for k in range(len(best.held)):
-            columns = value_columns(self.reduced, best.held, k).without_nan()
+        for k in range(len(best.trials)):
+            columns = value_columns(self.reduced, best.trials, k).replace_nan()
             last = first + columns.count
-            moved += columns.wide(self.reduced.flight) @ step[first:last]
+            moved += columns.dense(self.reduced.flight) @ step[first:last]
             first = last
         return moved
 
-    def _prepared(self, held: Sequence[TrialEffect]) -> Prepared:
+    def _filtered_columns(self, trials: Sequence[TrialEffect]) -> FilteredColumns:
         """Derivatives by the free values of a set."""
-        nothing = ValueColumns.of_all(np.zeros((*self.reduced.measured_rpm.shape, 0)))
-        parts = [value_columns(self.reduced, held, k) for k in range(len(held))]
-        whole = side_by_side([nothing, *parts]).without_nan()
-        return Prepared.of(self.nuisance, self.solved, whole)
+        nothing = ValueColumns.from_values(np.zeros((*self.reduced.measured_rpm.shape, 0)))
+        parts = [value_columns(self.reduced, trials, k) for k in range(len(trials))]
+        whole = concatenate_columns([nothing, *parts]).replace_nan()
+        return FilteredColumns.from_columns(self.nuisance, self.solved, whole)
