@@ -1,8 +1,9 @@
-"""How sure an answer is, and whether a person is asked to do something.
+"""Probabilities and costs that decide what is reported and which action is advised.
 
-One number is behind names, intervals, limits and dates. Of actions the cost of an error decides: to
-ask for nothing costs `missed` where the part is bad, to ask costs `needless` where it is sound.
-What is cheaper on the average is done (Berger 1985, Statistical Decision Theory, section 1.3).
+SURE is the probability for reported effects, intervals, limits and dates. An action on a part is
+advised where it costs less on average than no action: no action costs `missed` if the part is bad,
+the action costs `needless` if the part is sound (Berger 1985, Statistical Decision Theory, section
+1.3).
 """
 
 from __future__ import annotations
@@ -21,18 +22,19 @@ ERRORS = NormalDist().inv_cdf(1.0 - DOUBT / 2.0)
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Of a needless action and of a missed one, both in times a look at a propeller."""
+    """Costs of a needless and of a missed action; the unit is one inspection of a propeller."""
 
     needless: float
     missed: float
 
     @property
     def asked_from(self) -> float:
-        """The probability from which to ask costs less than not to."""
+        """Return the probability of a bad part from which the action costs less than no action."""
         return self.needless / (self.needless + self.missed)
 
     def of_asking(self, probability: float) -> float:
-        """Expected cost of the action, for a part that is bad with a probability."""
+        """Return the expected cost of advising the action for a part that is bad with
+        `probability`."""
         return (1.0 - probability) * self.needless
 
 

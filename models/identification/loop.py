@@ -1,8 +1,8 @@
-"""Close the loop: residual -> missing effect -> added effect -> error before and after.
+"""Identify the effects that a rotor speed model lacks, from flights with measured rotor speeds.
 
-`identify` scores sets of effects on flights with measured rotor speeds, beside a discrepancy that
-competes with them; it names what nearly all the weight holds, lists what cannot be distinguished
-and what is excluded, and states the error on flights that no step has used.
+`identify` searches over sets of effects, which compete with a nonparametric discrepancy. It reports
+effects with a posterior probability of at least 0.95, lists confounded alternatives and excluded
+sizes, and states the error on held-out or cross-validated flights.
 """
 
 from __future__ import annotations
@@ -59,13 +59,14 @@ def identify(
     catalogue: Sequence[Effect] = CATALOGUE,
     progress: Progress | None = None,
 ) -> Identification:
-    """Find the effects that `model` lacks on flights; report errors on the flights `held_out`.
+    """Find the effects that `model` lacks on `flights`; report errors on the flights `held_out`.
 
-    A flight is a FlightTrack or a log that was read; the model, without one, that which ships, for
-    logs that are recognised as of its airframe. Effects are looked for at the size of the model's
-    aircraft. Without held-out flights the errors are cross-validated: each flight (of one flight,
-    each fifth) predicted with values found without it. Raises DataError when no flight can be
-    fitted, or one is not of the model's airframe, and AirframeError for a wrong rotor count.
+    A flight is a FlightTrack or a log that was read. Without `model`, the shipped model is used; it
+    requires logs that are recognised as of its airframe. Effects are scaled to the size of the
+    model's aircraft. Without held-out flights the errors are cross-validated: each flight (of a
+    single flight, each fifth) is predicted with values fitted without it. Raises DataError when no
+    flight can be fitted or one is not of the model's airframe, and AirframeError for a wrong rotor
+    count.
 
         >>> found = identify(read_log("sitl_logs/dev/worn_prop_1.tlog"))
         >>> print(found)
@@ -93,9 +94,9 @@ def identify_checked(
     catalogue: Sequence[Effect] = CATALOGUE,
     progress: Progress | None = None,
 ) -> Identification:
-    """As `identify`, of flights that `require_airframe` holds for, or what a command does of it.
+    """Identify like `identify`, from tracks that have passed `require_airframe` already.
 
-    Tracks are looked at one at a time, so that they may lie on disk.
+    Tracks are read one at a time, so a sequence may load each from disk.
     """
     catalogue = effects_for(model.airframe, catalogue)
     problem, means = rows_and_means(model, fit)
@@ -175,8 +176,10 @@ def identify_checked(
 
 
 def between_flights(reduced: Reduced, step: Candidate) -> bool:
-    """Return whether a rotor's step in time is constant in each flight, as a load or a trim that
-    changed between two flights is."""
+    """Return whether a rotor's step change `step` is constant within each flight.
+
+    A load or a trim that was changed between two flights looks the same.
+    """
     effect = step.term.effect
     main = [k for k, p in enumerate(effect.parameters) if p.absent is not None and not p.detail]
     change = np.nan_to_num(slopes(reduced, [step.initial_effect], 0, main))
@@ -184,15 +187,19 @@ def between_flights(reduced: Reduced, step: Candidate) -> bool:
 
 
 def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
-    """What of each can be learnt from: a flight ends where control is lost."""
+    """Return the track of each flight, truncated at the moment control was lost."""
     tracks = [f if isinstance(f, FlightTrack) else f.track for f in flights]
     return [before_loss(track, loss_of_control(track)) for track in tracks]
 
 
 def _found(left_out: CrossValidation, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:
-    """The named effects, that which takes most of the error first."""
+    """Return the reported effects in the order of the error that each removes, largest first.
+
+    Each has the RMSE, rpm, before and after it is added to the effects before it.
+    """
 
     def error(some: Sequence[EffectEstimate]) -> float:
+        """Return the RMS residual, rpm, with the given estimates on all rows."""
         return residual_rms(left_out.residual({e.candidate: e.value for e in some}))
 
     order: list[EffectEstimate] = []

@@ -1,10 +1,10 @@
-"""The answer found again without the flights that it is scored on, selection and all.
+"""Cross-validate an answer: predict each flight with effects that were fitted without it.
 
-Each flight is left out in turn, of one flight each fifth, of many flights some at a time. The sums
-over the other flights are a smaller problem of the same kind: on it every set that the search has
-fitted is weighed again, and effects and values are those that it then names. What only a flight
-itself can tell (its wind, the moment at which a rotor went bad) is found on every other block of
-time of that flight and used on the blocks between.
+Each flight is held out in turn; many flights are held out in MOST_FOLDS groups, a single flight in
+FIFTHS. The sums over the other flights form a smaller problem, on which every set that the search
+has fitted is scored again; effects are selected and values estimated from these sums alone. Values
+that belong to one flight (its wind, the time of a step) cannot come from other flights. They are
+fitted on every other block of time of that flight and used on the blocks between.
 """
 
 from __future__ import annotations
@@ -41,26 +41,29 @@ Values = dict[int, Floats]  # candidate -> (F, K)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeldOutFold:
-    """The search's problem without what is scored: some flights, or a fifth of the only one."""
+    """One fold: the search's problem without some flights, or without a fifth of a
+    single flight."""
 
     flights: tuple[int, ...]  # left out; none where it is a fifth
     rows: Bools  # (T,) left out, of the problem
     linear: LinearisedSets
 
     def named_candidates(self, search: Search) -> list[int]:
-        """What the rest names by itself."""
+        """Return the candidates that would be reported from the data without this fold."""
         return self._posterior(search, search.possible_sets).named_candidates()
 
     def unnamed_members(self, search: Search) -> list[int]:
-        """Those of the set that is likeliest for the rest."""
+        """Return the candidates that may enter a model as unnamed causes, without this
+        fold's data."""
         return search.unnamed_members(self._posterior(search, search.possible_sets).best.key)
 
     def values(self, search: Search, members: Collection[int]) -> Values:
-        """The values of a given set on the rest."""
+        """Return the values (F, K) of each candidate in `members`, fitted without this fold."""
         answer = self._posterior(search, [frozenset(members)])
         return {c: answer.estimate(c).value for c in members}
 
     def _posterior(self, search: Search, keys: Iterable[frozenset[int]]) -> Posterior:
+        """Return the posterior of the sets `keys`, scored without this fold."""
         linear, sets = self.linear, []
         for key in keys:
             scored = linear.score(key)
@@ -78,7 +81,7 @@ class HeldOutFold:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoldSums:
-    """What is left out of all sums in turn, whatever set they are about."""
+    """Nuisance sums of every fold, shared by all sets that are cross-validated."""
 
     flights: tuple[tuple[int, ...], ...]
     less: tuple[Nuisance, ...]  # of these flights alone
@@ -86,7 +89,8 @@ class FoldSums:
 
     @classmethod
     def from_nuisance(cls, nuisance: Nuisance) -> FoldSums:
-        """Each flight, of many some at a time; of one flight none."""
+        """Split flights into folds: one flight each, or MOST_FOLDS groups; none for a single
+        flight."""
         every = len(nuisance.flights)
         count = min(every, MOST_FOLDS) if every > 1 else 0
         flights = [tuple(range(k, every, count)) for k in range(count)]
@@ -97,7 +101,7 @@ class FoldSums:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CrossValidation:
-    """The rows that errors are reported on, and the search without each part of them."""
+    """The rows that errors are reported on, and the search's problem without each fold."""
 
     problem: Problem
     search: Search
@@ -113,7 +117,12 @@ class CrossValidation:
         alone: bool = False,
         out: FoldSums | None = None,
     ) -> CrossValidation:
-        """Linear about a set fitted to all flights; `alone` for what is asked of this set only."""
+        """Linearise about the set `about`, fitted to all flights, and subtract each fold from the
+        sums.
+
+        With `alone`, only values of that set are kept: enough to cross-validate this set and no
+        other.
+        """
         columns, nuisance = search.set_columns(about, alone=alone), search.nuisance
         if problem.flights == 1:
             return cls(
@@ -132,21 +141,29 @@ class CrossValidation:
         return cls(problem=problem, search=search, folds=tuple(folds))
 
     def residual(self, values: Values) -> Floats:
-        """(T, R) rpm measured minus predicted, all rows with the same values."""
+        """Return the residual (T, R), rpm, measured minus predicted, with the given values on all
+        rows."""
         placed_ = placed_effects(self.problem, self.trial_effects(values))
         return self.problem.measured_rpm - self.problem.speeds(placed_)
 
     def with_effects(self, members: Collection[int]) -> Floats:
-        """(T, R) rpm with given effects, each row with values found without its flight."""
+        """Return the residual (T, R), rpm, with the effects `members` (candidates).
+
+        Each row uses values fitted without its fold.
+        """
         return self._assemble_residual([fold.values(self.search, members) for fold in self.folds])
 
     def fold_squares(self, residual_rpm: Floats) -> Floats:
-        """(folds,) mean square of a residual (T, R) over the rows of each part left out."""
+        """Return the mean square (folds,) of a residual (T, R) over the rows of each fold."""
         square = np.mean(residual_rpm**2, axis=1)
         return np.array([square[fold.rows].mean() for fold in self.folds])
 
     def with_persistent_effects(self, members: Collection[int]) -> Floats:
-        """The same with those of the effects alone that flights to come will have."""
+        """Like `with_effects`, but predict only with effects that also apply to later flights.
+
+        All `members` are fitted; those of their flights alone (a wind, a step) are then left out of
+        the prediction.
+        """
         lasting = {c for c in members if not self._term(c).effect.of_its_flights}
         values = [fold.values(self.search, members) for fold in self.folds]
         return self._assemble_residual(
@@ -156,10 +173,12 @@ class CrossValidation:
     def with_selected_effects(
         self, members: Collection[int], dropped: Collection[int], *, open_: bool = False
     ) -> Floats:
-        """(T, R) rpm, each row with the effects that are named without its flight, not those that
-        the whole answer puts `dropped`; those of its `members` that only the flight can tell, or that
-        begin at a moment, stay: that one flight went bad says nothing of the flight before it.
-        What has no name is chosen anew where the answer is `open_`."""
+        """Return the residual (T, R), rpm, with effects selected again without each row's fold.
+
+        Candidates in `dropped` are never used. Of `members`, those that begin at a time or have
+        values of the held-out flight itself always stay, because other flights cannot show them.
+        With `open_`, unnamed causes are selected again as well.
+        """
         values = []
         for fold in self.folds:
             found = fold.named_candidates(self.search)
@@ -175,14 +194,16 @@ class CrossValidation:
         return self._assemble_residual(values)
 
     def _term(self, c: int) -> Term:
+        """Return the term of candidate `c`."""
         return self.search.candidates[c].term
 
     def trial_effects(self, values: Values) -> list[TrialEffect]:
-        """Effects with values of all flights."""
+        """Return the effects with values (F, K) for all flights, in the order of candidates."""
         return [_trial_effect(self._term(c), v) for c, v in sorted(values.items())]
 
     def _assemble_residual(self, values: Sequence[Values]) -> Floats:
-        """Each row with the values of the fold without it."""
+        """Return the residual (T, R), rpm, where each row uses the values of the fold that holds it
+        out."""
         out = np.empty_like(self.problem.measured_rpm)
         for fold, found in zip(self.folds, values, strict=True):
             if not fold.flights:
@@ -197,6 +218,7 @@ class CrossValidation:
 def _folds_of_one_flight(
     search: Search, columns: SetColumns, problem: Problem
 ) -> tuple[HeldOutFold, ...]:
+    """Return folds of a single flight: contiguous fifths, cut at borders of blocks."""
     blocks = problem.block_flight.size
     part = np.arange(blocks) * min(FIFTHS, blocks) // blocks
     begins = problem.channels.time_s[np.searchsorted(problem.block, np.arange(blocks))]
@@ -211,7 +233,11 @@ def _folds_of_one_flight(
 
 
 def held_out_residual(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floats:
-    """(T, R) rpm on flights that no step has used, with the values of an answer."""
+    """Return the residual (T, R), rpm, on flights that no step has used, with an answer's
+    estimates.
+
+    Each effect takes the median of its values over the fitted flights.
+    """
     trials = []
     for one in estimates:
         middle = np.median(one.value, axis=0)
@@ -223,12 +249,15 @@ def held_out_residual(unused: Problem, estimates: Sequence[EffectEstimate]) -> F
 
 
 def _trial_effect(term: Term, values: Floats) -> TrialEffect:
-    """A term with the values (F, K) of other flights than the search's."""
+    """Return a term with values (F, K) of other flights than the search's."""
     return TrialEffect(candidate=candidate(term, values.shape[0]), values=values)
 
 
 def residual_on_other_flights(problem: Problem, trials: Sequence[TrialEffect]) -> Floats:
-    """(T, R) rpm; values of single flights are found on every other block of each flight."""
+    """Return the residual (T, R), rpm, on flights that the effects `trials` were not fitted on.
+
+    Values of single flights are fitted on every other block of each flight, for the blocks between.
+    """
     measured = problem.measured_rpm
     if not any(flight is not None for h in trials for _, flight in h.candidate.free):
         return measured - problem.speeds(placed_effects(problem, trials))
@@ -245,7 +274,7 @@ def residual_on_other_flights(problem: Problem, trials: Sequence[TrialEffect]) -
 def refit_flight_values(
     problem: Problem, trials: Sequence[TrialEffect], chosen: Bools
 ) -> list[TrialEffect]:
-    """With the values of each flight found on the `chosen` blocks (B,), the shared ones kept."""
+    """Refit the per-flight values on the `chosen` blocks (B,); shared values stay as they are."""
     own = [
         replace(h.candidate, free=tuple(f for f in h.candidate.free if f[1] is not None))
         for h in trials

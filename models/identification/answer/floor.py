@@ -1,11 +1,11 @@
-"""The floor: what a flexible learner leaves of flights that it has not seen.
+"""Estimate the lowest error that the reported channels allow, with a flexible learner.
 
-It reads every reported channel within a second around a row, in a line, curves along each of them
-and smooth functions of all of them together: random Fourier features, which make the kernel of a
-Gaussian process linear (Rahimi and Recht 2007). It learns from the error that the effects leave on
-all other flights, also those that the effects were found on, and is scored on the flights that the
-error is reported on, at most as much as that error. Where it is far below, something that the
-channels know is missing from the effects.
+The learner reads every reported channel within a second around a row: linearly, by hat functions
+along each, and by random Fourier features of all, which make a Gaussian process linear (Rahimi and
+Recht 2007). It is trained on the residual of all other flights, including those the effects were
+found on, and scored on the flights that the error is reported on; the result never exceeds that
+error. A result far below the error means that the channels contain information that the effects
+lack.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ STRIDE = 2  # every so many rows of flights that are only learnt from: neighbour
 def floor_rpm(
     problem: Problem, residual_rpm: Floats, beside: tuple[Problem, Floats] | None = None
 ) -> float:
-    """RMS in rpm that a learner leaves of a residual (T, R), at most all of it.
+    """Return the RMS, rpm, of a residual (T, R) minus its prediction by the learner.
 
-    Each flight is predicted from the others and from flights `beside` with their residual, which
-    are not scored; a flight with none beside it in fifths.
+    Each flight is predicted from the others and from the flights `beside` (problem, residual),
+    which are not scored. A flight without any other is predicted in fifths.
     """
     parts, wanted = [problem.channels], [problem.mode_amplitudes(residual_rpm)]
     if beside is not None:
@@ -64,12 +64,12 @@ def floor_rpm(
 
 
 def _products(columns: Floats, wanted: Floats) -> tuple[Floats, Floats]:
-    """Of the products of some rows' columns, with each other and with what is wanted of them."""
+    """Return columns' columns and columns' wanted: the normal equations of ridge regression."""
     return columns.T @ columns, columns.T @ wanted
 
 
 def _learner_columns(parts: Sequence[Channels]) -> Floats:
-    """Of all rows of some flights and then of others."""
+    """Return the learner's columns for the rows of all `parts`, one after the other."""
     pairs = [_row_features(x) for x in parts]
     now, lines = (np.concatenate(one) for one in zip(*pairs, strict=True))
     few = _standardise(now)
@@ -82,7 +82,7 @@ def _learner_columns(parts: Sequence[Channels]) -> Floats:
 
 
 def _row_features(x: Channels) -> tuple[Floats, Floats]:
-    """What is reported in each row, and that with all that is around it."""
+    """Return the channels at each row (T, n), and those with the channels of the time around it."""
     tables = [x.load_factor_shifts, x.manoeuvre_load_shifts, *x.rate_shifts, *x.acceleration_shifts]
     now = [*(getattr(x, name) for name in AT_ONCE), *(r[:, r.shape[1] // 2] for r in x.rate_shifts)]
     now += [np.sin(x.heading), np.cos(x.heading), *x.side_load.T]
@@ -91,7 +91,7 @@ def _row_features(x: Channels) -> tuple[Floats, Floats]:
 
 
 def _standardise(columns: Floats) -> Floats:
-    """About their means, of size one; those that are not reported or do not vary are left out."""
+    """Return columns with mean 0 and standard deviation 1; drop unreported or constant ones."""
     spread = columns.std(axis=0)
     varies = np.isfinite(spread) & (spread > 1e-9)
     return (columns[:, varies] - columns[:, varies].mean(axis=0)) / spread[varies]

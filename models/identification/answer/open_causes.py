@@ -1,12 +1,11 @@
-"""What the likeliest set leaves and flights left out show again, taken into the new model as it was
-seen.
+"""Fit curves to the residual that recurs in every flight and that no effect explains.
 
-Slow noise may hide from a search what every flight repeats. Every mode may go with every channel
-(`effects.unnamed`). What is left is regressed on these curves one at a time, each the one with
-which flights left out are predicted best, as long as their error falls by what an effect must take
-to be worth a name. All this is done anew without each flight for the error on it, selection and
-all: where that is not lower by as much, the choice was one of chance, and nothing is taken in. One
-flight shows nothing again, and motor outputs show shares only.
+The search may attribute a recurring residual to slow noise. Here every mode is combined with every
+channel (`effects.unnamed`). Curves are added one at a time, each time the one with the lowest
+cross-validated error, as long as it lowers the RMS error by LEAST_FALL. Selection and fit are
+repeated without each fold; unless that lowers the error of the held-out folds by LEAST_FALL as
+well, the selection was chance and no curve is used. A single flight shows no recurrence, and motor
+outputs only show shares: neither has curves.
 """
 
 from __future__ import annotations
@@ -47,8 +46,8 @@ Choice = tuple[int, ...]  # of the curves
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OpenCauses:
-    """The causes of all flights, and what they change in each row, found without its flight."""
+class CausesFit:
+    """Unnamed causes from all flights, and the change in rotor speed that they predict."""
 
     causes: tuple[OpenCause, ...] = ()
     change_rpm: Floats | float = 0.0  # (T, R) by the causes found on all flights
@@ -57,7 +56,7 @@ class OpenCauses:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Curves:
-    """All curves on some rows: of each the columns that are its own, and sums by fold."""
+    """All curves on a subset of rows: each curve's columns, and sums of products by fold."""
 
     effects: tuple[tuple[str, str], ...]  # mode and channel of each curve
     ranges: tuple[tuple[float, float], ...]
@@ -67,8 +66,10 @@ class _Curves:
     ridge: float
 
     def fit(self, which: Sequence[int], chosen: Choice) -> tuple[Floats, Floats]:
-        """Coefficients (n, k) of the chosen curves without each of the folds `which`, by the others
-        of them, and (n,) the mean square that is left of the one left out."""
+        """Fit the chosen curves without each fold in `which` and score them on that fold.
+
+        Return coefficients (n, k) and the mean squared residual (n,) of each fold held out.
+        """
         own = self.sums[list(which)]
         at = np.concatenate([np.arange(0), *(np.r_[self.columns[c]] for c in chosen)]).astype(int)
         rest = own.sum(axis=0) - own
@@ -80,8 +81,10 @@ class _Curves:
         return found, left / self.rows[list(which)]
 
     def select_curves(self, which: Sequence[int]) -> Choice:
-        """The curves with which the folds `which`, each left out, are predicted better; where a
-        constant does as well as a curve, the constant."""
+        """Select curves by forward selection on the cross-validated error of the folds `which`.
+
+        A constant is preferred to a curve that is not better by LEAST_FALL. At most MOST_CAUSES.
+        """
         chosen: Choice = ()
         squares = self.fit(which, chosen)[1]
         while len(chosen) < MOST_CAUSES:
@@ -99,7 +102,8 @@ class _Curves:
     def equivalent_channels(
         self, which: Sequence[int], chosen: Choice, one: int
     ) -> tuple[str, ...]:
-        """The channels along which the same mode would do as well as along that of `one`."""
+        """Return the channels along which the same mode would reduce the error as well as along
+        `one`."""
         rest = tuple(c for c in chosen if c != one)
         least = (1.0 + LEAST_FALL) ** 2 * self.fit(which, chosen)[1].mean()
         return tuple(
@@ -111,14 +115,15 @@ class _Curves:
         )
 
     def fit_all(self, which: Sequence[int], chosen: Choice) -> Floats:
-        """(k,) coefficients by all of the folds `which` together."""
+        """Return the coefficients (k,) of the chosen curves, fitted to all folds
+        `which` together."""
         total = self.sums[list(which)].sum(axis=0)
         at = np.concatenate([np.arange(0), *(np.r_[self.columns[c]] for c in chosen)]).astype(int)
         system = total[at[:, None], at] + self.ridge * np.eye(at.size)
         return np.linalg.solve(system, total[at, -1])
 
     def placed_effects(self, chosen: Choice, found: Floats) -> list[Placed]:
-        """The effects of the chosen curves with their coefficients (k,)."""
+        """Return the effects of the chosen curves with their coefficients (k,)."""
         out, start = [], 0
         for c in chosen:
             stop = start + (self.columns[c].stop - self.columns[c].start)
@@ -130,18 +135,17 @@ class _Curves:
         return out
 
 
-def open_causes(
-    problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect]
-) -> OpenCauses:
-    """Causes of what a set leaves: `residual_rpm` (T, R), `held` the set with its values."""
+def open_causes(problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect]) -> CausesFit:
+    """Fit unnamed causes to the residual (T, R), rpm, that the effects `trials` leave."""
     if problem.flights < 2 or problem.of_outputs:
-        return OpenCauses()
+        return CausesFit()
     fold = np.arange(problem.flights) % MOST_FOLDS
     curves = _curves(problem, residual_rpm, trials, fold)
     every = np.unique(fold).tolist()
     base = problem.speeds()
 
     def change(chosen: Choice, found: Floats) -> Floats:
+        """Return the change (T, R), rpm, by the chosen curves with coefficients `found`."""
         return problem.speeds(curves.placed_effects(chosen, found)) - base
 
     left_out = np.zeros_like(residual_rpm)
@@ -154,7 +158,7 @@ def open_causes(
     chosen = curves.select_curves(every)
     unseen = np.mean((residual_rpm - left_out) ** 2)
     if not chosen or np.mean(residual_rpm**2) < (1.0 + LEAST_FALL) ** 2 * unseen:
-        return OpenCauses()
+        return CausesFit()
     found = curves.fit_all(every, chosen)
     without = curves.fit(every, chosen)[0]
     folds = len(every)
@@ -179,11 +183,11 @@ def open_causes(
         causes.append(
             OpenCause(found=one, alike=curves.equivalent_channels(every, chosen, c), rms_rpm=rms)
         )
-    return OpenCauses(causes=tuple(causes), change_rpm=change(chosen, found), left_out_rpm=left_out)
+    return CausesFit(causes=tuple(causes), change_rpm=change(chosen, found), left_out_rpm=left_out)
 
 
 def change_by_causes(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
-    """(T, R) rpm that causes change on other rows; 0 without any."""
+    """Return the change (T, R), rpm, by causes on the rows of `problem`; 0 without causes."""
     if not causes:
         return 0.0
     placed = [
@@ -202,6 +206,10 @@ def change_by_causes(problem: Problem, causes: Sequence[OpenCause]) -> Floats | 
 def _curves(
     problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect], fold: NDArray[np.intp]
 ) -> _Curves:
+    """Return all curves that the rows allow, with sums of products by `fold` (F,).
+
+    A channel needs finite values on every row and a range of at least its `least`.
+    """
     stride = problem.stride
     rows = thin_rows(problem, stride)
     left = rows.mode_amplitudes(residual_rpm[::stride])
@@ -249,5 +257,6 @@ def _curves(
 
 
 def _absent_effect(mode: str, flights: int) -> TrialEffect:
+    """Return the constant unnamed cause of a mode at its start, where it changes nothing."""
     one = candidate(Term(effect=UNNAMED[mode, CONSTANT]), flights)
     return one.initial_effect

@@ -1,4 +1,4 @@
-"""What `identify` found, as numbers, and its JSON ("thrustmargin.identify/1")."""
+"""Result types of `identify`, and their JSON ("thrustmargin.identify/1")."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetWeight:
-    """A set of effects that together explain the flights, and how likely it is."""
+    """A set of effects that together explain the flights, and its posterior probability."""
 
     probability: float
     terms: tuple[Term, ...]
@@ -30,7 +30,7 @@ class SetWeight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneOf:
-    """Effects of which nearly surely one is there, and how likely each is."""
+    """Confounded effects: at least one of them is present, each with its probability."""
 
     terms: tuple[Term, ...]
     probabilities: tuple[float, ...]
@@ -38,7 +38,7 @@ class OneOf:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Excluded:
-    """A size of an effect that was not seen, above which these flights exclude it at 95 %."""
+    """The size of an unseen effect above which these flights exclude it at 95 %."""
 
     term: Term
     parameter: str
@@ -48,7 +48,7 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mentioned:
-    """A rotor that is not named and that the flights do not clear."""
+    """A rotor that is not reported as degraded and that the flights do not clear."""
 
     rotor: int  # 0-based
     probability: float
@@ -58,7 +58,7 @@ class Mentioned:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unexplained:
-    """What no name explains: the mode that has most of it, and every mode that has some."""
+    """The unexplained residual: the mode with most of it, and all modes with some."""
 
     mode: int
     modes: tuple[int, ...]
@@ -72,7 +72,8 @@ class Unexplained:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """One accepted effect; values of shape (F, parameters), alike in all F flights if shared."""
+    """One reported effect with values and 95 % limits (F, parameters); shared values
+    repeat over F."""
 
     term: Term
     value: Floats
@@ -93,12 +94,17 @@ class Found:
 
     @property
     def flight(self) -> int:
-        """The flight whose values stand for the effect: the one it shows most in."""
+        """Return the index of the flight whose values represent the effect: that with the largest
+        one."""
         own = [k for k, p in enumerate(self.term.effect.parameters) if p.per_flight]
         return int(np.argmax(np.abs(self.value[:, own[0]]))) if own else 0
 
     def parameters(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Parameters as JSON: value, unit, interval; values of one flight with each flight's."""
+        """Return parameters as JSON: value, unit, 95 % interval; per-flight values with every
+        flight's.
+
+        `names` are the flights' names.
+        """
         out: dict[str, Any] = {}
         for k, p in enumerate(self.term.effect.parameters):
             f = self.flight
@@ -116,7 +122,10 @@ class Found:
         return out
 
     def to_json(self, names: tuple[str, ...], *, followed: bool = False) -> dict[str, Any]:
-        """One of the JSON's effects; `followed` by a channel already, so that none is added."""
+        """Return the effect as JSON.
+
+        `followed`: a channel reports the effect to the model already, so it is not added.
+        """
         return {
             "name": self.term.effect.name,
             "variant": self.term.effect.variant,
@@ -132,8 +141,8 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenCause:
-    """What has no name and is in the new model: a cause without one, or an effect that is not sure
-    enough for it."""
+    """An unnamed cause that enters the new model: a curve along a channel, or an effect that is not
+    certain enough to be reported."""
 
     found: Found
     alike: tuple[str, ...]  # of a curve, channels along which it would go as well in these flights
@@ -141,20 +150,21 @@ class OpenCause:
 
     @property
     def place(self) -> tuple[str, str] | None:
-        """Of a curve the control axis, or "rotor", and the channel."""
+        """Return (control axis or "rotor", channel) of a curve; None for an effect."""
         effect = self.found.term.effect
         return place_of(effect) if effect.name == NAME else None
 
     @property
     def range(self) -> tuple[float, float] | None:
-        """Of the channel of a curve, in which it was seen; None of what is alike all along."""
+        """Return the range of the curve's channel in which it was fitted; None for a constant or an
+        effect."""
         if self.place is None or self.place[1] == CONSTANT:
             return None
         low, high = self.found.value[0, KNOTS:]
         return float(low), float(high)
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """As an effect; of a curve with axis or rotor, channel and range too."""
+        """Return the cause as JSON: an effect's fields, then mode, channel and range of a curve."""
         mode, channel = self.place or (None, None)
         of_curve = {"mode": mode, "channel": channel, "alike": list(self.alike)}
         of_curve["range"] = self.range and list(self.range)
@@ -163,7 +173,7 @@ class OpenCause:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
-    """Everything that a search found, with the rows it was found on."""
+    """Everything that an identification found, with the rows it was found on."""
 
     model: RotorModel
     problem: Problem
@@ -192,7 +202,7 @@ class Identification:
 
     @property
     def held_out(self) -> Problem | None:
-        """The rows of flights that no step has used."""
+        """Return the rows of the held-out flights; None without any."""
         return self.unseen[-1].problem if len(self.unseen) > 1 else None
 
     def __repr__(self) -> str:
@@ -214,6 +224,7 @@ class Identification:
         )
 
     def _unexplained_words(self) -> list[str]:
+        """Return the line that describes the unexplained residual, or no line."""
         what = self.unexplained()
         if not what["mode"]:
             return []
@@ -227,7 +238,7 @@ class Identification:
 
     @property
     def nothing_probability(self) -> float:
-        """That no effect is there, of those sets that have weight; 1 where none was weighed."""
+        """Return the probability of no effect at all; 1 where no set was scored."""
         weighed = bool(self.alternatives)
         return sum(
             (w.probability for w in self.alternatives if not w.terms), 0.0 if weighed else 1.0
@@ -235,9 +246,10 @@ class Identification:
 
     @property
     def likeliest(self) -> tuple[Term, float] | None:
-        """The effect that is likelier than not, of those of no rotor and not said above.
+        """Return the most probable effect that is not reported, with its probability, or None.
 
-        With its probability. Flights left out did not bear it out, so that it asks for nothing.
+        It acts on no single rotor and has a probability above CHOICE. Cross-validation did not
+        confirm it, so it asks for no action.
         """
         sets = self.alternatives
         terms = [t for one in sets for t in one.terms if t.rotor is None and t.effect.name != NAME]
@@ -252,11 +264,11 @@ class Identification:
 
     @property
     def reported(self) -> tuple[Found, ...]:
-        """The effects found, then those that are followed already."""
+        """Return the effects found, then those that a channel reports to the model already."""
         return (*self.found, *self.followed)
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
-        """The JSON of the identify command; NaN as null."""
+        """Return the JSON of the identify command; NaN becomes null."""
         rows = np.bincount(self.problem.flight)
         flights = [
             {"log": n, "role": "fit", "samples": int(s)}
@@ -311,7 +323,8 @@ class Identification:
         )
 
     def unexplained(self) -> dict[str, Any]:
-        """What no effect explains: its share of what is left, mode, channel and closest effects."""
+        """Return the unexplained residual as JSON: fraction of variance, mode, channels, closest
+        effects."""
         left = self.left
         return {
             "fraction_of_variance": left.share if left else 0.0,
@@ -326,7 +339,7 @@ class Identification:
 
 
 def _term_json(term: Term) -> dict[str, Any]:
-    """An effect by its name, the variant and the rotor, which is counted from 1."""
+    """Return name, variant and rotor (1-based) of an effect as JSON."""
     rotor = None if term.rotor is None else term.rotor + 1
     return {"name": term.effect.name, "variant": term.effect.variant, "rotor": rotor}
 
@@ -339,5 +352,6 @@ def _shares_json(shares: StandingShares, names: tuple[str, ...]) -> dict[str, An
 
 
 def _mention_json(loss: Mentioned) -> dict[str, Any]:
-    """With the name of the effect, and the rotor counted from 1, as everywhere outside arrays."""
+    """Return a mentioned rotor as JSON, with the name of the effect and the rotor
+    counted from 1."""
     return {"name": ROTOR_DEGRADATION.name} | to_json_values(loss) | {"rotor": loss.rotor + 1}

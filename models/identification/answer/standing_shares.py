@@ -1,10 +1,10 @@
-"""What stands all the time between motor outputs and a model that knows no sound flight.
+"""Report constant differences between motor outputs and a model without known sound flights.
 
-A weak rotor, a centre of gravity off the middle, a tilted motor and unequal motors all make the
-autopilot hold a constant roll, pitch and yaw, for its mixer has nothing else. Four outputs in hover
-have four unknowns, and more rotors have no more: the outputs stay in the mixer's span. So none of
-these causes is named. The difference is reported rotor by rotor, with the size that each cause
-would have if it were the one.
+A weak rotor, an offset centre of gravity, a tilted motor and unequal motors all make the autopilot
+hold a constant roll, pitch and yaw, because its mixer has nothing else. Four outputs in hover have
+four unknowns, and more rotors add none: outputs stay in the mixer's span. So none of these causes
+is reported as the one. The difference is reported rotor by rotor, with the size that each cause
+would have if it acted alone.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Change = Callable[[Sequence[Placed]], Floats]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandingCause:
-    """One of the causes that would hold the same constant outputs, with its sizes."""
+    """One cause that would produce the same constant outputs, with its sizes."""
 
     cg_x: float  # m, forward of where the model has it
     cg_y: float  # m, to the right
@@ -50,7 +50,7 @@ class StandingCause:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandingShares:
-    """Measured minus predicted speed of each of R rotors, constant, and what may cause it."""
+    """The constant measured minus predicted speed of each of R rotors, and its possible causes."""
 
     rotor_rpm: tuple[float, ...]  # R, mean of all flights, or of the one that differs most
     flight: int | None  # that one, where flights differ more than they have in common
@@ -62,10 +62,10 @@ class StandingShares:
 def standing_shares(
     problem: Problem, trials: Sequence[TrialEffect], residual_rpm: Floats
 ) -> StandingShares | None:
-    """Return what stands between outputs and the model with the effects `held`, which leave
-    `residual_rpm` (T, R).
+    """Return the constant difference between motor outputs and the model with the effects `trials`.
 
-    None for measured speeds, for a model that knows sound flights, and where it is too small.
+    `residual_rpm` (T, R) is measured minus predicted with these effects. None for measured speeds,
+    for a model that knows sound flights, and for a difference below REPORTED.
     """
     if not problem.of_outputs or not lacks_sound_flights(problem.model):
         return None
@@ -85,6 +85,7 @@ def standing_shares(
     still = few.speeds(beside)
 
     def moved(effects: Sequence[Placed]) -> Floats:
+        """Return the mean change (3,) rpm of roll, pitch and yaw modes by additional effects."""
         change = few.speeds([*beside, *effects]) - still
         return few.mode_amplitudes(change.mean(axis=0))[AXES]
 
@@ -103,6 +104,8 @@ def standing_shares(
 
 
 def _trim_cause(moved: Change, wanted: Floats) -> StandingCause | None:
+    """Return the centre of gravity and yaw moment that produce `wanted` (3,) rpm; None
+    if none do."""
     yaw = BY_KEY["yaw_trim"].parameters[0]
     found = _solve_sizes(
         lambda v: moved([_cg_offset(v[0], v[1]), _placed_effect("yaw_trim", {yaw.name: v[2]})]),
@@ -116,10 +119,10 @@ def _trim_cause(moved: Change, wanted: Floats) -> StandingCause | None:
 
 
 def _weak_rotor_cause(moved: Change, wanted: Floats, rotor: int) -> StandingCause | None:
-    """Return the rotor's loss with the centre of gravity that makes the rest of the change; None
-    where it would have to gain.
+    """Return the rotor's loss and the centre of gravity that together produce `wanted` (3,) rpm.
 
-    Yaw shows the loss, by the torque that the rotor keeps, known to one standard deviation.
+    Yaw determines the loss through the torque share that the rotor keeps, known to one standard
+    deviation; `loss_range` covers that. None if the loss is below LEAST_LOSS or no size fits.
     """
     tries = [
         _solve_sizes(
@@ -151,6 +154,7 @@ def _weak_rotor_cause(moved: Change, wanted: Floats, rotor: int) -> StandingCaus
 
 
 def _torque_share_limits() -> tuple[float, float]:
+    """Return a degraded rotor's usual torque share minus and plus one standard deviation."""
     return TORQUE_SHARE.start - TORQUE_SHARE.scale, TORQUE_SHARE.start + TORQUE_SHARE.scale
 
 
@@ -158,10 +162,12 @@ CG = BY_KEY["cg_offset"].parameters[0]
 
 
 def _cg_offset(x: float, y: float) -> Placed:
+    """Return a centre of gravity offset (m forward, m right) as a placed effect."""
     return _placed_effect("cg_offset", {"x": x, "y": y})
 
 
 def _placed_effect(key: str, values: Mapping[str, float], rotor: int | None = None) -> Placed:
+    """Return the effect `key` with the given values, the others at their starts."""
     effect = BY_KEY[key]
     whole = {p.name: p.start for p in effect.parameters} | dict(values)
     return Placed(effect=effect, values=whole, rotor=rotor)
@@ -174,9 +180,10 @@ def _solve_sizes(
     scale: tuple[float, float, float],
     most: tuple[float, float, float],
 ) -> list[float] | None:
-    """Return values (3,) that make the `wanted` change (3,) rpm of the axes, or None.
+    """Return values (3,) that produce the `wanted` change (3,) rpm of the axes, or None.
 
-    Each lies within `most` of nothing, and is sought in steps of its `scale`.
+    Each value lies within its `most` of zero and is searched in steps of its `scale`. None if more
+    than MATCHED of the change remains.
     """
     sizes, bounds = np.array(scale), np.array(most) / np.array(scale)
     found = least_squares(

@@ -1,12 +1,11 @@
-"""What belongs to every aircraft, fitted to its good flights: no search, and nothing is named.
+"""Fit the effects that every aircraft has to its good flights, without a search.
 
-Moments of turning and of the flow, thrust of turns and gusts, drag and lift of forward flight
-beyond what the base model has, inflow in climb, where the centre of gravity stands, the trim of
-yaw, the density of the air and how late telemetry comes are part of every aircraft. All of them are
-fitted together. An effect stays if flights left out in turn are predicted better with it, by more
-than the standard error of that gain; the least needed goes first. A gain is the logarithm of a
-flight's cost without over that with, so that a flight with many sharp turns has no more to say than
-a quiet one.
+Standard effects are moments of turning and flow, thrust in turns and gusts, drag and lift of
+forward flight beyond the base model, inflow in climb, centre of gravity, yaw trim, air density and
+the delay of telemetry. All are fitted together. An effect is kept if it improves the prediction of
+held-out flights by more than the standard error of the gain; the least needed effect is dropped
+first. A flight's gain is the logarithm of its cost without the effect over that with it, so that a
+flight with many sharp turns does not count more than a quiet one.
 """
 
 from __future__ import annotations
@@ -52,7 +51,8 @@ STANDARD = (
 
 
 def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
-    """The effects of STANDARD for which every row has its channels."""
+    """Return the effects of STANDARD that the airframe can have and whose channels
+    every row has."""
     effects = [BY_KEY[key].scaled(model.airframe) for key in STANDARD]
     if problem.of_outputs:
         effects = list(effects_on_shares(effects))
@@ -63,7 +63,8 @@ def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
 def with_standard_effects(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:
-    """The model with the standard effects that its flights show, fitted together on `tracks`.
+    """Return the model with the standard effects that its flights show, fitted together to
+    `tracks`.
 
     At least 2 flights. Raises DataError when one has too few rows to fit.
     """
@@ -107,10 +108,10 @@ def with_standard_effects(
 
 
 def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> RowFit:
-    """All terms together: first what makes them, then their shapes too.
+    """Fit all terms together: first their main values, then their shapes too.
 
-    A lag, a derivative correction and the rotors' own inertia can stand for each other in sharp
-    turns, and all moved at once from nothing they end where none is what it is.
+    A lag, a derivative correction and rotor inertia imitate each other in sharp turns; fitted at
+    once from zero, they would converge to a wrong combination.
     """
     whole = [candidate(t, problem.flights) for t in terms]
     made = [TrialEffect(candidate=_fix_shapes(one), values=one.start) for one in whole]
@@ -120,14 +121,16 @@ def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> R
 
 
 def _fix_shapes(one: Candidate) -> Candidate:
+    """Return the candidate with only its main values free."""
     parameters = one.term.effect.parameters
     return replace(one, free=tuple(of for of in one.free if parameters[of[0]].absent is not None))
 
 
 def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
-    """(P,) of the values of a fit, with what the base model does not know in them, (D, T, R).
+    """Return the half widths (P,) of a fit's values, with base model `uncertainty` (D, T, R), rpm
+    in modes.
 
-    How these flights differ shows in the fit itself: before it, wind and balance are in there.
+    Between-flight variation is in the fit's block sums already.
     """
     z = fit.filter.apply(np.concatenate([fit.columns, np.moveaxis(uncertainty, 0, 2)], axis=2))
     count = fit.columns.shape[2]
@@ -138,8 +141,8 @@ def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
 def _drop_if_unneeded(
     problem: Problem, fit: RowFit, key: str, known: Floats, *, worth: float = 0.0
 ) -> RowFit:
-    """The fit, without one of its effects if flights left out do not ask for it by more than the
-    standard error and what it has to be worth."""
+    """Drop one effect unless it improves held-out flights by more than the standard error and
+    `worth`."""
     rest = [h for h in fit.trials if h.candidate.key != key]
     if len(rest) == len(fit.trials):
         return fit
@@ -150,10 +153,9 @@ def _drop_if_unneeded(
 
 
 def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
-    """What stays, by the sums of the fit with all of it.
+    """Return the effects to keep, by backward elimination on the sums of the full fit.
 
-    An effect with a value at a bound is not what happens, one of less than its least worth naming
-    is not worth a line: they go first.
+    Effects at a bound or below their least reportable size are dropped first.
     """
     kept = tuple(h for h in fit.trials if _is_worth_storing(h))
     while True:
@@ -172,7 +174,8 @@ def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
 
 
 def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
-    """The sums of a fit with the other effects held at nothing, the rest free."""
+    """Return the sums of a fit with effects outside `kept` fixed at absent values, the
+    rest free."""
     free, move = [], []
     for trial in fit.trials:
         for p, value in zip(trial.candidate.parameters, trial.free_values, strict=True):
@@ -184,8 +187,11 @@ def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
 
 
 def _is_worth_storing(trial: TrialEffect) -> bool:
-    """True when all values that make the effect are inside their bounds and one is worth naming;
-    always of an effect that is no choice."""
+    """Return whether all main values are within bounds and one has at least its least reportable
+    size.
+
+    Always True for ALWAYS_KEPT.
+    """
     if trial.candidate.key == ALWAYS_KEPT:
         return True
     pairs = zip(trial.candidate.parameters, trial.free_values, strict=True)
@@ -196,9 +202,9 @@ def _is_worth_storing(trial: TrialEffect) -> bool:
 
 
 def gain_and_error(without: Floats, having: Floats) -> tuple[float, float]:
-    """Mean over flights of log(cost without / cost with), and its standard error.
+    """Return mean and standard error over flights of log(cost without / cost with).
 
-    Costs (F,) above 0 of at least 2 flights, the same in both.
+    Costs (F,) are positive, of at least 2 flights, in the same order.
     """
     gains = np.log(without / having)
     return float(gains.mean()), float(np.std(gains, ddof=1) / np.sqrt(gains.size))

@@ -1,7 +1,7 @@
-"""A small library of manoeuvres, and the flight that each would make: simple kinematics at 10 Hz.
+"""A library of manoeuvres, and the flight that each would produce: simple kinematics at 10 Hz.
 
-Frames: `_ned` from the origin of the flights; speeds are over ground, along the heading. All that
-is flown stays within the heights, speeds, distances and fills of flights that were flown.
+Frames: `_ned` from the origin of the flights; speeds are over ground, along the heading. Heights,
+speeds, distances and fills stay within those of flights that were flown.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ FLOWN = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlownLimits:
-    """What the flights showed that this aircraft flies, and the air and battery that it flew in."""
+    """The ranges in which this aircraft has flown, with the air and the battery of
+    those flights."""
 
     origin: Origin | None
     place_ne: tuple[float, float]  # m, the middle of where it flew
@@ -55,7 +56,7 @@ class FlownLimits:
 
     @classmethod
     def from_tracks(cls, tracks: Sequence[FlightTrack]) -> Self:
-        """From the rows in flight. Raises DataError when none are."""
+        """Measure the limits on rows in flight. Raises DataError if there are none."""
         origins, durations = [], []
         flown: dict[str, list[Floats]] = {name: [] for name in FLOWN}
         for track in tracks:  # one at a time: a season need not be held
@@ -69,9 +70,11 @@ class FlownLimits:
             raise DataError("no row of the flights is in flight, so no manoeuvre can be bounded")
 
         def every(channel: str) -> Floats:
+            """Return a channel of all flights."""
             return np.concatenate(flown[channel])
 
         def ends(values: Floats, low: float, high: float) -> tuple[float, float]:
+            """Return two quantiles of the finite values; NaN without any."""
             known = values[np.isfinite(values)]
             if not known.size:
                 return np.nan, np.nan
@@ -98,7 +101,7 @@ class FlownLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """A stretch of flight with one order: go ahead, climb, turn, or (all 0) hover."""
+    """A part of a manoeuvre with one command: fly ahead, climb, turn, or hover (all 0)."""
 
     seconds: float
     speed: float = 0.0  # m/s over ground, along the heading
@@ -108,7 +111,7 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manoeuvre:
-    """What to fly, in words and in pieces, at each of the fills: one flight a fill."""
+    """A manoeuvre in words and in pieces, to be flown once at each of its fills."""
 
     name: str
     words: str  # an order to the pilot, without a full stop
@@ -119,12 +122,12 @@ class Manoeuvre:
 
     @property
     def minutes(self) -> float:
-        """Time of the manoeuvre itself, once at each fill."""
+        """Return the duration of the manoeuvre, flown once at each fill."""
         return len(self.fills_kg) * sum(piece.seconds for piece in self.pieces) / 60.0
 
 
 def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
-    """The library for one aircraft: each manoeuvre full, nearly empty, and at both fills."""
+    """Return the library for one aircraft: each manoeuvre full, nearly empty, and at both fills."""
     low, high = limits.height
     middle = (low + high) / 2
     upwind = float(np.arctan2(-limits.wind_ne[1], -limits.wind_ne[0]))
@@ -153,8 +156,10 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
 
 
 def lightest_manoeuvres(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
-    """Those with the least fill alone, and without quick changes of speed: what may be asked of an
-    aircraft that may have a bad rotor."""
+    """Return the manoeuvres with the least fill alone and without quick changes of speed.
+
+    These are acceptable for an aircraft that may have a bad rotor.
+    """
     least = min((kg for one in every for kg in one.fills_kg), default=0.0)
     return tuple(one for one in every if set(one.fills_kg) == {least} and one.name != "speed steps")
 
@@ -162,7 +167,7 @@ def lightest_manoeuvres(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
 def _library(
     limits: FlownLimits, low: float, middle: float
 ) -> list[tuple[str, str, float, tuple[Piece, ...]]]:
-    """Name, words, first height and pieces; what the flights never did is left out."""
+    """List name, words, first height (m) and pieces of each manoeuvre within the limits."""
     rate = float(np.clip(np.nan_to_num(limits.turn_rate), 0.1, TURN_RATE))
     around = Piece(seconds=np.pi / rate, turn=rate)
     made: list[tuple[str, str, float, tuple[Piece, ...]]] = [
@@ -201,17 +206,20 @@ def _library(
 
 
 def _stop_piece(speed: float) -> Piece:
+    """Return a piece in which the aircraft decelerates from `speed` to a stop."""
     return Piece(seconds=speed / ACCELERATION)
 
 
 def _corner_piece(seconds: float, way: float) -> Piece:
+    """Return a quarter turn, to the right for `way` 1, to the left for -1."""
     return Piece(seconds=seconds, turn=way * np.pi / 2 / seconds)
 
 
 def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
-    """(pieces + 1, 3) m: where each piece begins, and the last one ends, about `place_ne`.
+    """Return the start of each piece and the end of the last (pieces + 1, 3), m, centred on
+    `place_ne`.
 
-    Down is below the ground under the origin, which is taken as level.
+    Down is counted from the ground under the origin, taken as level.
     """
     heading, at = manoeuvre.heading, np.array([0.0, 0.0, -manoeuvre.height])
     corners = [at]
@@ -229,13 +237,14 @@ def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
 def flown_track(
     manoeuvre: Manoeuvre, model: RotorModel, limits: FlownLimits, fill_kg: float
 ) -> FlightTrack:
-    """The manoeuvre as a flight in the flights' usual air, with all channels but rotor speeds."""
+    """Simulate the manoeuvre in the flights' usual air, with all channels but rotor speeds."""
     pieces = manoeuvre.pieces
     ends = np.cumsum([p.seconds for p in pieces])
     time_s = np.arange(0.0, ends[-1], STEP_S)
     which = np.minimum(np.searchsorted(ends, time_s, side="right"), len(pieces) - 1)
 
     def ordered(name: str, rate: float) -> Floats:
+        """Return a commanded rate (T,), limited in slope by `rate` and smoothed."""
         wanted = np.array([getattr(p, name) for p in pieces])[which]
         reached, now = np.empty_like(wanted), 0.0
         for k, value in enumerate(wanted):
@@ -286,7 +295,8 @@ def flown_track(
 
 
 def _attitude(force: Floats, through_air: Floats, slowing: Floats, heading: Floats) -> Floats:
-    """(T, 3) roll, pitch, yaw at which the rotors carry `force` per mass and level drag."""
+    """Return roll, pitch, yaw (T, 3), rad, at which the rotors balance `force` per mass and level
+    drag."""
     way = through_air / np.maximum(np.linalg.norm(through_air, axis=1, keepdims=True), 1e-3)
     lift = force + np.column_stack([slowing[:, None] * way, np.zeros_like(slowing)])
     down = -lift / np.linalg.norm(lift, axis=1, keepdims=True)

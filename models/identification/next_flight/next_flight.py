@@ -1,18 +1,14 @@
-"""Explanations of the same flights: sets of effects, each fitted to the flown rows.
+"""Choose the next flight: the manoeuvre that best distinguishes two explanations.
 
-Works in mode amplitudes, weighed by the noise of a row.
-
-The next flight: the manoeuvre that best distinguishes two explanations.
-
-Each explanation is fitted to the flown rows. Over the rows of a manoeuvre the two then predict mode
-amplitudes m_A and m_B (in units of the noise), with
+An explanation is a set of effects, fitted to the rows flown so far. Over the rows of a manoeuvre
+two explanations predict mode amplitudes m_A and m_B (in units of the noise), with
 
     d = m_A - m_B,  S = I + J_A C_A J_A' + J_B C_B J_B' + N N'
 
-C what the flown rows leave open of the values of each, N how effects scatter from flight to flight
-and by how much the base model is off. Kullback-Leibler divergence: d' S^-1 d / 2 nats; a choice
-between the two by these rows is right with probability Phi(sqrt(d' S^-1 d) / 2).
-S^-1 by Woodbury, so that only the Gram matrix of the columns is needed.
+C is the covariance of each one's values given the rows flown, N the between-flight scatter and the
+base model's error. Kullback-Leibler divergence: d' S^-1 d / 2 nats; a choice between the two by
+these rows is right with probability Phi(sqrt(d' S^-1 d) / 2). S^-1 by Woodbury, so that only the
+Gram matrix of the columns is needed.
 """
 
 from __future__ import annotations
@@ -64,23 +60,23 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Explanation:
-    """Effects with values that all flights share, and the covariance of all values in their
-    order."""
+    """Effects with values that all flights share, and the covariance of these values."""
 
     trials: tuple[TrialEffect, ...]
     covariance: Floats  # (P, P)
 
     @property
     def terms(self) -> tuple[Term, ...]:
+        """Return the terms of the effects."""
         return tuple(one.candidate.term for one in self.trials)
 
 
 def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Floats) -> Explanation:
-    """The terms with their likeliest values given the flown rows, alike in all flights; a step
-    within a flight counts as it is afterwards.
+    """Fit the terms to the flown rows, with values shared by all flights.
 
-    `noise_rpm` (R,) is that of a mean over one second. Values have their usual sizes as prior,
-    their covariance the scatter of a sound aircraft in it.
+    A step within a flight counts with its state afterwards. `noise_rpm` (R,) is that of a mean over
+    one second. Values have their usual sizes as prior; their covariance includes the scatter of a
+    sound aircraft.
     """
     rows = thin_rows(problem, problem.stride)
     fit = fit_rows(rows, [_shared_effect(term, rows) for term in terms])
@@ -106,16 +102,16 @@ def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Float
 
 
 def scale_by_noise(columns: Floats, noise_rpm: Floats) -> Floats:
-    """(T R, K) of columns (T, R, K) rpm in modes, in units of the noise (R,) of a row."""
+    """Return columns (T, R, K), rpm in modes, as (T R, K) in units of the noise (R,) of a row."""
     rows, modes, count = columns.shape
     return (columns / noise_rpm[:, None]).reshape(rows * modes, count)
 
 
 def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
-    """(T, R, N) rpm in modes by which a sound aircraft's flight may be off: one deviation a column.
+    """Return between-flight deviations (T, R, N), rpm in modes, one standard deviation a column.
 
-    Each mode's mean by `background_rpm` (R,), and every effect by its scatter from flight to
-    flight, as the model file has it from good flights, else the usual one.
+    These are each mode's mean by `background_rpm` (R,), and every effect by its scatter from good
+    flights in the model, else its usual scatter.
     """
     shape = rows.measured_rpm.shape
     means = np.diag(np.broadcast_to(background_rpm, shape[1:]))
@@ -136,10 +132,11 @@ def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
 
 
 def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
-    """(R,) rpm: noise of a mean over one second in each mode, from means over blocks of time.
+    """Return the noise (R,), rpm, of a mean over one second in each mode, from means over blocks of
+    time.
 
-    `residual_rpm` (T, R) is what the effects found leave on the rows of the problem. Means over
-    BLOCK_SECONDS about that of their flight have what lasts for seconds in them.
+    `residual_rpm` (T, R) is the residual after identification. Means over BLOCK_SECONDS, relative
+    to their flight's, include variation that lasts for seconds.
     """
     amplitudes = problem.mode_amplitudes(residual_rpm)
     count = np.bincount(problem.block).astype(float)[:, None]
@@ -152,7 +149,7 @@ def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
 
 
 def _shared_effect(term: Term, rows: RowsToFit) -> TrialEffect:
-    """A term, of a step what it is afterwards, all of whose values flights share."""
+    """Return a term, a step as its state afterwards, with values shared by all flights."""
     lasting = Term(effect=term.effect.afterwards or term.effect, rotor=term.rotor)
     free = tuple((k, None) for k in range(len(lasting.effect.parameters)))
     one = replace(candidate(lasting, rows.flights), free=free)
@@ -162,6 +159,7 @@ def _shared_effect(term: Term, rows: RowsToFit) -> TrialEffect:
 
 
 def _absent_value(parameter: Parameter) -> float:
+    """Return a parameter's absent value, or its start if it has none."""
     return parameter.start if parameter.absent is None else parameter.absent
 
 
@@ -173,7 +171,7 @@ ROW_S = 0.2  # between rows of a manoeuvre
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NextFlight:
-    """What to fly next, and how well it would distinguish the explanations."""
+    """The flight recommended next, and how well it would distinguish two explanations."""
 
     separates: tuple[Terms, Terms]
     manoeuvre: Manoeuvre
@@ -183,14 +181,14 @@ class NextFlight:
 
     @property
     def minutes(self) -> float:
-        """All repeats at all fills, without take-off and landing."""
+        """Return the duration of all repeats at all fills, without take-off and landing."""
         return self.repeats * self.manoeuvre.minutes
 
 
 def plan_next_flight(found: Identification, tracks: Sequence[FlightTrack]) -> NextFlight | None:
-    """What to fly next after an identification; `tracks` are the flights it was given.
+    """Choose the next flight after an identification; `tracks` are its flights.
 
-    None when it left nothing open, or when no manoeuvre of the library would tell.
+    None if nothing is left open, or no manoeuvre would distinguish with a probability above CHANCE.
     """
     pair = explanations_of(found)
     if pair is None:
@@ -215,10 +213,10 @@ def plan_next_flight(found: Identification, tracks: Sequence[FlightTrack]) -> Ne
 
 
 def explanations_of(found: Identification) -> tuple[Terms, Terms] | None:
-    """The two likeliest explanations that an identification could not distinguish.
+    """Return the two most probable explanations that an identification could not distinguish.
 
-    In this order: one of several effects, two sets of effects, a rotor that is not cleared. None
-    when it left nothing open.
+    In order of preference: two effects of a "one of", two sets of effects, a rotor that is not
+    cleared. None if nothing is left open.
     """
     named = tuple(f.term for f in found.found)
     for one in found.one_of:
@@ -242,15 +240,16 @@ def next_flight(
     background_rpm: Floats | float = 0.0,
     of_outputs: bool = False,
 ) -> NextFlight:
-    """The shortest flight that distinguishes two explanations, else the one that does most.
+    """Return the shortest flight that distinguishes two explanations, else the most efficient one.
 
-    Where one of them has a bad rotor, only what is flown with the least fill counts.
-    `noise_rpm` (R,) is that of a mean over one second, of each mode; `background_rpm` (R,) that of
-    a flight's mean. With `of_outputs` only each rotor's share is seen.
+    If an explanation has a bad rotor, only manoeuvres with the least fill are used. `noise_rpm`
+    (R,) is that of a mean over one second in each mode; `background_rpm` (R,) that of a flight's
+    mean. With `of_outputs` only each rotor's share counts.
     """
 
     @cache
     def flown_at(name: str, fill_kg: float) -> _FlownManoeuvre:
+        """Predict both explanations over a manoeuvre at one fill."""
         track = flown_track(library[name], model, limits, fill_kg)
         return _fly_once(model, explanations, track, noise_rpm, background_rpm, of_outputs)
 
@@ -279,6 +278,8 @@ def next_flight(
 
 
 def _preference(made: NextFlight) -> tuple[bool, float]:
+    """Return the sort key: distinguishing flights first, by least duration, others by nats a
+    minute."""
     distinguished = made.certainty >= SURE
     return distinguished, -made.minutes if distinguished else made.nats / made.minutes
 
@@ -300,6 +301,7 @@ def _fly_once(
     background_rpm: Floats | float,
     of_outputs: bool,
 ) -> _FlownManoeuvre:
+    """Predict the difference of two explanations over a simulated track, and its uncertainty."""
     rows = rows_of(model, track, [t.effect for one in explanations for t in one.terms], of_outputs)
     noise = noise_rpm / np.sqrt(ROW_S)
     ours, theirs = (np.nan_to_num(predicted_modes(rows, one.trials)) for one in explanations)
@@ -320,7 +322,8 @@ def _fly_once(
 def rows_of(
     model: RotorModel, track: FlightTrack, effects: Sequence[Effect], of_outputs: bool
 ) -> RowsToFit:
-    """A manoeuvre's rows, each ROW_S; of motor outputs shares of what the model predicts."""
+    """Return a track's rows, ROW_S apart; with `of_outputs`, only shares of predicted speeds are
+    used."""
     used = [*(p.effect for p in model.placed), *effects_for(model.airframe), *effects]
     every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
     which = np.arange(0, track.time_s.size, every)
@@ -342,7 +345,8 @@ def rows_of(
 
 
 def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
-    """Gram matrix of the columns of S, with d last, of a manoeuvre flown once at each fill."""
+    """Return the Gram matrix of the columns of S, with d last, of a manoeuvre flown once at each
+    fill."""
     table = np.column_stack(
         [
             np.concatenate([one.shared for one in flown]),
@@ -354,7 +358,7 @@ def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
 
 
 def _distance_square(gram: Floats, repeats: int) -> float:
-    """d' S^-1 d when the rows come so many times, in the same flights."""
+    """Return d' S^-1 d if the rows are repeated `repeats` times within the same flights."""
     whole = repeats * gram
     inner, along = whole[:-1, :-1], whole[:-1, -1]
     explained = along @ np.linalg.solve(np.eye(inner.shape[0]) + inner, along)
@@ -362,5 +366,6 @@ def _distance_square(gram: Floats, repeats: int) -> float:
 
 
 def _covariance_root(covariance: Floats) -> Floats:
+    """Return a matrix root A of a covariance A A', negative eigenvalues set to 0."""
     sizes, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(sizes, 0.0))

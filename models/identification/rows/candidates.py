@@ -1,4 +1,4 @@
-"""Effects that a search may put into a set, and what they do to the predicted speeds."""
+"""Candidate effects of a search, and the change in predicted speeds that their values cause."""
 
 from __future__ import annotations
 
@@ -48,25 +48,26 @@ STEP = 1e-3  # of a parameter's usual size, of the central difference
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
-    """An effect that is being fitted, on one rotor (0-based) where it is of one."""
+    """An effect that is being fitted, on one rotor (0-based) if it acts on a single rotor."""
 
     effect: Effect
     rotor: int | None = None
 
     @property
     def key(self) -> str:
+        """Return the effect's key, with @ and the rotor (1-based) if it has one."""
         suffix = "" if self.rotor is None else f"@{self.rotor + 1}"
         return self.effect.key + suffix
 
     @property
     def words(self) -> str:
-        """Name, and the rotor counted from 1."""
+        """Return the effect's name, with the rotor (1-based) if it has one."""
         return self.effect.name + ("" if self.rotor is None else f" of rotor {self.rotor + 1}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """A term with K parameters, the values it starts from and which of them are free."""
+    """A term with K parameters, their start values and which of them are free."""
 
     term: Term
     start: Floats  # (F, K)
@@ -76,49 +77,52 @@ class Candidate:
 
     @property
     def key(self) -> str:
+        """Return the key of the term."""
         return self.term.key
 
     @property
     def unnamed(self) -> bool:
-        """True for a cause without a name."""
+        """Return whether this is an unnamed cause: a curve of a mode or rotor along a channel."""
         return self.term.effect.name == NAME
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """(P,) the parameter of each free value."""
+        """Return the parameter of each of the P free values."""
         every = self.term.effect.parameters
         return tuple(every[k] for k, _ in self.free)
 
     @cached_property
     def places(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """(P,) flight, the first where all share it, and parameter of each free value."""
+        """Return the flight (P,) and the parameter (P,) of each free value; flight 0 if shared by
+        all."""
         flights, which = [f or 0 for _, f in self.free], [k for k, _ in self.free]
         return np.array(flights, dtype=np.intp), np.array(which, dtype=np.intp)
 
     @property
     def initial_effect(self) -> TrialEffect:
+        """Return the candidate with its start values."""
         return TrialEffect(candidate=self, values=self.start)
 
     @property
     def start_values(self) -> list[float]:
-        """(P,) where the free values start."""
+        """Return the start values of the P free values."""
         return self.start[self.places].tolist()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrialEffect:
-    """A candidate with values."""
+    """A candidate with values (F, K)."""
 
     candidate: Candidate
     values: Floats  # (F, K)
 
     @property
     def free_values(self) -> Floats:
-        """(P,) the values that are free."""
+        """Return the free values (P,)."""
         return self.values[self.candidate.places]
 
     def moved(self, by: Floats) -> TrialEffect:
-        """With the free values (P,) moved, kept within their bounds."""
+        """Return the effect with its free values moved by `by` (P,), clipped to their bounds."""
         values = self.values.copy()
         for (k, flight), step in zip(self.candidate.free, by, strict=True):
             p = self.candidate.term.effect.parameters[k]
@@ -128,8 +132,12 @@ class TrialEffect:
 
 
 def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candidate]:
-    """Every effect whose channels the flights report, on each rotor where it is of one; not those
-    that begin in a flight, which `onsets` finds."""
+    """Return a candidate for every catalogue effect that the flights can show, on each rotor if
+    rotor-specific.
+
+    Effects that begin in flight are left to `onsets`. Bounds of rotor losses and drag are narrowed
+    to values with which the flights could have been flown.
+    """
     rotors = reduced.measured_rpm.shape[1]
     most, taught = _flyable_loss(reduced), reduced.model.taught
     found = []
@@ -153,13 +161,12 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
 
 
 def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
-    """Causes without a name: each mode, and the loss of each rotor, along each channel that the
-    flights report and that varies.
+    """Return unnamed causes: each mode, and the loss of each rotor, along each varying channel.
 
-    That something without a name acts in a mode, or bends the loss of a rotor, is as likely as that
-    an effect is there, along any channel as along another. What stands all the time has a name in
-    every mode, so a curve is nothing at the knot nearest to where its channel is 0, or, of a
-    channel without such a place, where it mostly is. One flight shows nothing again.
+    The prior probability of an effect is divided evenly among the channels of a mode, or of a
+    rotor. Constants are catalogue effects in every mode, so a curve is fixed to zero at one knot:
+    the one nearest to channel value 0 or, for a channel without such a rest, the one with most
+    rows. No candidate for a single flight, which cannot show that a curve recurs.
     """
     if reduced.flights < 2:
         return []
@@ -191,9 +198,10 @@ def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
 
 
 def _possible_change(reduced: Reduced, effect: Effect) -> Effect | None:
-    """The effect, or what of it may have changed where the model has it; None where nothing may.
+    """Return the effect, or its possible change if the model has it already; None if none is
+    possible.
 
-    Outputs answer gusts as they do turns: they show no change of what turning takes.
+    Motor outputs respond to gusts as to turns, so they show no change of a model's own effect.
     """
     model = reduced.model
     has = [item.values for item in model.placed if item.effect.key == effect.key]
@@ -204,7 +212,7 @@ def _possible_change(reduced: Reduced, effect: Effect) -> Effect | None:
 
 
 def _is_observable(reduced: Reduced, effect: Effect) -> bool:
-    """False for an effect that even at its usual size these flights could hardly show."""
+    """Return False for an effect that these flights could hardly show even at its usual size."""
     if effect.weight is None:
         return True
     values = {p.name: p.start + (0.0 if p.detail else p.scale) for p in effect.parameters}
@@ -212,7 +220,8 @@ def _is_observable(reduced: Reduced, effect: Effect) -> bool:
 
 
 def _flyable_loss(reduced: Reduced) -> float:
-    """The largest loss of one rotor with which the flights' weight could be held level."""
+    """Return the largest loss of one rotor's thrust with which the flights' weight can be trimmed,
+    yaw free."""
     x, airframe = reduced.channels, identified_airframe(reduced.model)
     voltage = np.nanmedian(x.voltage) if np.isfinite(x.voltage).any() else np.nan
     limits = ceiling(airframe, np.nanmedian(x.density), voltage)
@@ -222,7 +231,7 @@ def _flyable_loss(reduced: Reduced) -> float:
 
 
 def _bound_loss(effect: Effect, most: float) -> Effect:
-    """A rotor's loss that nobody could have flown with is none, nor is a rotor that gains."""
+    """Bound a rotor's loss to -MOST_GAIN below and to the flyable loss `most` above."""
     kept = tuple(
         replace(p, lower=-MOST_GAIN, upper=min(p.upper, max(most, p.scale)))
         if p.name == LOSS.name
@@ -233,10 +242,11 @@ def _bound_loss(effect: Effect, most: float) -> Effect:
 
 
 def _bound_drag(reduced: Reduced, effect: Effect) -> Effect:
-    """Drag that is missing, bounded by what the model has of it: less than none there is not.
+    """Bound missing drag area below by minus the model's own drag, so that total drag stays
+    positive.
 
-    As an area at the airspeed up to which the model knows: what rotors and body slow it down by
-    there, and drag areas among its effects. Of a network without forward flight that is not known.
+    The model's drag is converted to an area at its highest known airspeed. Return the effect
+    unchanged for a network without forward flight physics, whose drag is unknown.
     """
     model, x = reduced.model, reduced.channels
     flight, known = model.forward_flight, model.known_airspeed
@@ -254,8 +264,10 @@ def _bound_drag(reduced: Reduced, effect: Effect) -> Effect:
 
 
 def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:
-    """A term at its own start, with every value free; of a model that no flight has taught, what
-    every aircraft has is as likely there as not."""
+    """Return a candidate for a term with start values, every value free.
+
+    With a model that no flight has `taught`, effects of every aircraft have prior odds EVEN.
+    """
     start = np.array([[p.start for p in term.effect.parameters]] * flights)
     free: list[tuple[int, int | None]] = []
     for k, p in enumerate(term.effect.parameters):
@@ -266,7 +278,8 @@ def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:
 
 
 def placed_effects(rows: RowsToFit, trials: Sequence[TrialEffect]) -> list[Placed]:
-    """Effects with their values, an array of N where flights have their own."""
+    """Return the effects with their values: scalars if shared, else arrays (N,) by each row's
+    flight."""
     out = []
     for one in trials:
         values: dict[str, Any] = {}
@@ -282,17 +295,18 @@ def placed_effects(rows: RowsToFit, trials: Sequence[TrialEffect]) -> list[Place
 
 
 def predicted_modes(rows: RowsToFit, trials: Sequence[TrialEffect]) -> Floats:
-    """(N, R) rpm in modes."""
+    """Predict speeds (N, R), rpm in modes, by the model with the effects `trials`."""
     return rows.mode_amplitudes(rows.speeds(placed_effects(rows, trials)))
 
 
 def derivatives(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> Floats:
-    """(T, R, P) rpm in modes by the free values of one of the candidates."""
+    """Return derivatives (T, R, P), rpm in modes, by the free values of effect `index`
+    of `trials`."""
     return value_columns(rows, trials, index).dense(rows.flight)
 
 
 def value_columns(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> ValueColumns:
-    """The same, those of one flight's own values without the zeros of all others."""
+    """Like `derivatives`, but per-flight values of one parameter share a column."""
     free = trials[index].candidate.free
     wanted = sorted({k for k, _ in free})
     return ValueColumns.with_source(
@@ -305,10 +319,10 @@ def value_columns(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) ->
 def slopes(
     rows: RowsToFit, trials: Sequence[TrialEffect], index: int, wanted: Sequence[int] | None = None
 ) -> Floats:
-    """(T, R, K) rpm in modes by the parameters of one of the candidates, or those `wanted`, by
-    central differences.
+    """Compute derivatives (T, R, K), rpm in modes, by the parameters of effect `index` of `trials`.
 
-    A value at its bound is moved to one side only, one beyond its bounds not at all.
+    `wanted` selects parameters. Central differences; one-sided at a bound, 0 for a value beyond
+    both.
     """
     one = trials[index]
     parameters = one.candidate.term.effect.parameters
@@ -333,8 +347,10 @@ def slopes(
 
 
 def _curve_slopes(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> Floats:
-    """(T, R, K) rpm in modes by the knots of a cause without a name: what the same all the time
-    would do, in the proportion in which each row has the knot."""
+    """Return derivatives (T, R, K), rpm in modes, by the knots of an unnamed curve.
+
+    Each is the derivative by a constant cause, times the knot's share in each row.
+    """
     one, rest = trials[index], [*trials[:index], *trials[index + 1 :]]
     mode, channel = place_of(one.candidate.term.effect)
     term = Term(effect=UNNAMED[mode, CONSTANT], rotor=one.candidate.term.rotor)

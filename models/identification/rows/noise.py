@@ -1,19 +1,19 @@
-"""Noise of the mode residuals: autoregressive of second order, its size that of each flight.
+"""Noise of the mode residuals, and directions in which the base model itself is uncertain.
+
+Noise is autoregressive of second order, with one pair of coefficients for each mode:
 
     e_t = a1 e_(t-1) + a2 e_(t-2) + w_t
 
-The coefficients are a mode's; the size of w is a mode's, of each flight in calm and in manoeuvres,
-by the median absolute value. Filtering residuals and derivatives alike with 1 - a1 L - a2 L² leaves
-noise that is independent and of size one, on which least squares has its honest standard errors
-(generalised least squares, Cochrane and Orcutt 1949). Single wild means count linearly (Huber
-1964). A flight with slow or interrupted reports has few means with two right before them: all its
-means count, unfiltered, and their noise is taken as larger by what they share with the mean before.
+The size of w is estimated for each mode, flight and state (calm, manoeuvre) by the median absolute
+deviation. Filtering residuals and derivatives with 1 - a1 L - a2 L² makes the noise independent and
+of size one, so that least squares has correct standard errors (generalised least squares, Cochrane
+and Orcutt 1949). Outliers count linearly (Huber 1964). A flight with slow or interrupted reports
+has few means with two directly before them; its means stay unfiltered, with the noise enlarged by
+their autocorrelation.
 
-What the base model itself does not know, as directions of rotor speed that it may be off by.
-
-A network is one of many that its flights allow: its members differ. An effect identified before has
-its interval. Neither is cured by more rows of new flights, so intervals and chance must hold both.
-Beyond its airspeeds the network is extrapolated by physics, whose forms are good for a part only.
+Base model uncertainty: members of a network ensemble differ; an identified effect has an interval;
+beyond the known airspeeds lift and drag laws are accurate to FORM. More rows of new flights reduce
+none of these, so intervals and evidence must contain them.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ LEAST_FOLLOWED = 0.5  # of a flight's means, with two right before them, for the
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Whitening:
-    """A filter of N means in R modes; n of them have their predecessors or need none."""
+    """A filter of N means in R modes; n means have their ORDER predecessors or need no filter."""
 
     rows: NDArray[np.intp]  # (n,) means that have ORDER means right before them, or are unfiltered
     flight: NDArray[np.intp]  # (n,)
@@ -53,7 +53,8 @@ class Whitening:
     weight: Floats  # (n, R) root of the Huber weight
 
     def apply(self, values: Floats) -> Floats:
-        """(n, R, ...) of (N, R, ...) rpm in modes: filtered, weighted, in units of the noise."""
+        """Filter and weight values (N, R, ...), rpm in modes; return (n, R, ...) in units of the
+        noise."""
         if self.coefficients.any():
             first, second = (c[:, *[None] * (values.ndim - 2)] for c in self.coefficients.T)
             filtered = values[2:] - first * values[1:-1]
@@ -67,7 +68,7 @@ class Whitening:
         return out
 
     def select_means(self, kept: Bools) -> Whitening:
-        """Of some of the n means only."""
+        """Return the filter for the means with `kept` (n,) True."""
         return replace(
             self,
             rows=self.rows[kept],
@@ -84,11 +85,12 @@ def unfiltered_whitening(
     of_outputs: bool = False,
     known_rpm: Floats | float = 0.0,
 ) -> Whitening:
-    """No filter, for rows that do not follow each other: each mode of a residual (T, R) rpm over
-    its size, no mode's beyond SPREAD times that of the quietest, single wild rows linearly.
+    """Return a whitening without filter, for rows that do not follow each other.
 
-    A mode in which much is missing is large for that reason; it must not lose its say for it. What
-    motor outputs have in common is as measured. `known_rpm` (R,) adds to the sizes in squares.
+    Each mode of `residual` (T, R), rpm, is divided by its robust size, at most SPREAD times that of
+    the quietest mode: a mode with a large missing effect must keep its weight. Outliers count
+    linearly. For motor outputs the collective takes the size of the quietest other mode.
+    `known_rpm` (R,) is added to the sizes in squares.
     """
     scale = 1.4826 * np.median(np.abs(residual), axis=0)
     if of_outputs:
@@ -113,9 +115,11 @@ def whitening_of(
     busy: Bools,
     mean_speed_rpm: float,
 ) -> Whitening:
-    """The filter of a residual (N, R) in modes of which all that can be explained is taken off.
+    """Estimate the noise filter from a residual (N, R), rpm in modes, with all explanations
+    removed.
 
-    `busy` (N,) marks manoeuvres; a flight with fewer than FEWEST of either has one size for both.
+    `follows` (N,) marks means directly after the mean before; `busy` (N,) marks manoeuvres. A
+    flight with fewer than FEWEST means of either state has one noise size for both.
     """
     followed = follows & np.roll(follows, 1)
     followed[:ORDER] = False
@@ -165,15 +169,17 @@ def whitening_of(
 
 
 def _state_masks(busy: Bools, mine: Bools) -> list[Bools]:
-    """The means of one flight in calm and in manoeuvres; in one where either are too few."""
+    """Return masks of one flight's means in calm and in manoeuvres; one mask if either has fewer
+    than FEWEST."""
     parts = [mine & ~busy, mine & busy]
     return parts if min(int(p.sum()) for p in parts) >= FEWEST else [mine]
 
 
 def _correlation_factor(values: Floats) -> float:
-    """Return by how much correlation r of successive values (N,) widens the error of their mean.
+    """Return the factor by which autocorrelation r of values (N,) widens the error of their mean.
 
-    That is sqrt((1 + r) / (1 - r)) of a first-order process (Bartlett 1946), 1 for too few values.
+    That is sqrt((1 + r) / (1 - r)) of a first-order process (Bartlett 1946), 1 for fewer than
+    FEWEST values.
     """
     if values.size < FEWEST:
         return 1.0
@@ -184,7 +190,8 @@ def _correlation_factor(values: Floats) -> float:
 
 
 def _robust_size(values: Floats) -> float:
-    """Standard deviation by the median absolute deviation from the median."""
+    """Estimate the standard deviation by the median absolute deviation; 0 for fewer
+    than 2 values."""
     if values.size < 2:
         return 0.0
     return float(1.4826 * np.median(np.abs(values - np.median(values))))
@@ -194,7 +201,8 @@ FORM = 0.25  # of lift and of drag, that their forms may be off by beyond the kn
 
 
 def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:
-    """(D, T, R) rpm: independent directions, each of the size of one standard deviation."""
+    """Return independent error directions of the base model (D, T, R), rpm, one standard deviation
+    each."""
     parts = [
         *_member_deviations(model, x),
         *_extrapolation_errors(model, base, x),
@@ -204,8 +212,11 @@ def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Flo
 
 
 def _member_deviations(model: RotorModel, x: Channels) -> list[Floats]:
-    """How each member of the ensemble differs from their mean, at the edge of the training beyond
-    it; scaled so that the squares add up to the members' variance."""
+    """Compute each ensemble member's deviation from their mean rotor speed, over sqrt(M - 1).
+
+    The squares then sum to the variance. Airspeed and tank mass are clipped to the training domain.
+    Empty without a network, a training domain or a second member.
+    """
     network, domain = model.network, model.training_domain
     if network is None or domain is None or network.members < 2:
         return []
@@ -218,13 +229,15 @@ def _member_deviations(model: RotorModel, x: Channels) -> list[Floats]:
 
 
 def _extrapolation_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
-    """What a part of the lift, and of the drag, changes beyond the airspeeds that are known."""
+    """Return the changes in speed (T, R), rpm, by FORM more lift, and more drag, beyond known
+    airspeeds."""
     flight, known = model.forward_flight, model.known_airspeed
     if flight is None or not np.any(x.airspeed > known):
         return []
     now = rotor_speed_rpm(base, model.placed, x)
 
     def growth(of: ForwardFlight) -> Floats:
+        """Return the factor (T, 1) on rotor speed from the known airspeed to the flown one."""
         fast, slow = (
             thrust_ratio(of, v, x.total_mass, model.reference_density, model.airframe)
             for v in (x.airspeed, np.minimum(x.airspeed, known))
@@ -240,7 +253,8 @@ def _extrapolation_errors(model: RotorModel, base: BaseTable, x: Channels) -> li
 
 
 def _effect_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
-    """What one standard deviation of each identified value changes."""
+    """Return the change in speed (T, R), rpm, by one standard error of each identified value of the
+    model."""
     placed = model.placed
     if not placed:
         return []
@@ -261,4 +275,5 @@ def _effect_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floa
 
 
 def _move_value(item: Placed, name: str, by: float) -> Placed:
+    """Return the placed effect with the value `name` moved by `by`."""
     return replace(item, values={**item.values, name: item.values[name] + by})

@@ -1,8 +1,8 @@
-"""A fitting problem: the rows of several flights, with channels, measured speeds and blocks.
+"""A fitting problem: rows of several flights with channels, measured speeds and blocks of time.
 
-Rows that say nothing about the model are left out: on the ground, within take-off and landing, or
-with a rotor speed, airspeed or tank level missing. The unit of everything statistical is the block
-(BLOCK_SECONDS of one flight) and the flight; rows within one are correlated.
+Rows without information about the model are dropped: on the ground, within take-off and landing, or
+with a rotor speed, airspeed or tank level missing. Statistics use blocks (BLOCK_SECONDS of one
+flight) and flights as units, because rows within one are correlated.
 """
 
 from __future__ import annotations
@@ -57,20 +57,25 @@ class RowsToFit:
 
     @property
     def flights(self) -> int:
+        """Return the number of flights F."""
         return len(self.names)
 
     @property
     def placed(self) -> tuple[Placed, ...]:
-        """Effects that the model already has."""
+        """Return the effects that the model already has."""
         return self.model.placed
 
     def lacks(self, effect: Effect) -> tuple[str, ...]:
-        """The channels that the effect needs or reads and that not every row has."""
+        """Return the channels that the effect needs or reads and that are missing on any row."""
         read = dict.fromkeys((*effect.needs, *effect.neutral))
         return tuple(name for name in read if not _is_complete(self.channels.read(name)))
 
     def speeds(self, placed: Sequence[Placed] = (), *, without: int | None = None) -> Floats:
-        """(T, R) rpm with effects besides those that the model has, or all of those but one."""
+        """Predict rotor speeds (T, R), rpm, by the model with the additional effects `placed`.
+
+        `without` removes the model's own effect of that index. For motor outputs, speeds are scaled
+        to the measured sum of squares of each row.
+        """
         own = [item for k, item in enumerate(self.placed) if k != without]
         with np.errstate(invalid="ignore", over="ignore"):
             speed = rotor_speed_rpm(self.base, (*own, *placed), self.channels)
@@ -79,13 +84,13 @@ class RowsToFit:
         return speed
 
     def mode_amplitudes(self, speed_rpm: Floats) -> Floats:
-        """Amplitudes (..., R) rpm of the modes of speeds or their differences."""
+        """Return the mode amplitudes (..., R), rpm, of speeds or speed differences (..., R)."""
         return speed_rpm @ self.modes.directions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem(RowsToFit):
-    """Rows in B blocks of time."""
+    """Rows of flights, divided into B blocks of time."""
 
     block: NDArray[np.intp]  # (T,) which block, increasing
     block_flight: NDArray[np.intp]  # (B,) flight of each block
@@ -94,22 +99,25 @@ class Problem(RowsToFit):
 
     @property
     def stride(self) -> int:
-        """Every so many rows are enough to find values on again."""
+        """Return the stride that leaves about ENOUGH_ROWS rows, enough to refit values."""
         return max(1, self.measured_rpm.shape[0] // ENOUGH_ROWS)
 
     @property
     def flight_start_unix_s(self) -> Floats:
-        """(F,) Unix time of the first row of each flight, NaN where the log does not tell it."""
+        """Return the Unix time (F,) of each flight's first row, NaN where the log has no clock."""
         first = np.unique(self.flight, return_index=True)[1]
         return self.channels.clock_s[first]
 
     @property
     def first_row_s(self) -> Floats:
-        """(F,) time of the first row of each flight since its start."""
+        """Return the time (F,) s of each flight's first row since the flight's start."""
         return self.channels.time_s[np.unique(self.flight, return_index=True)[1]]
 
     def rows(self, which: NDArray[np.intp]) -> Problem:
-        """Some of the rows, in their order, of the flights and blocks that they are of."""
+        """Return the rows with the increasing indices `which`.
+
+        Flights and blocks without such a row are dropped and the others renumbered.
+        """
         flights, flight = np.unique(self.flight[which], return_inverse=True)
         blocks, block = np.unique(self.block[which], return_inverse=True)
         return replace(
@@ -126,20 +134,22 @@ class Problem(RowsToFit):
 
 
 def airspeed_is_ground_speed(track: FlightTrack) -> bool:
-    """True when the airspeed is the speed over ground for want of a sensor and of a wind."""
+    """Return whether the airspeed is ground speed, for lack of a sensor and of a wind."""
     return track.source("airspeed").meaning is Meaning.GROUND_SPEED
 
 
 def _is_complete(channel: Any) -> bool:
+    """Return whether a channel, or each of a tuple of channels, is finite on every row."""
     if isinstance(channel, tuple):
         return all(_is_complete(c) for c in channel)
     return isinstance(channel, np.ndarray) and bool(np.isfinite(channel).all())
 
 
 def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
-    """Rows of the flights that can be fitted, thinned alike to about MOST_ROWS.
+    """Assemble the rows of the flights that can be fitted, thinned to about MOST_ROWS.
 
-    Raises AirframeError for a wrong rotor count and DataError when a flight has too few rows.
+    Raises AirframeError for a wrong rotor count, and DataError when a flight has too few rows or
+    when measured speeds and motor outputs are mixed.
     """
     of_outputs(tracks)  # raises where flights are of both kinds
     stride = row_stride(model, tracks)
@@ -147,19 +157,19 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
 
 
 def row_stride(model: RotorModel, tracks: Sequence[FlightTrack]) -> int:
-    """Every how many rows of flights are kept, so that about MOST_ROWS are."""
+    """Return the stride that leaves about MOST_ROWS rows of all flights together."""
     rows = sum(int(training_rows(track, model.inputs).sum()) for track in tracks)
     return max(1, -(-rows // MOST_ROWS))
 
 
 def usable_seconds(model: RotorModel, track: FlightTrack) -> float:
-    """How long a flight is that can be fitted."""
+    """Return the time, s, that the fittable rows of a flight cover."""
     rows = training_rows(track, model.inputs)
     return float(rows.sum() * np.median(np.diff(track.time_s))) if rows.any() else 0.0
 
 
 def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
-    """All rows of one flight that can be fitted; raises as `assemble`."""
+    """Assemble all fittable rows of one flight; raises like `assemble`."""
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:
         raise AirframeError(
@@ -217,9 +227,10 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
 
 
 def _smooth_voltage(track: FlightTrack) -> Floats:
-    """(T,) V in flight, without the sensor's noise, beside which an exponent comes out too small.
+    """Return the voltage (T,), V, averaged over STEADY_SPAN in flight, NaN where unreported.
 
-    Source: Fuller 1987, Measurement Error Models, chapter 1 (attenuation).
+    Noise in a regressor biases an exponent towards zero. Source: Fuller 1987, Measurement Error
+    Models, chapter 1 (attenuation).
     """
     in_flight = np.where(track.flying, track.voltage, np.nan)
     mean = moving_mean(track.time_s, in_flight, STEADY_SPAN)
@@ -227,13 +238,16 @@ def _smooth_voltage(track: FlightTrack) -> Floats:
 
 
 def thin_rows(problem: Problem, stride: int) -> Problem:
-    """Every so many rows."""
+    """Return every `stride`-th row."""
     which = np.arange(0, problem.measured_rpm.shape[0], stride)
     return problem if stride == 1 else problem.rows(which)
 
 
 def join_flights(parts: Sequence[Problem]) -> Problem:
-    """Flights of one aircraft under each other; of motor outputs, with how flights differ."""
+    """Concatenate the problems of single flights of one aircraft.
+
+    For motor outputs, `background_rpm` becomes the larger of the model's and these flights' spread.
+    """
     counts = np.cumsum([0, *(p.block_flight.size for p in parts)])
     problem = replace(
         parts[0],

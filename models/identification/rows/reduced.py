@@ -1,8 +1,8 @@
-"""Flights as short means: what the search works on.
+"""Average flights over short bins of time: the means that the search works on.
 
-A rotor's inertia, a gust and a late message move a residual within tenths of a second; an effect
-lasts. So rows are averaged over BIN seconds, channels and measured speeds alike, and effects are
-worked out on the means: seven times fewer rows at 10 Hz, and noise that is nearly independent.
+Rotor inertia, gusts and late messages move a residual for tenths of a second; an effect lasts. So
+channels and measured speeds are averaged over bins of BIN seconds and effects are evaluated on the
+means: seven times fewer rows at 10 Hz, with nearly independent noise.
 """
 
 from __future__ import annotations
@@ -47,22 +47,26 @@ class Reduced(RowsToFit):
 
     @property
     def scored_modes(self) -> Bools:
-        """(R,) modes that say something: of motor outputs the collective does not."""
+        """Return which modes (R,) carry information: all, but not the collective of
+        motor outputs."""
         return np.arange(self.measured_rpm.shape[1]) >= int(self.of_outputs)
 
 
 def reduce_flights(
     model: RotorModel, tracks: Sequence[FlightTrack], *, delays: bool = True
 ) -> Reduced:
-    """Means of the rows that can be fitted; raises as `problem.assemble`, flight by flight."""
+    """Return the means of the rows that can be fitted; raises like `problem.assemble`."""
     return rows_and_means(model, tracks, delays=delays)[1]
 
 
 def rows_and_means(
     model: RotorModel, tracks: Sequence[FlightTrack], *, delays: bool = True
 ) -> tuple[Problem, Reduced]:
-    """The rows as `problem.assemble` thins them, and the means of all rows, with `delays` those of
-    the rotor speeds; one flight at a time is held in full."""
+    """Return the rows, thinned like `problem.assemble`, and the means of all rows.
+
+    With `delays`, the delay of the rotor speeds of each flight is estimated too. Only one flight is
+    in memory at its full rate at a time.
+    """
     of_outputs(tracks)  # raises where flights are of both kinds
     stride = row_stride(model, tracks)
     seconds = sum(usable_seconds(model, track) for track in tracks)
@@ -90,19 +94,22 @@ def rows_and_means(
 
 
 def delay_of(flight: Problem) -> Floats:
-    """(2,) s of all rows of one flight; `delay_of_rows`."""
+    """Return the delay (2,) s of one flight's rotor speeds and its error; see `delay_of_rows`."""
     return delay_of_rows(flight, _bin_numbers(flight))
 
 
 def _bin_numbers(flight: Problem) -> NDArray[np.intp]:
-    """(T,) which mean each row is of."""
+    """Return the number (T,) of the bin that each row is in."""
     time_s = flight.channels.time_s
     long = BIN * froude_time_scale(flight.model.airframe)
     return ((time_s - time_s[0]) / long).astype(np.intp)
 
 
 def _select_stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
-    """Every so many stretches of `length` means that follow each other, one at the least."""
+    """Keep every `every`-th stretch of `length` consecutive means, at least one.
+
+    The first kept stretch shifts with the number of the flight, so that a season covers all times.
+    """
     place = np.arange(means.flight.size) // length
     kept = np.flatnonzero((place + flight) % every == 0)
     if kept.size < length:
@@ -118,10 +125,13 @@ def _select_stretches(means: Reduced, flight: int, every: int, length: int) -> R
 
 
 def _bin_means(problem: Problem, index: int) -> Reduced:
+    """Average the rows of one flight by bins; drop bins with less than LEAST_FILL of the usual
+    rows."""
     bins, start, count = np.unique(_bin_numbers(problem), return_index=True, return_counts=True)
     full = count >= LEAST_FILL * np.median(count)
 
     def mean(values: Floats) -> Floats:
+        """Average values (T, ...) over the rows of each kept bin."""
         sums = np.add.reduceat(values, start, axis=0)
         return (sums / count.reshape(-1, *[1] * (values.ndim - 1)))[full]
 

@@ -1,8 +1,8 @@
-"""Least squares on rows at 10 Hz, for a set of effects that is given: no search, no discrepancy.
+"""Least squares on rows at 10 Hz for a given set of effects, without a search or a discrepancy.
 
-Lags of tenths of a second show in rows, not in means. Each row's residual in modes is over the
-mode's robust size, with Huber weights, and blocks of time keep their sums z'z of derivatives and
-residual: leaving flights out, intervals and effects removed again are algebra on those sums.
+Lags of tenths of a second show in rows, not in means. Each mode's residual is divided by its robust
+size and has Huber weights. Blocks of time keep sums z'z of derivatives and residual, so that
+holding out flights, intervals and removing effects are algebra on these sums.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ RIDGE = 1e-4  # weight of a value's usual size, per row: it only keeps what noth
 
 
 def block_sums(filter_: Whitening, columns: Floats, block: NDArray[np.intp]) -> Floats:
-    """(B, q, q) z'z of columns (T, R, q) rpm in modes over the rows of each block."""
+    """Return z'z (B, q, q) of whitened columns (T, R, q), rpm in modes, over the rows of each
+    block."""
     z = filter_.apply(columns)
     ends = [*np.flatnonzero(np.diff(block, prepend=-1)), block.size]
     parts = [z[a:b].reshape(-1, z.shape[2]) for a, b in pairwise(ends)]
@@ -42,7 +43,7 @@ def block_sums(filter_: Whitening, columns: Floats, block: NDArray[np.intp]) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RowSums:
-    """Sums by blocks about the values of a fit: P derivatives, then the residual."""
+    """Sums by block, linearised about the values of a fit: P derivatives, then the residual."""
 
     sums: Floats  # (B, P + 1, P + 1)
     owner: NDArray[np.intp]  # (B,) flight of each block
@@ -51,18 +52,19 @@ class RowSums:
     flights: int
 
     def by_flight(self) -> Floats:
-        """(F, P + 1, P + 1)."""
+        """Return the sums (F, P + 1, P + 1) of each flight."""
         out = np.zeros((self.flights, *self.sums.shape[1:]))
         np.add.at(out, self.owner, self.sums)
         return out
 
     def move(self, total: Floats) -> Floats:
-        """(P,) from the values to the best by some of the sums."""
+        """Return the Gauss-Newton step (P,) from the fit's values by the sums `total` (P + 1, P +
+        1)."""
         system = total[:-1, :-1] + np.diag(self.prior)
         return np.asarray(np.linalg.solve(system, total[:-1, -1] + self.pull), dtype=np.float64)
 
     def held_out_costs(self) -> Floats:
-        """(F,) cost of each flight under the values that the others give."""
+        """Return the cost (F,) of each flight under the values fitted to the other flights."""
         each = self.by_flight()
         total, costs = each.sum(axis=0), []
         for own in each:
@@ -71,7 +73,8 @@ class RowSums:
         return np.array(costs)
 
     def fix_values(self, free: Sequence[int], move: Floats) -> RowSums:
-        """With the values moved (P,) and only some of them free."""
+        """Return the sums after moving the values by `move` (P,), with only the values `free` still
+        free."""
         chosen = np.zeros((self.prior.size + 1, len(free) + 1))
         chosen[list(free), np.arange(len(free))] = 1.0
         chosen[:-1, -1], chosen[-1, -1] = -move, 1.0
@@ -85,7 +88,7 @@ class RowSums:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RowFit:
-    """Effects with the values found, and the sums about them."""
+    """A converged fit: effects with their values, whitening, derivatives and sums."""
 
     trials: tuple[TrialEffect, ...]
     filter: Whitening
@@ -99,10 +102,10 @@ def fit_rows(
     chosen: Bools | None = None,
     known_rpm: Floats | float = 0.0,
 ) -> RowFit:
-    """All free values of a set together, from where they stand, on the `chosen` blocks (B,).
+    """Fit all free values of a set of effects together, starting from their present values.
 
-    `known_rpm` (R,) is what the base model may be off by in each mode: quiet sensors do not make it
-    any truer.
+    Only the `chosen` blocks (B,) are fitted. `known_rpm` (R,) is the base model's standard error in
+    each mode, added to the noise in squares: a quiet sensor does not make the model more accurate.
     """
     trials = tuple(trials)
     measured = problem.mode_amplitudes(problem.measured_rpm)
@@ -110,6 +113,7 @@ def fit_rows(
     rows = chosen[problem.block]
 
     def residual(of: Sequence[TrialEffect]) -> Floats:
+        """Return the residual (T, R), rpm in modes, with the given effects; 0 where unknown."""
         return np.nan_to_num(measured - predicted_modes(problem, of))
 
     left = residual(trials)
@@ -139,8 +143,10 @@ def fit_rows(
 
 
 def held_out_costs_with(problem: Problem, fit: RowFit, filter_: Whitening) -> Floats:
-    """(F,) what a fit leaves of each flight left out, by the filter of another fit: a fit's own is
-    as wide as what it leaves, and so its costs compare with nobody's."""
+    """Return each flight's held-out cost (F,) of a fit, whitened by the filter of another fit.
+
+    A fit's own filter is scaled by its own residual, so costs of two fits need a common filter.
+    """
     left = np.nan_to_num(
         problem.mode_amplitudes(problem.measured_rpm) - predicted_modes(problem, fit.trials)
     )
@@ -148,8 +154,10 @@ def held_out_costs_with(problem: Problem, fit: RowFit, filter_: Whitening) -> Fl
 
 
 def bounded_step(sums: RowSums, total: Floats, trials: Sequence[TrialEffect]) -> Floats:
-    """(P,) the move of the values; one at a bound that would leave it stays, and the others move as
-    is best without it."""
+    """Return the step (P,) that respects bounds.
+
+    A value at a bound that would leave it is fixed, and the step of the others is solved again.
+    """
     value = np.concatenate([np.zeros(0), *(h.free_values for h in trials)])
     which = [h.candidate.parameters for h in trials]
     low = np.array([p.lower for of in which for p in of])
@@ -167,6 +175,7 @@ def bounded_step(sums: RowSums, total: Floats, trials: Sequence[TrialEffect]) ->
 
 
 def _columns(problem: Problem, trials: Sequence[TrialEffect]) -> Floats:
+    """Return the derivatives (T, R, P), rpm in modes, by all free values; 0 where unknown."""
     empty = np.zeros((*problem.measured_rpm.shape, 0))
     parts = [derivatives(problem, trials, k) for k in range(len(trials))]
     return np.nan_to_num(np.concatenate([empty, *parts], axis=2))
@@ -179,6 +188,8 @@ def _row_sums(
     columns: Floats,
     left: Floats,
 ) -> RowSums:
+    """Return the sums by block of the derivatives and the residual `left` (T, R), with the ridge
+    prior."""
     away, weight = _distances_from_absent(trials), RIDGE * left.shape[0] / _usual_sizes(trials) ** 2
     whole = np.concatenate([columns, left[:, :, None]], axis=2)
     return RowSums(
@@ -191,15 +202,17 @@ def _row_sums(
 
 
 def _merit(trials: Sequence[TrialEffect], prior: Floats, z: Floats) -> float:
+    """Return the sum of squares of the whitened residual plus the cost of the prior."""
     return float(np.sum(z**2) + np.sum(prior * _distances_from_absent(trials) ** 2))
 
 
 def _usual_sizes(trials: Sequence[TrialEffect]) -> Floats:
+    """Return the usual size (P,) of each free value."""
     return np.array([p.scale for h in trials for p in h.candidate.parameters])
 
 
 def _distances_from_absent(trials: Sequence[TrialEffect]) -> Floats:
-    """(P,) how far each value is from nothing; none where there is no such value."""
+    """Return the distance (P,) of each value from its absent value; 0 where it has none."""
     pairs = [
         (p, v) for h in trials for p, v in zip(h.candidate.parameters, h.free_values, strict=True)
     ]
@@ -207,7 +220,7 @@ def _distances_from_absent(trials: Sequence[TrialEffect]) -> Floats:
 
 
 def move_values(trials: Sequence[TrialEffect], by: Floats) -> tuple[TrialEffect, ...]:
-    """With all free values (P,) moved, each kept within its bounds."""
+    """Return the effects with all free values moved by `by` (P,), each clipped to its bounds."""
     ends = np.cumsum([0, *(len(h.candidate.free) for h in trials)])
     return tuple(h.moved(by[a:b]) for h, (a, b) in zip(trials, pairwise(ends), strict=True))
 
@@ -215,13 +228,14 @@ def move_values(trials: Sequence[TrialEffect], by: Floats) -> tuple[TrialEffect,
 def half_widths(
     sums: RowSums, uncertainty: Floats, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    """(P,) half widths of intervals and (P, P) their covariance, from blocks and flights.
+    """Return half widths (P,) of intervals and the values' covariance (P, P), from blocks and
+    flights.
 
-    Never from the number of rows: the variance is that of block sums, and where flights disagree by
-    more than their blocks explain, that of flight sums (Liang and Zeger 1986), with Student's t at
-    half as many degrees of freedom as blocks, because neighbouring blocks are not quite
-    independent, or with one less than flights. What the base model is off by is beside that, for no
-    row teaches it: `uncertainty` (P, D) are the derivatives' sums with the directions of it.
+    The number of rows never enters. The variance is that of block sums; where flights differ by
+    more than their blocks explain, that of flight sums (Liang and Zeger 1986). Student's t has half
+    as many degrees of freedom as blocks, because neighbouring blocks are not quite independent, or
+    flights minus one. The base model's error is added, as rows do not reduce it: `uncertainty` (P,
+    D) are the products of the derivatives with its D directions.
     """
     gradient, blocks, flights = sums.sums[:, :-1, -1], sums.owner.size, sums.flights
     total = sums.sums.sum(axis=0)[:-1, :-1]

@@ -1,13 +1,13 @@
-"""What changed over a season, and in which value: from the sums of flights alone.
+"""Find the values that changed over a season, from the sums of flights alone.
 
-Every value is looked at by itself beside the season's means of all others, and cut into segments
-(`change_points`). The value whose curve takes most of the squares is the change; its curve is taken
-out of all flights, and the rest is looked at again. So a worn propeller is not also a centre of
-gravity, a mass and a yaw moment. A curve is known to FORM of itself: what is left of it elsewhere
+Each value is estimated flight by flight, given the season's curves of all others, and divided into
+segments (`change_points`). The value whose curve explains most becomes a change; the search repeats
+with its curve in the model. So a worn propeller is not also reported as a centre of gravity, a mass
+and a yaw moment. A curve's effect is accurate to FORM, so a change of that share of another value
 is no change.
 
-What all flights have in common may be the model's fault, and more flights do not cure that: a mean
-over the season is weighed as by one flight of average noise. Changes are weighed by all flights.
+Deviations that all flights share may be errors of the model, and more flights do not reduce them: a
+mean over the season counts as one flight of average noise. Changes count with all flights.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ class Trend:
 
     @property
     def now(self) -> float:
-        """As the season leaves it, 0 being what the model says."""
+        """Return the value at the end of the season, relative to the model."""
         return float(self.curve[-1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedEffect:
-    """A value in which all flights of a season depart from the model."""
+    """A deviation from the model that all flights of a season share."""
 
     name: str
     value: float  # without what changed over the season
@@ -70,30 +70,37 @@ class SharedEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SeasonChanges:
-    """All values over the season, those that changed first."""
+    """All values over the season, changed ones first."""
 
     trends: tuple[Trend, ...]
     shared: tuple[SharedEffect, ...]
 
     def trend(self, name: str) -> Trend | None:
+        """Return the trend of the value `name`, or None."""
         return next((t for t in self.trends if t.name == name), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _SeasonModel:
-    """Values that depart from the model in all flights, and curves of those that change."""
+    """The values that deviate in all flights, and the curves of the values that change."""
 
     shared: frozenset[int] = frozenset()
     shapes: Mapping[int, Floats] = field(default_factory=dict)  # place -> (F,) from 0
 
     def with_shape(self, place: int, shape: Floats | None) -> _SeasonModel:
+        """Return the model with another curve (F,) of the value at index `place`; None
+        removes it."""
         rest = {k: v for k, v in self.shapes.items() if k != place}
         return replace(self, shapes=rest if shape is None else {**rest, place: shape})
 
 
 def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> SeasonChanges:
-    """What all flights of a season depart in from the model, and what changed between them, at a
-    rate of false entries a season."""
+    """Find the model errors that all flights of a season share, and the values that changed over
+    it.
+
+    `false_entries`: expected number of false changes in one season. The trends are of all values,
+    changed ones first.
+    """
     penalty = penalty_of(sums.flights, len(sums.main), false_entries)
     found = _SeasonModel()
     for _ in range(MOST_FINDS):
@@ -120,8 +127,10 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
 
 
 def _relinearise(sums: SeasonSums, found: _SeasonModel) -> SeasonSums:
-    """The sums about the losses that were found: those of a large loss about 0 leave enough of it
-    to be taken for another rotor's."""
+    """Recompute the sums, linearised at the losses found, until these no longer change.
+
+    Linearised at 0, a large loss leaves enough residual to appear as another rotor's.
+    """
     for _ in range(MOST_RELINEARISATIONS):
         curves = _joint_fit(sums, found)[0]
         bends = {n for flight in sums.evidence for n in (flight.names[k] for k in flight.bent)}
@@ -139,7 +148,8 @@ def _relinearise(sums: SeasonSums, found: _SeasonModel) -> SeasonSums:
 
 
 def _add_best_value(sums: SeasonSums, found: _SeasonModel, penalty: float) -> _SeasonModel | None:
-    """With the one value more that explains most, if any is worth the penalty."""
+    """Return the model with the shared value or curve that explains most, or None if none exceeds
+    the penalty."""
     now, best, most = _joint_fit(sums, found), None, penalty
     for place in (int(k) for k in sums.main):
         tried = []
@@ -158,8 +168,11 @@ def _add_best_value(sums: SeasonSums, found: _SeasonModel, penalty: float) -> _S
 
 
 def _is_possible(sums: SeasonSums, found: _SeasonModel, place: int, penalty: float) -> bool:
-    """False for a mean that no aircraft has, or that the form of the other means may make, which
-    is known to FORM."""
+    """Return False for a shared value beyond its bounds, or within the error of other effects'
+    laws.
+
+    Laws are accurate to FORM.
+    """
     at = _joint_fit(sums, replace(found, shapes={}))[0][0]
     value = sums.limit("absent")[place] + at[place]
     if not sums.limit("lower")[place] < value < sums.limit("upper")[place]:
@@ -171,8 +184,11 @@ def _is_possible(sums: SeasonSums, found: _SeasonModel, place: int, penalty: flo
 
 
 def _gain(sums: SeasonSums, less: _Fit, more: _Fit, place: int, least: float = -np.inf) -> float:
-    """What one value more takes of the squares, as its flights scatter; at most that where it is
-    no more than the `least` that counts."""
+    """Return the reduction of the sum of squares by one more value, over its flights' excess
+    variance.
+
+    Without the division, which only reduces it, if the reduction is no more than `least`.
+    """
     gain = less[1] - more[1]
     return gain / _flight_estimates(sums, place, more[0])[2] ** 2 if gain > least else gain
 
@@ -180,8 +196,8 @@ def _gain(sums: SeasonSums, less: _Fit, more: _Fit, place: int, least: float = -
 def _change_curve(
     sums: SeasonSums, place: int, found: _SeasonModel, penalty: float, curves: Floats
 ) -> Floats | None:
-    """(F,) by how much a value departs from its first flights beside the `curves` of all others;
-    None where it stays."""
+    """Return the change (F,) of a value since its first flights, given `curves` of all values; None
+    if it is constant."""
     entries, curve = _value_changes(sums, place, found, curves, penalty)
     return curve - curve[0] if entries else None
 
@@ -189,8 +205,11 @@ def _change_curve(
 def _value_changes(
     sums: SeasonSums, place: int, found: _SeasonModel, curves: Floats, penalty: float
 ) -> tuple[list[SeasonEntry], Floats]:
-    """The changes of one value that stand out of all that others may make of it, flights counted
-    over the whole season; and (F,) its curve."""
+    """Return the significant changes of one value, flights counted over the season, and its curve
+    (F,).
+
+    A change must exceed its error and the error that FORM of other values' changes causes.
+    """
     value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
     entries, curve = changes(value[where], error[where], penalty)
@@ -210,10 +229,10 @@ def _value_changes(
 
 
 def _flight_estimates(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Floats, float]:
-    """(F,) estimates and standard errors, these as flights scatter, and by how much they do.
+    """Return estimates (F,) and standard errors (F,) of a value, and the factor of excess scatter.
 
-    No flight counts as surer than the median one: flights of one kind share faults of the model,
-    and a few sure ones of another kind would make them a change.
+    No flight has a smaller error than the median flight: flights of one kind share model errors,
+    and a few accurate flights of another kind would appear as a change.
     """
     value, error = sums.estimates(place, curves)
     known = np.isfinite(value)
@@ -224,9 +243,11 @@ def _flight_estimates(sums: SeasonSums, place: int, curves: Floats) -> tuple[Flo
 
 
 def _basis(sums: SeasonSums, found: _SeasonModel) -> tuple[NDArray[np.intp], Floats, Floats]:
-    """(B,) place, (F, B) curve and (B,) prior size of what all flights are fitted with: each value
-    has a mean, as on a sound aircraft unless it is shared; each shape its size, a loss its torque
-    share. The means come first."""
+    """Return index (B,), curve (F, B) and prior size (B,) of each term of the joint fit.
+
+    Each value has a mean, small like on a sound aircraft unless it is shared; each changed value
+    has its curve; each loss has its torque share. Means come first.
+    """
     main, scale, usual = sums.main, sums.limit("scale"), _usual_sizes(sums)
     free = np.array([int(k) in found.shared for k in main], dtype=bool)
     prior = [*(np.where(free, scale[main], usual[main]) / np.sqrt(sums.flights))]
@@ -244,12 +265,13 @@ def _basis(sums: SeasonSums, found: _SeasonModel) -> tuple[NDArray[np.intp], Flo
 
 
 def _usual_sizes(sums: SeasonSums) -> Floats:
-    """(q,) what a sound aircraft has of each value."""
+    """Return the size (q,) of each value on a sound aircraft."""
     return np.maximum(sums.limit("smallest"), NO_SCATTER * sums.limit("scale"))
 
 
 def _joint_fit(sums: SeasonSums, found: _SeasonModel) -> _Fit:
-    """(F, q) curves of all values by least squares, and what is left with the cost of priors."""
+    """Fit all terms by least squares; return curves (F, q) of all values, and the remaining
+    squares."""
     places, over, prior = _basis(sums, found)
     means = sums.main.size
     system = np.zeros((places.size, places.size))
@@ -267,8 +289,11 @@ def _joint_fit(sums: SeasonSums, found: _SeasonModel) -> _Fit:
 
 
 def _shared_effects(sums: SeasonSums, found: _SeasonModel, penalty: float) -> list[SharedEffect]:
-    """Means of the season that stand out of the standard errors that flights show, each flight
-    counted once."""
+    """Return the season means that exceed their standard errors, which come from the scatter of
+    flights.
+
+    Each flight counts once; model uncertainty is added.
+    """
     places, over, prior = _basis(sums, found)
     rows = sums.information[:, places][:, :, places]
     system = over[:, :, None] * rows * over[:, None, :]
@@ -300,14 +325,17 @@ def _shared_effects(sums: SeasonSums, found: _SeasonModel, penalty: float) -> li
 def _equivalent_values(
     sums: SeasonSums, rest: _SeasonModel, squares: float, others: Mapping[int, _SeasonModel]
 ) -> tuple[str, ...]:
-    """Values that take nearly as much of the squares as the one that is not in `rest`: what effects
-    do is known to FORM of itself."""
+    """Return the names of values that explain nearly as much as the one missing in `rest`.
+
+    `others`: index -> the model with that value instead. Effects are accurate to FORM.
+    """
     gain = _joint_fit(sums, rest)[1] - squares
     most = squares + max(2.0 * NEAR, FORM * gain)
     return tuple(sums.names[k] for k, other in others.items() if _joint_fit(sums, other)[1] < most)
 
 
 def _trend(sums: SeasonSums, place: int, found: _SeasonModel, fit: _Fit, penalty: float) -> Trend:
+    """Collect estimates, curve, changes and detection limit of one value."""
     curves, squares = fit
     value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))

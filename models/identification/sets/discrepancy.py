@@ -1,18 +1,16 @@
-"""The discrepancy: what any smooth law of the channels could do, for names to compete with.
+"""Nonparametric alternatives to effects: discrepancy, slow noise and errors of the laws.
 
-Each mode has a sum of piecewise linear curves over the channels (hats between quantiles), and of
-airspeed times tank mass; a heading has its first two harmonics, the pump a step. Each flight also
-wanders: slow noise that goes with nothing, as weather does, is a curve of its own over time.
-Coefficients are drawn from a normal distribution whose size is a hypothesis of the search. Source:
-Kennedy and O'Hagan 2001, the discrepancy of a model as a smooth function with its own prior.
+Discrepancy: each mode has a sum of piecewise linear curves along the channels (hats between
+quantiles) and along airspeed times tank mass; heading has two harmonics, the pump a step. Slow
+noise: each flight has its own curve over time in each mode. Coefficients are normal with fixed or
+learned sizes. Source: Kennedy and O'Hagan 2001, the discrepancy of a model as a smooth function
+with its own prior.
 
-What the laws of the base model and its effects may be off by, as directions of rotor speed.
+Laws: directions in which the base model and its effects may be inaccurate.
 
-What sound flights show: how large the scatter and the discrepancy are when nothing is missing.
-
-Both are variance components of a linear model, found by expectation and maximisation (Dempster,
-Laird and Rubin 1977; Laird and Ware 1982): the mean square of each draw given the flights takes the
-place of its variance, until it stays.
+Sizes: `learn_variances` estimates variance components by expectation maximisation (Dempster, Laird
+and Rubin 1977; Laird and Ware 1982): the expected mean square of each draw replaces its variance,
+STEPS times.
 """
 
 from __future__ import annotations
@@ -57,9 +55,9 @@ SLOW_MEANS = 43  # means over which voltage is averaged: faster it answers to th
 
 
 def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[str, ...]]:
-    """(N, H) columns of size about one, and (H,) the channel that each goes along.
+    """Return the discrepancy's columns (N, H) of size about one, and the channel (H,) of each.
 
-    Channels that are not reported throughout, or do not vary, have none.
+    The first is the constant. Channels that are incomplete or vary too little have no columns.
     """
     columns: list[Floats] = [np.ones((x.time_s.size, 1))]
     names: list[str] = ["constant"]
@@ -87,7 +85,7 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
 
 
 def form_columns(x: Channels) -> Floats:
-    """(N, W) slow curves of size one, by which an effect may be another one than its form says."""
+    """Return slow curves (N, W) of size one, along which an effect's law may be inaccurate."""
     parts = [np.ones((x.time_s.size, 1))]
     for name in FORMED:
         values = np.asarray(getattr(x, name))
@@ -98,9 +96,9 @@ def form_columns(x: Channels) -> Floats:
 
 
 def wander_columns(time_s: Floats, flight: NDArray[np.intp], apart: float = WANDER) -> Floats:
-    """(N, W) hats over the time of each flight, `apart` seconds; flights share the columns.
+    """Return hats (N, W) over the time of each flight, `apart` seconds between knots.
 
-    A pause has none, however long: a log may go on hours later.
+    Flights share the columns. A pause in a log adds no columns, however long it is.
     """
     first = np.searchsorted(flight, np.unique(flight))
     place = (time_s - time_s[first][flight]) / apart
@@ -110,10 +108,11 @@ def wander_columns(time_s: Floats, flight: NDArray[np.intp], apart: float = WAND
 
 
 def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart: float) -> Floats:
-    """(R,) size of slow noise within flights that values (T, R) show: knots every `apart` seconds.
+    """Estimate the size (R,) of slow noise within flights from values (T, R), knots every `apart`
+    s.
 
-    Between knots that scatter by s, means over `apart` seconds scatter by MEANS s about their
-    flight's; 0 where no flight is long enough.
+    Means over `apart` seconds scatter about their flight's mean by MEANS times the scatter of
+    knots. 0 where no flight is long enough.
     """
     total, count = np.zeros(values.shape[1]), 0
     for f in np.unique(flight):
@@ -127,7 +126,10 @@ def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart:
 
 
 def hats(values: Floats, count: int) -> Floats:
-    """(N, K) piecewise linear hats that sum to one, at quantiles; fewer where they coincide."""
+    """Return piecewise linear hats (N, K) that sum to one, with knots at quantiles (2 to 98 %).
+
+    Values beyond the knots get the outermost hat. Fewer hats where knots coincide.
+    """
     knots = np.quantile(values, np.linspace(0.02, 0.98, count))
     apart = 1e-3 * max(float(np.ptp(knots)), 1e-12)
     knots = knots[np.concatenate([[True], np.diff(knots) > apart])]
@@ -138,7 +140,7 @@ def hats(values: Floats, count: int) -> Floats:
 
 
 def flight_running_mean(values: Floats, flight: NDArray[np.intp]) -> Floats:
-    """Running mean within each flight."""
+    """Return the running mean over SLOW_MEANS values within each flight."""
     out = np.empty_like(values)
     for f in np.unique(flight):
         mine = flight == f
@@ -154,10 +156,11 @@ ANSWER = 0.3  # of an output's answer to a turn: what a third less thrust would 
 
 
 def law_uncertainty(reduced: Reduced) -> Floats:
-    """(N, R, D) rpm in modes: what the base model may be off by, and the forms of its effects.
+    """Return directions (N, R, D), rpm in modes, in which the base model and its effects' laws may
+    be inaccurate.
 
-    A law may be off along slow channels and with how large the change is: where large turns bend
-    otherwise than small ones, another inertia against the law's own freedom would take that.
+    A law may be inaccurate along slow channels and with the size of its own change: if large turns
+    deviate from the law, another inertia must not explain it.
     """
     columns = [np.moveaxis(reduced.mode_amplitudes(reduced.uncertainty_rpm), 0, 2)]
     base, slow = predicted_modes(reduced, ()), form_columns(reduced.channels)
@@ -179,7 +182,8 @@ def law_uncertainty(reduced: Reduced) -> Floats:
 
 
 def _shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
-    """What the shapes of the model's own effects (lags, derivative corrections) may be off by."""
+    """Return the changes by inaccurate shapes (lags, derivative corrections) of the model's own
+    effects."""
     columns = []
     for k, item in enumerate(reduced.model.placed):
         for p in item.effect.parameters:
@@ -193,10 +197,10 @@ def _shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
 
 
 def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
-    """(N, R, R) rpm: FORM of what each rotor's predicted speed does within its flight.
+    """Return FORM of each rotor's variation in predicted speed within its flight (N, R, R), rpm.
 
-    Where no flight has shown how the rotors of this aircraft answer to load, that is known no
-    better than the laws that load them, and by that alone none is a weak one.
+    For a model without flights of this aircraft: the response of each rotor to load is known no
+    better than the laws of the load, so a deviation of one rotor is no evidence of a weak one.
     """
     directions = reduced.modes.directions
     speed = np.nan_to_num(base) @ directions.T
@@ -206,9 +210,10 @@ def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
 
 
 def _load_response(reduced: Reduced, base: Floats) -> Floats:
-    """(N, R, R - 1) rpm: what the moments' modes do while gusts and manoeuvres load the rotors.
+    """Return fast collective changes (N, R, R - 1), rpm, as they would appear in each other mode.
 
-    A controller's answer, as large as the load's own change: it is no sign of how rotors share it.
+    While gusts and manoeuvres load the rotors, the controller may answer in any mode by as much:
+    that is no evidence about thrust shares.
     """
     load = np.nan_to_num(base[:, 0])
     fast = load - flight_running_mean(load, reduced.flight)
@@ -216,10 +221,10 @@ def _load_response(reduced: Reduced, base: Floats) -> Floats:
 
 
 def _turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
-    """By how much each rotor's output may answer a turn more than the others.
+    """Return columns for each rotor's output responding more than others to a turn.
 
-    Outputs are asked for, not measured: a rate loop that answers a gust asks the same of all
-    rotors, and not more of one that makes less thrust.
+    Outputs are commands, not measurements: a rate loop commands the same of all rotors, and not
+    more of one with less thrust.
     """
     columns = []
     for k, item in enumerate(reduced.model.placed):
@@ -238,7 +243,7 @@ LEAST = 0.05  # of the size that a component began with, below which it is not l
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VarianceFactors:
-    """Factors of the sizes that a nuisance began with."""
+    """Factors on the initial standard deviations of a nuisance."""
 
     scatter: Floats  # (K,)
     free: Floats  # (R, groups)
@@ -251,10 +256,10 @@ def learn_variances(
     numbers: NDArray[np.intp],
     factor: float = 1.0,
 ) -> VarianceFactors:
-    """Variance components of a residual (N, R) rpm in modes.
+    """Estimate the variance components of a residual (N, R), rpm in modes.
 
-    `groups` (H,) is each hat's channel; `numbers` (K,) has the component of each column that a
-    flight draws for itself, -1 for those that keep their size.
+    `groups` (H,) is each hat's channel; `numbers` (K,) the component of each scatter column, -1 for
+    those that keep their size. The discrepancy's sizes are learned only if its `factor` is 1.
     """
     names = list(dict.fromkeys(groups))
     of = np.array([names.index(g) for g in groups])
@@ -296,7 +301,7 @@ def learn_variances(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Sums:
-    """All that the steps need of a nuisance and a residual."""
+    """Products of a nuisance and a residual that the steps of `learn_variances` need."""
 
     flights: tuple[FlightScatter, ...]
     seen: tuple[Floats, ...]  # of each (K, 1): S'r
@@ -307,6 +312,7 @@ class _Sums:
 
     @classmethod
     def from_residual(cls, nuisance: Nuisance, residual: Floats) -> _Sums:
+        """Compute the products for a residual (N, R), rpm in modes."""
         z = nuisance.filter_columns(residual[:, :, None])
         pairs = zip(nuisance.by_flight, nuisance.flights, strict=True)
         return cls(
@@ -322,8 +328,10 @@ class _Sums:
 
 
 def _marginalise_shared(sums: _Sums, factor: float) -> _Sums:
-    """A single flight, what flights share marginalised once, for it keeps its size: the steps then
-    solve for the draws alone, a fifth of all."""
+    """Marginalise the shared columns once, for a single flight, where their sizes stay fixed.
+
+    The steps then only solve for the draws, a fifth of all unknowns.
+    """
     (one,), (seen,) = sums.flights, sums.seen
     root = shared_root(sums.shared, sums.known, sums.hats, factor)
     moved = one.crossed @ root.T

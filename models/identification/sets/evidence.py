@@ -1,9 +1,9 @@
-"""Evidence of a set of effects, from small Gram matrices.
+"""Log evidence of a set of effects, from small Gram matrices.
 
-Of the values d of a set the likelihood is normal. An effect's main values have no usual size, so
-their prior is flat in the logarithm, from the scatter that any sound aircraft shows
-(`Parameter.smallest`) to the bound of what is possible: a small effect pays no more than a large
-one. Values that only shape an effect have a normal prior. The evidence is Laplace's, of k values:
+The likelihood of a set's values d is normal. An effect's main values have no usual size, so their
+prior is flat in the logarithm, from the scatter on any sound aircraft (`Parameter.smallest`) to the
+bound of the possible: a small effect costs no more than a large one. Values that only shape an
+effect have a normal prior. The evidence is Laplace's approximation for k values:
 
     log p(y | set) = log p(y | nothing) + gain + (k/2) log 2 pi - log|H| / 2 + log p(d)
 
@@ -44,7 +44,7 @@ STIFF = 1e9  # times what holds a value, of one that stands at its bound
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SetPrior:
-    """The prior of the P free values of a set, wherever it is linearised."""
+    """The prior of the P free values of a set, independent of where the set is linearised."""
 
     weight: Floats  # (P,) 1 / scale² of those that are normal, 1 / error² of readings, else 0
     normal: Bools  # (P,)
@@ -62,44 +62,48 @@ class SetPrior:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ValuePrior:
-    """The same about the values where the set is linearised."""
+    """The prior of a set's values, with its gradient at the values of linearisation."""
 
     of_set: SetPrior
     values: Floats  # (P,)
     pull: Floats  # (P,) gradient of the normal ones at the values
 
     def exceeds_bounds(self, step: Floats) -> Bools:
-        """(P,) true for a shape that a step (P,) takes beyond its bounds."""
+        """Return which shape values (P,) a step (P,) would move beyond their bounds."""
         lower, upper = self.of_set.limits[:2]
         at = self.values + step
         return ((at < lower) | (at > upper)) & self.of_set.normal
 
     @property
     def log_likelihood_ratio(self) -> float:
-        """Log likelihood of the readings, over that of no effect."""
+        """Return the log likelihood of the readings, relative to no effect."""
         away = self.of_set.weight * (self.values - self.of_set.centre) ** 2
         return 0.5 * float(np.sum((self.of_set.nothing - away)[self.of_set.main]))
 
     @property
     def weight(self) -> Floats:
+        """Return the weight (P,) of each value's normal prior or reading, 0 for none."""
         return self.of_set.weight
 
     @property
     def centre(self) -> Floats:
+        """Return the centre (P,) of each normal prior or reading."""
         return self.of_set.centre
 
     @property
     def groups(self) -> tuple[slice, ...]:
+        """Return the slice of each candidate's values."""
         return self.of_set.groups
 
     @property
     def log_sets(self) -> float:
+        """Return the log prior probability of the set."""
         return self.of_set.log_sets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SetScore:
-    """A set."""
+    """Log evidence of a set and the posterior of its values."""
 
     log_evidence: float  # with the prior of the set
     step: Floats  # (P,) from the values to the likeliest
@@ -108,7 +112,7 @@ class SetScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _CandidatePrior:
-    """What one candidate brings to the prior of every set that holds it."""
+    """The part of a set's prior that one candidate contributes to every set with it."""
 
     limits: Floats  # (5, P)
     normal: Bools  # (P,)
@@ -120,6 +124,7 @@ class _CandidatePrior:
 
 @lru_cache(maxsize=4096)
 def _candidate_prior(one: Candidate) -> _CandidatePrior:
+    """Compute the prior of one candidate's values."""
     parameters = one.parameters
     rows = [
         (p.lower, p.upper, p.scale, p.smallest or 0.01 * p.scale, p.absent or 0.0)
@@ -152,6 +157,7 @@ def _candidate_prior(one: Candidate) -> _CandidatePrior:
 
 @lru_cache(maxsize=4096)
 def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
+    """Combine the priors of the candidates of a set."""
     own = [_candidate_prior(one) for one in candidates]
     normal = np.concatenate([np.zeros(0, dtype=bool), *(of.normal for of in own)])
     weight = np.concatenate([np.zeros(0), *(of.weight for of in own)])
@@ -177,26 +183,32 @@ def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
 
 
 def prior_of(trials: Sequence[TrialEffect]) -> ValuePrior:
-    """The prior of the values of a set."""
+    """Return the prior of a set's values, linearised at the values of `trials`."""
     of_set = _set_prior(tuple(one.candidate for one in trials))
     at = np.concatenate([np.zeros(0), *(one.free_values for one in trials)])
     return ValuePrior(of_set=of_set, values=at, pull=-of_set.weight * (at - of_set.centre))
 
 
 def _first_rotor_log_odds(candidates: Sequence[Candidate]) -> float:
-    """By how much likelier the first bad rotor of a set is than those beside it."""
+    """Return the log factor by which a set's first bad rotor is more probable than further ones; 0
+    without a rotor."""
     some = any(one.term.rotor is not None for one in candidates)
     return log(EFFECT_PRIOR / ROTOR_PRIOR) if some else 0.0
 
 
 def is_shape(p: Parameter) -> bool:
-    """True for a value that has no "absent": it shapes its effect."""
+    """Return whether a parameter has no absent value: it shapes its effect and cannot remove it."""
     return p.detail or p.absent is None
 
 
 def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore:
-    """A set by its normal equations (P + 1, P + 1): [J r]'[J r] of derivatives and residual, in
-    units of `temperature` times the noise; the variance of its values is that of the noise."""
+    """Score a set by its normal equations `gram` (P + 1, P + 1): [J r]'[J r] of derivatives and
+    residual.
+
+    `gram` is in units of `temperature` times the noise; the returned variance is for the noise
+    itself. Shapes beyond a bound are fixed at it. The log evidence is IMPOSSIBLE for a singular
+    system.
+    """
     count, cost = prior.values.size, float(gram[-1, -1])
     if not count:
         none = np.zeros(0)
@@ -228,9 +240,9 @@ def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore
 
 
 def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Floats) -> Floats:
-    """(P,) the likeliest step with shapes at the bounds that they would else go beyond.
+    """Return the most probable step (P,) with shapes fixed at bounds that they would exceed.
 
-    One that is held moves the others, which may go beyond theirs then.
+    Fixing one shape moves the others, which may exceed their bounds in turn.
     """
     lower, upper = prior.of_set.limits[:2]
     trials = np.zeros(step.shape, dtype=np.bool_)
@@ -244,7 +256,11 @@ def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Flo
 
 
 def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> float:
-    """Log prior density of the main values of all effects, and of their being possible."""
+    """Return the log prior density of all effects' main values, including that they lie within
+    bounds.
+
+    An effect whose linearisation point is at a bound is IMPOSSIBLE.
+    """
     of = prior.of_set
     if not of.main.size:
         return 0.0
@@ -260,5 +276,5 @@ def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> float:
 
 
 def log_range_integral(most: float, least: float) -> float:
-    """The integral of 1/(x + least) from 0 to `most`."""
+    """Return the integral of 1 / (x + least) from 0 to `most`."""
     return float(np.log1p(most / least))

@@ -1,12 +1,9 @@
-"""Sums of columns with all nuisances marginalised.
+"""Score sets of effects near a fitted set on one linear problem.
 
-About one set many residuals are asked for, one for each step that is tried. What columns have in
-common with themselves and with the nuisances stays; only the residual's own products are anew.
-
-Sets of effects about a set that was fitted: all candidates in one linear problem.
-
-One Gram matrix holds the derivatives by the values of all candidates, what each candidate does by
-coming in or going out, and the residual; on it a set costs a small Cholesky factor.
+One Gram matrix contains the derivatives by the values of all candidates, each candidate's change by
+entering or leaving the set, and the residual; a set then costs one small Cholesky factor. Nuisances
+are marginalised in it. `FilteredColumns` keeps the products that do not depend on the residual,
+because each step of a fit needs the same columns with another residual.
 """
 
 from __future__ import annotations
@@ -34,7 +31,7 @@ from thrustmargin.models.identification.sets.nuisance import Nuisance, ReducedNu
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FilteredColumns:
-    """P filtered columns."""
+    """P columns, filtered by the noise, with their products with the nuisances."""
 
     nuisance: Nuisance
     solved: ReducedNuisance
@@ -47,7 +44,7 @@ class FilteredColumns:
     def from_columns(
         cls, nuisance: Nuisance, solved: ReducedNuisance, columns: ValueColumns
     ) -> FilteredColumns:
-        """Columns (N, R, P) rpm in modes."""
+        """Filter columns (N, R, P), rpm in modes, and marginalise the nuisances."""
         z = nuisance.filter_columns(columns)
         drawn, (shared, own) = nuisance.flight_draws(z), nuisance.products(z)
         sums = shared - nuisance.crossed.T @ drawn, own - drawn.T @ drawn
@@ -61,8 +58,8 @@ class FilteredColumns:
         )
 
     def gram(self, residual: Floats) -> Floats:
-        """(P + 1, P + 1) of the columns and a residual (N, R) rpm in modes, with all that is not
-        asked marginalised."""
+        """Return the Gram matrix (P + 1, P + 1) of the columns and a residual (N, R), rpm in modes,
+        nuisances marginalised."""
         n = self.nuisance
         r = n.filter_columns(residual[:, :, None])
         drawn, (shared, own) = n.flight_draws(r)[:, 0], n.products(r)
@@ -80,7 +77,7 @@ Key = frozenset[int]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedSet:
-    """A set fitted in full."""
+    """A set of effects fitted with the nonlinear effects, at its converged values."""
 
     key: Key
     trials: tuple[TrialEffect, ...]
@@ -90,8 +87,7 @@ class FittedSet:
 
     @property
     def possible_key(self) -> Key:
-        """The effects without those of which a value stands at its bound, so that no set with them
-        can be: what is left when they are not there."""
+        """Return the set without the effects that have a main value at its bound."""
         kept = []
         for c, trial in zip(sorted(self.key), self.trials, strict=True):
             values = zip(trial.candidate.parameters, trial.free_values, strict=True)
@@ -102,10 +98,11 @@ class FittedSet:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearisedSets:
-    """All candidates about a fitted set: `gram` (q, q) of [derivatives, changes, residual].
+    """All candidates, linearised about a fitted set, with `gram` (q, q) of [derivatives, changes,
+    residual].
 
-    `columns` are the places of each candidate's values; a change is what a candidate adds to the
-    prediction by coming in at its start or by going out.
+    A change is what a candidate adds to the prediction by entering the set at its start values, or
+    by leaving it.
     """
 
     about: FittedSet
@@ -118,16 +115,16 @@ class LinearisedSets:
 
     @cached_property
     def _priors(self) -> tuple[ValuePrior, ...]:
-        """Of the values of each candidate alone."""
+        """Return the prior of each candidate's values alone."""
         return tuple(prior_of([one]) for one in self.trials)
 
     @cached_property
     def _reading_ratios(self) -> Floats:
-        """(C,) what readings say for each candidate."""
+        """Return the log likelihood ratio (C,) of each candidate's reading."""
         return np.array([one.log_likelihood_ratio for one in self._priors])
 
     def score(self, key: Iterable[int]) -> SetScore:
-        """A set about this one."""
+        """Score the set `key` on the linear problem."""
         members = sorted(key)
         where = self._value_places(members)
         residual = self._residual_weights(frozenset(members))
@@ -139,7 +136,8 @@ class LinearisedSets:
         return score(prior_of([self.trials[c] for c in members]), whole, self.temperature)
 
     def gains(self, key: Key, pool: Sequence[int]) -> Floats:
-        """Roughly how much each candidate of a pool would add to the log likelihood of a set."""
+        """Estimate the gain (n,) in log likelihood by adding each candidate of `pool` to the set
+        `key`."""
         members = sorted(key)
         gram, where, residual = self.gram, self._value_places(members), self._residual_weights(key)
         prior = prior_of([self.trials[c] for c in members])
@@ -167,7 +165,8 @@ class LinearisedSets:
         return out
 
     def restrict(self, members: Collection[int], without: Collection[int]) -> LinearisedSets:
-        """With values of some candidates alone, and none that are of the flights `without`."""
+        """Return the problem with free values of `members` alone, without values of the flights
+        `without`."""
         trials, columns, kept = [], [], []
         for c, (one, places) in enumerate(zip(self.trials, self.columns, strict=True)):
             free = one.candidate.free if c in members else ()
@@ -184,8 +183,11 @@ class LinearisedSets:
         return replace(self, trials=tuple(trials), columns=tuple(columns), gram=gram)
 
     def law_error(self, c: int, k: int) -> float:
-        """The standard error of value k of a candidate c out of the set, as the laws of those in
-        it are good to FORM of what these change."""
+        """Return the standard error that inaccurate laws cause in value `k` of candidate `c`,
+        outside the set.
+
+        Laws of the effects in the set are accurate to FORM of the change that they predict.
+        """
         place = self.columns[c].start + k
         first = self.columns[-1].stop if self.columns else 0
         changes = [first + c for c in self.about.key]
@@ -193,13 +195,16 @@ class LinearisedSets:
         return FORM * along / max(float(self.gram[place, place]), TINY)
 
     def _value_places(self, members: Sequence[int]) -> NDArray[np.intp]:
-        """Places of the values of some candidates."""
+        """Return the row indices in `gram` of the values of some candidates."""
         places = [k for c in members for k in range(self.columns[c].start, self.columns[c].stop)]
         return np.array(places, dtype=np.intp)
 
     def _residual_weights(self, key: Key) -> Floats:
-        """(q,) weights that make the residual of a set of the columns: less what each candidate
-        changes that comes in or goes out."""
+        """Return weights (q,) that combine the columns of `gram` into the residual of the set
+        `key`.
+
+        The change of each candidate that enters or leaves the set is subtracted.
+        """
         weights = np.zeros(self.gram.shape[1])
         weights[-1] = 1.0
         first = self.columns[-1].stop if self.columns else 0
@@ -209,7 +214,8 @@ class LinearisedSets:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SetColumns:
-    """What makes a `LinearisedSets`: q columns of rpm in modes."""
+    """The q columns, rpm in modes, from which `LinearisedSets` are made for any subset of the
+    means."""
 
     about: FittedSet
     trials: tuple[TrialEffect, ...]
@@ -218,7 +224,7 @@ class SetColumns:
     temperature: float
 
     def linear(self, solved: ReducedNuisance, sums: Sums) -> LinearisedSets:
-        """By the sums of the flights that are `marginalise`."""
+        """Return the linear problem of the flights that `solved` and `sums` are of."""
         return LinearisedSets(
             about=self.about,
             trials=self.trials,

@@ -1,11 +1,11 @@
-"""What is not asked for, marginalised flight by flight in the Gram matrices.
+"""Marginalise nuisances, flight by flight, in the Gram matrices of a search.
 
     y = J d + S_f s_f + B b + F c + e
 
-y are whitened mode residuals, J the derivatives by what is asked. S_f are the derivatives by every
-effect's scatter from flight to flight, one draw a flight; B what the base model is unsure of; F the
-discrepancy. s, b and c are normal, so they leave as Schur complements: what is left of [J y]'[J y]
-is as if they had been measured with their priors.
+y are whitened mode residuals, J the derivatives by the values of interest. S_f are the derivatives
+by each effect's between-flight scatter, with one draw s a flight; B are error directions of the
+base model; F is the discrepancy. s, b and c are normal, so they are eliminated as Schur
+complements: the remaining [J y]'[J y] equals that of a problem without them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ _factored, _inverted = get_lapack_funcs(("potrf", "trtri"))
 
 
 def inverse_cholesky(system: Floats) -> Floats:
-    """Of I + X'X = L L' the inverse of L; NaN where not finite."""
+    """Return the inverse of the Cholesky factor L of `system` = L L'; all NaN if not positive
+    definite."""
     if not system.size:
         return system
     factor, failed = _factored(system, lower=True)
@@ -45,11 +46,11 @@ def inverse_cholesky(system: Floats) -> Floats:
 
 
 def shared_root(gram: Floats, known: int, hats: int, factor: float) -> Floats:
-    """(X, X) the root G of the covariance G'G of the shared columns with the `gram` (X, X); of X
-    the first are `known`, then come so many `hats` a mode, which are `factor` times their size on
-    a sound aircraft.
+    """Return the root G (X, X) of the covariance G'G of the shared columns' coefficients.
 
-    The first hat of a mode is its constant.
+    `gram` (X, X) are the columns' products. The first `known` columns are base model errors; then
+    follow `hats` columns a mode, scaled to `factor` times their size on a sound aircraft. The first
+    of each mode is its constant, which is scaled to CONSTANT_FACTOR alone.
     """
     size = np.full(gram.shape[0], factor)
     size[:known] = 1.0
@@ -69,7 +70,7 @@ Sums = tuple[Floats, Floats]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReducedNuisance:
-    """The nuisances of flights eliminated."""
+    """Sums of the shared columns after eliminating the scatter of some flights."""
 
     gram: Floats  # (X, X) X'X of the shared columns, the scatter of flights marginalised
     known: int  # of X, those before the hats of the discrepancy
@@ -78,26 +79,28 @@ class ReducedNuisance:
 
     @cached_property
     def _root(self) -> Floats:
+        """Return the root G of the covariance of b and c."""
         return shared_root(self.gram, self.known, self.hats, self.factor)
 
     @cached_property
     def shared(self) -> Floats:
-        """(X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c."""
+        """Return the covariance (X, X) of b and c: P^½ (I + P^½ X'X P^½)^-1 P^½."""
         return self._root.T @ self._root
 
     def absorbed(self, shared: Floats) -> Floats:
-        """(X, q) of X'z (X, q), the square of which is what b and c take of z'z."""
+        """Return G X'z (X, q) from X'z (X, q); its square is the part of z'z that b and
+        c absorb."""
         return self._root @ shared
 
     def reduce(self, sums: Sums) -> Floats:
-        """(q, q): z'z with the nuisances marginalised."""
+        """Return z'z (q, q) with all nuisances marginalised."""
         taken = self.absorbed(sums[0])
         return sums[1] - taken.T @ taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightScatter:
-    """The scatter S of one flight, of which only K columns act in its n means."""
+    """The scatter S of one flight, reduced to the K columns that are non-zero in its n means."""
 
     acts: NDArray[np.intp]  # (K,) which columns
     columns: Floats  # (R, K, n)
@@ -108,7 +111,7 @@ class FlightScatter:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nuisance:
-    """Whitened columns of F flights: n means, R modes."""
+    """Whitened nuisance columns of F flights: n means, R modes."""
 
     whitening: Whitening
     flights: tuple[slice, ...]  # of the n means
@@ -118,7 +121,7 @@ class Nuisance:
 
     @cached_property
     def by_flight(self) -> tuple[FlightScatter, ...]:
-        """(F,) the scatter of each flight."""
+        """Return the scatter (F,) of each flight."""
         found, known = [], self.uncertainty.shape[2]
         for rows in self.flights:
             acts = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
@@ -141,23 +144,23 @@ class Nuisance:
 
     @cached_property
     def _uncertainty_by_mode(self) -> ModeColumns:
-        """What the base model is unsure of, by modes."""
+        """Return the error directions of the base model that are non-zero in each mode."""
         return _split_by_mode(self.uncertainty.transpose(1, 2, 0))
 
     @cached_property
     def _roots(self) -> tuple[Floats, ...]:
-        """(F,) the root of I + S'S of each flight."""
+        """Return the inverse Cholesky factor (F,) of I + S'S of each flight."""
         return tuple(inverse_cholesky(np.eye(of.acts.size) + of.gram) for of in self.by_flight)
 
     @cached_property
     def crossed(self) -> Floats:
-        """(draws of all flights, X): L^-1 S'X, as `flight_draws` is of columns."""
+        """Return L^-1 S'X (draws of all flights, X), like `flight_draws` of the shared columns."""
         pairs = zip(self._roots, self.by_flight, strict=True)
         return np.concatenate([root @ of.crossed for root, of in pairs])
 
     @cached_property
     def shared_gram(self) -> Floats:
-        """(X, X) X'X of the shared columns."""
+        """Return X'X (X, X) of the shared columns."""
         known = self.uncertainty.shape[2]
         modes, _, hats = self.free.shape
         whole = np.zeros((known + modes * hats,) * 2)
@@ -171,7 +174,10 @@ class Nuisance:
         return whole
 
     def marginalise(self, factor: float = 1.0, less: Nuisance | None = None) -> ReducedNuisance:
-        """The nuisances eliminated from all flights but those of `less`."""
+        """Eliminate the scatter of all flights but those of `less`.
+
+        `factor`: size of the discrepancy relative to a sound aircraft.
+        """
         left = self.shared_gram - self.crossed.T @ self.crossed
         if less is not None:
             left = left - (less.shared_gram - less.crossed.T @ less.crossed)
@@ -183,7 +189,7 @@ class Nuisance:
         )
 
     def select_means(self, kept: Bools) -> Nuisance:
-        """With some of the n means only."""
+        """Return the nuisance of the means with `kept` (n,) True."""
         filter_ = self.whitening.select_means(kept)
         flights = tuple(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(len(self.flights))
@@ -197,25 +203,27 @@ class Nuisance:
         )
 
     def select_flight(self, flight: int, first: int) -> Nuisance:
-        """With one flight only, whose means begin at `first`."""
+        """Return the nuisance of one flight, whose means begin at index `first` of N."""
         part = self.select_means(self.whitening.flight == flight)
         filter_ = replace(part.whitening, rows=part.whitening.rows - first)
         return replace(part, whitening=filter_, flights=(slice(0, filter_.rows.size),))
 
     def sums(self, columns: ValueColumns | Floats) -> Sums:
-        """Of columns (N, R, q) rpm in modes."""
+        """Return X'z and z'z of columns (N, R, q), rpm in modes, with the scatter marginalised."""
         z = self.filter_columns(columns)
         drawn, (shared, own) = self.flight_draws(z), self.products(z)
         return shared - self.crossed.T @ drawn, own - drawn.T @ drawn
 
     def filter_columns(self, columns: ValueColumns | Floats) -> ValueColumns:
-        """Columns of N means as columns of n, in units of the noise."""
+        """Filter columns of N means to columns of n means, in units of the noise."""
         asked = columns if isinstance(columns, ValueColumns) else ValueColumns.from_values(columns)
         return replace(asked, values=self.whitening.apply(asked.values))
 
     def flight_draws(self, z: ValueColumns) -> Floats:
-        """(draws of all flights, q) of filtered columns: L^-1 S'z, the square of which is what the
-        scatter takes."""
+        """Return L^-1 S'z (draws of all flights, q) of filtered columns z.
+
+        Its square is the part of z'z that the scatter absorbs.
+        """
         found = []
         for f, rows in enumerate(self.flights):
             of = self.by_flight[f]
@@ -226,7 +234,7 @@ class Nuisance:
         return np.concatenate(found)
 
     def products(self, z: ValueColumns) -> Sums:
-        """X'z and z'z of filtered columns, with the scatter."""
+        """Return X'z and z'z of filtered columns z, without marginalising the scatter."""
         modes, _, hats = self.free.shape
         known = self.uncertainty.shape[2]
         shared, own = np.zeros((known + modes * hats, z.count)), np.zeros((z.count, z.count))
@@ -255,13 +263,14 @@ class Nuisance:
 
 
 def _split_by_mode(columns: Floats) -> ModeColumns:
-    """Columns (R, K, n) by modes."""
+    """Split columns (R, K, n) into each mode's non-zero columns."""
     acts = [np.flatnonzero(of.any(axis=1)) for of in columns]
     return tuple((some, of[some]) for some, of in zip(acts, columns, strict=True))
 
 
 def _mode_products(columns: ModeColumns, count: int, values: Floats, rows: slice = EVERY) -> Floats:
-    """(R, K, q) sums of `count` columns, over some of their means, with values (R, n, q)."""
+    """Return products (R, K, q) of `count` columns, over the means `rows`, with values
+    (R, n, q)."""
     sums = np.zeros((len(columns), count, values.shape[2]))
     for (acts, of), out, along in zip(columns, sums, values, strict=True):
         out[acts] = of[:, rows] @ along
@@ -269,6 +278,5 @@ def _mode_products(columns: ModeColumns, count: int, values: Floats, rows: slice
 
 
 def _with_mode_total(sums: Floats) -> Floats:
-    """(R + 2, ...) of sums (R, ...) by mode: after them nothing (-2), and all modes together (-1,
-    ALL_MODES)."""
+    """Append to sums (R, ...) zeros (index -2) and the total over modes (index -1, ALL_MODES)."""
     return np.concatenate([sums, np.zeros_like(sums[:1]), sums.sum(axis=0, keepdims=True)])

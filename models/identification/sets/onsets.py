@@ -1,10 +1,10 @@
-"""A rotor that goes bad at a moment: which rotor, when, and in which flights.
+"""Find step changes of a rotor's thrust: which rotor, when, and in which flights.
 
-About a set without any bad rotor, the gain of a loss that begins at a time is g²/2h of its column,
-the loss's derivative from that time on. Five kinds of step are looked for: in one flight, in it for
-a while, at one time of every flight, from a moment of one flight on through all later ones, and, of
-however many flights, in some of them in a row, by their clock. The best of each rotor and kind
-becomes a candidate of the search; that it was chosen among many times is in its prior.
+About a set without bad rotors, the gain of a loss from a given time is g²/2h, from the gradient g
+and curvature h of its column: the loss's derivative from that time on. Five kinds of step are
+tried: in one flight; in one flight for a while; at one time of every flight; from a time in one
+flight on through all later ones; and in some consecutive flights, by their clock. The best of each
+rotor and kind becomes a candidate of the search, with a prior divided by the number of tried times.
 """
 
 from __future__ import annotations
@@ -49,8 +49,10 @@ KINDS = {
 
 
 def drop_rotor_effects(search: Search, key: Key) -> Key:
-    """A set without its bad rotors and causes without a name, which take what begins at a time for
-    a curve along time."""
+    """Return the set without degraded rotors and unnamed causes.
+
+    An unnamed curve along time could absorb a step.
+    """
     return frozenset(
         c
         for c in key
@@ -60,7 +62,8 @@ def drop_rotor_effects(search: Search, key: Key) -> Key:
 
 
 def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
-    """Steps worth a place among the candidates, about a set without its bad rotors."""
+    """Return candidate steps that gain enough about the set `about` without its bad rotors, best
+    first."""
     sound = drop_rotor_effects(search, about.key)
     near = dict(zip(sorted(about.key), about.trials, strict=True))
     fitted = search.fitted.get(sound) or search.fit_near(sound, near)
@@ -105,7 +108,8 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Step:
-    """A family of losses that begin at a time: of one flight, or of every flight (None)."""
+    """A family of losses that begin at one of several times, in one flight or in every flight
+    (None)."""
 
     kind: str
     flight: int | None
@@ -114,6 +118,7 @@ class _Step:
 
 
 def _step_families(search: Search) -> Iterator[_Step]:
+    """Yield the step families that the flights allow, by flight and kind."""
     x, flight = search.reduced.channels, search.reduced.flight
     flights = search.reduced.flights
     starts = np.array([x.clock_s[flight == f][0] for f in range(flights)])
@@ -130,7 +135,8 @@ def _step_families(search: Search) -> Iterator[_Step]:
 
 
 def _grid(time_s: Floats) -> Floats:
-    """Times to try, each with means before the next: a pause has none, however long."""
+    """Return times to try, GRID seconds apart, each with means before the next; a pause
+    has none."""
     first, last = time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER
     within = time_s[(time_s >= first) & (time_s < last)]
     return first + GRID * np.unique(np.floor((within - first) / GRID))
@@ -138,7 +144,7 @@ def _grid(time_s: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _LossSums:
-    """A loss's derivative and a set's residual, by flights, their scatter marginalised."""
+    """Sums of a loss's derivative and a set's residual by flight, with the scatter marginalised."""
 
     search: Search
     columns: Floats  # (N, R, 2) rpm in modes: the loss throughout, and the residual
@@ -147,6 +153,8 @@ class _LossSums:
 
     @classmethod
     def about_set(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
+        """Compute the sums of `column` (N, R), the loss's derivative, and the residual
+        of `fitted`."""
         columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
         flight, flights = search.nuisance.whitening.flight, search.reduced.flights
         parts = [search.nuisance.select_means(flight == f).sums(columns) for f in range(flights)]
@@ -158,12 +166,17 @@ class _LossSums:
         )
 
     def constant_gram(self) -> Floats:
-        """(2, 2) of the loss in all flights from their beginning, and of the residual."""
+        """Return the Gram matrix (2, 2) of a loss in all flights from their beginning, and the
+        residual."""
         return self.search.solved.reduce(self.search.nuisance.sums(self.columns))
 
     def spans(self) -> Iterator[tuple[str, float, int, tuple[float, ...]]]:
-        """Of a loss in some flights in a row, by their clock: the best that lasts to the end, and
-        the best that ends before it: kind, gain, -1 for a moment of no flight, and Unix times."""
+        """Yield the best loss over consecutive flights that lasts to the end, and the best that
+        ends before.
+
+        Each is (kind, gain, -1 for no particular flight, Unix times). None with fewer than 3
+        flights or a flight without a clock.
+        """
         x, flight, flights = self.search.reduced.channels, self.search.reduced.flight, len(self.own)
         ends = np.array([x.clock_s[flight == f][[0, -1]] for f in range(flights)])
         if flights < 3 or not np.isfinite(ends).all():
@@ -195,7 +208,8 @@ class _LossSums:
             yield kind, gain, -1, times
 
     def gram(self, step: _Step, times: Floats) -> Floats:
-        """(S + 1, S + 1) of a loss from each of some times on and of the residual."""
+        """Return the Gram matrix (S + 1, S + 1) of a loss from each of `times` on, and the
+        residual."""
         reduced, nuisance = self.search.reduced, self.search.nuisance
         f, count = step.flight, times.size
         if f is None:
@@ -214,33 +228,39 @@ class _LossSums:
         return own - shared.T @ self.search.solved.shared @ shared
 
     def _loss_from(self, times: Floats, means: slice) -> Floats:
-        """(n, R, S + 1) the loss from each time on, and the residual."""
+        """Return the loss's column from each time on, and the residual (n, R, S + 1)."""
         later = self.search.reduced.channels.time_s[means, None] >= times
         loss = self.columns[means, :, :1] * later[:, None, :]
         return np.concatenate([loss, self.columns[means, :, 1:]], axis=2)
 
 
 def _step_gains(gram: Floats) -> Floats:
-    """(S,) gain of a loss in each step."""
+    """Return the gain (S,) in log likelihood of a loss in each step; 0 for a negative loss."""
     power = np.maximum(np.diag(gram)[:-1], 1e-12)
     return np.maximum(gram[:-1, -1], 0.0) ** 2 / power / 2
 
 
 def argmax_centre(gains: Floats) -> tuple[int, ...]:
-    """Where gains are largest, in the middle of those alike: times between two means are."""
+    """Return the index of the largest gain, the middle one of a plateau (times between two means
+    are equivalent)."""
     ties = np.argwhere(gains >= gains.max() * (1.0 - 1e-6))
     return tuple(int(np.sort(places)[places.size // 2]) for places in ties.T)
 
 
 def _best_transient(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
-    """The largest gain of a loss between two times, and the two; found about those of the grid."""
+    """Return the largest gain of a loss between two times, and the times, refined about the grid's
+    best."""
     near = np.arange(-GRID, GRID + FINE, FINE)
     began, ended = _best_interval(sums, step, step.times)[1]
     return _best_interval(sums, step, np.unique(np.concatenate([near + began, near + ended])))
 
 
 def _best_interval(sums: _LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
-    """The same between two of some times: a step less a later step."""
+    """Return the largest gain of a loss between two of `times`, and the two times.
+
+    Its column is a step at the first time minus a step at the second, LEAST_AFTER seconds later or
+    more.
+    """
     gram = sums.gram(step, times)
     inner, power = gram[:-1, -1], np.diag(gram)[:-1]
     between = power[:, None] + power - 2.0 * gram[:-1, :-1]
@@ -253,6 +273,8 @@ def _best_interval(sums: _LossSums, step: _Step, times: Floats) -> tuple[float, 
 def _step_candidate(
     search: Search, kind: str, rotor: int, flight: int, when: tuple[float, ...], tries: int
 ) -> Candidate:
+    """Return the candidate of a step found, with its times as start values and its prior for
+    `tries` times."""
     effect, clock = KINDS[kind]
     plain = candidate(Term(effect=effect, rotor=rotor), search.reduced.flights)
     names = [p.name for p in effect.parameters]

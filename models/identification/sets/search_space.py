@@ -1,11 +1,10 @@
-"""What a wind does that the good flights reported and these flights do not.
+"""Prepare a search: candidates, noise and nuisances, from flights and a model.
 
-An airspeed sensor says how fast the air comes, the wind from where. Where it comes from decides how
-much of it goes through the leaning rotors (axial inflow), and what speeding up against drag takes.
-Without a reported wind both are worked out for still air. Over a flight that leaves an error that
-goes with heading and lean, and drag, climb inflow and late channels together imitate it.
-
-Everything that a search over sets works on, made from flights and a model.
+Unreported wind: an airspeed sensor reports the speed of the air but not its direction, which
+determines how much of it flows through the leaning rotors (axial inflow) and the force of
+accelerating against drag. Without a reported wind both are computed for still air. The error varies
+with heading and lean; drag, climb inflow and late channels together could imitate it, so it is a
+nuisance.
 """
 
 from __future__ import annotations
@@ -57,8 +56,11 @@ OF_DIRECTION = (
 
 
 def unreported_wind_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
-    """(N, R, 2) rpm in modes by a wind from south and one from west, as strong as the strongest of
-    the good flights; no column where these flights report the wind, or the good ones did not."""
+    """Return the change (N, R, 2), rpm in modes, by a wind from south and by one from west.
+
+    Its speed is the strongest of the good flights. No column if these flights report the wind or
+    the good ones did not.
+    """
     domain = reduced.model.training_domain
     strongest = np.nan if domain is None else domain.wind_speed[1]
     lacking = [not np.isfinite(track.wind_ned).any() for track in tracks]
@@ -95,7 +97,7 @@ RIDGE = 1e-2  # of columns of size about one, in the regression that leaves the 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchSpace:
-    """F flights reduced, what may be missing, and what is not asked for."""
+    """F flights as means, with candidates, noise and nuisances."""
 
     reduced: Reduced
     candidates: tuple[Candidate, ...]
@@ -115,7 +117,10 @@ def search_space(
     catalogue: Sequence[Effect],
     means: Reduced | None = None,
 ) -> SearchSpace:
-    """`means` are those of the flights, if at hand; raises as `problem.assemble`."""
+    """Build the search space of some flights; raises like `problem.assemble`.
+
+    `means` avoids reducing the flights again.
+    """
     reduced = reduce_flights(model, tracks) if means is None else means
     candidates = _drop_constant_shares(reduced, candidates_of(reduced, catalogue))
     residual = np.nan_to_num(
@@ -178,8 +183,11 @@ def search_space(
 def _drop_constant_shares(
     reduced: Reduced, candidates: Sequence[Candidate]
 ) -> tuple[Candidate, ...]:
-    """Drop what shifts the balance by a constant, where motor outputs are all and no sound flight
-    is known: `answer.standing_shares` reports it."""
+    """Drop candidates that shift the balance by a constant, for motor outputs without known sound
+    flights.
+
+    `answer.standing_shares` reports them instead.
+    """
     if not (reduced.of_outputs and lacks_sound_flights(reduced.model)):
         return tuple(candidates)
     kept = []
@@ -192,8 +200,11 @@ def _drop_constant_shares(
 
 
 def _slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
-    """(N, R, R W) rpm: slow noise of the usual size in each mode, and of it and `others` before it
-    the mode of each."""
+    """Return slow noise of the usual size (N, R, R W), rpm, in each mode, and the mode of each
+    column.
+
+    The modes (K,) begin with `others` columns that have none (-1).
+    """
     x, modes = reduced.channels, reduced.measured_rpm.shape[1]
     curves = wander_columns(
         x.time_s, reduced.flight, WANDER * froude_time_scale(reduced.model.airframe)
@@ -205,9 +216,11 @@ def _slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[
 
 
 def _unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
-    """(n, R) size of what nothing explains, of each flight and mode, where it is more than noise.
+    """Return the factor (n, R) by which the remaining residual of each flight and mode exceeds its
+    noise.
 
-    Wild seconds hide behind the median that noise is taken from; more than they is no noise.
+    Noise is estimated by a median, which ignores outliers. The factor is between 1 and TAILS: a
+    larger excess is no noise.
     """
     z = open_.whitening.apply(residual)
     shared, _ = open_.sums(residual[:, :, None])
@@ -226,7 +239,7 @@ def _unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
 
 
 def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
-    """(candidate, its free value, "effect_key.parameter") of every value that makes an effect."""
+    """List (candidate, free value, "effect_key.parameter") of every shared main value."""
     names = []
     for c, one in enumerate(candidates):
         for k, (_, flight) in enumerate(one.free):
@@ -239,8 +252,10 @@ def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
 def _effect_columns(
     reduced: Reduced, candidates: Sequence[Candidate]
 ) -> tuple[Floats, dict[int, Floats]]:
-    """(N, R, K) rpm in modes: what `smallest` of every value that makes an effect changes, and the
-    derivatives (N, R, P) of each candidate that has such a value."""
+    """Return the changes (N, R, K), rpm in modes, by the `smallest` size of every main value.
+
+    Also return the derivatives (N, R, P) of each candidate that has such a value.
+    """
     columns = []
     at: dict[int, Floats] = {}
     for c, k, _ in main_values(candidates):
@@ -254,8 +269,11 @@ def _effect_columns(
 
 
 def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
-    """(N, R, K) rpm in modes: what causes without a name may do at most, knot by knot, along
-    channels as slow as the noise that they could be taken for."""
+    """Return the largest changes (N, R, K), rpm in modes, by knots of unnamed causes along slow
+    channels.
+
+    Those channels vary as slowly as slow noise, which must not absorb them.
+    """
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
     for one in (c for c in unnamed if place_of(c.term.effect)[1] in SLOW):
         most = np.array([p.upper for p in one.parameters])
@@ -264,11 +282,10 @@ def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
 
 
 def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
-    """(K,) scatter of each value from flight to flight, in units of its `smallest`.
+    """Return the between-flight scatter (K,) of each main value, in units of its `smallest`.
 
-    As good flights showed, within SURE of what is usual: few flights say little of a scatter, and
-    short ones much too much. A sound propeller does not change from flight to flight, so rotors
-    have none.
+    From the good flights, limited to SURE times the usual, as few or short flights estimate it
+    poorly. 0 for rotors: a sound propeller does not change between flights.
     """
     learnt = {} if known is None else known.scatter
     sizes = []
@@ -280,12 +297,11 @@ def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -
 
 
 def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
-    """(N, R, R) rpm: by how much each mode differs from flight to flight, whatever it comes from,
-    and by how much all flights differ from those that the model was made from.
+    """Return offsets (N, R, R), rpm, of each mode by flight, and offsets that all flights share.
 
-    As good flights showed that were left out of it: of n, their mean is known to 1/n of their
-    variance. Of motor outputs, whose shares hang on wind and battery, at least as these flights
-    show themselves, and without good flights as much as it takes to name nothing.
+    Sizes are those of n good flights that were held out of the model; the mean of n is uncertain by
+    1/n of the variance. For motor outputs, whose shares depend on wind and battery, they are at
+    least these flights' own; without good flights, too large to report anything.
     """
     model, modes = reduced.model, residual.shape[1]
     size = np.array(model.background_rpm or np.zeros(modes))
@@ -297,11 +313,11 @@ def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]
 
 
 def _thermometer_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
-    """(N, R, 1 or 0) rpm: what a thermometer that good flights taught is off by in all flights.
+    """Return the change (N, R, 1), rpm, by an error of the thermometer correction in all flights.
 
-    Its board is aired, shaded and loaded otherwise in one season than in another: in that of the
-    good flights and in this one by as much, it is taken, as from one flight to the next. N goes
-    with the root of the air's temperature (Eq. 1, and the gas law).
+    No column if no correction is used. The board is ventilated, shaded and loaded differently in
+    each season: by assumption, as much between SEASONS as between flights. Rotor speed varies with
+    the root of the air temperature (Eq. 1 and the gas law).
     """
     known, base = reduced.model.thermometer, np.nan_to_num(predicted_modes(reduced, ()))
     if known is None or not any(needs_thermometer(track) for track in tracks):
@@ -311,7 +327,8 @@ def _thermometer_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Flo
 
 
 def _subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
-    """Columns (N, R, K) less their means over each flight, which stand in the modes' scatter."""
+    """Return columns (N, R, K) less their mean over each flight, which the flight
+    offsets contain."""
     out = np.empty_like(columns)
     for f in np.unique(flight):
         out[flight == f] = columns[flight == f] - columns[flight == f].mean(axis=0)
@@ -319,7 +336,8 @@ def _subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
 
 
 def _noise_filter(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
-    """The filter of what no effect and no curve can explain, each flight with its own values."""
+    """Estimate the noise filter from the residual that no effect and no discrepancy
+    curve explains."""
     left = np.empty_like(residual)
     for mode in range(residual.shape[1]):
         known = scatter[:, mode, :]
@@ -336,7 +354,7 @@ def _noise_filter(reduced: Reduced, residual: Floats, scatter: Floats, hats: Flo
 
 
 def _manoeuvre_mask(reduced: Reduced) -> Bools:
-    """(N,) means in a manoeuvre or beside one."""
+    """Return the means (N,) in a manoeuvre or directly before or after one."""
     x = reduced.channels
     with np.errstate(invalid="ignore"):
         moved = (np.abs(x.yaw_rate) > TURN_RATE) | (np.abs(x.load_factor - 1.0) > LOADED)
@@ -349,7 +367,7 @@ def _manoeuvre_mask(reduced: Reduced) -> Bools:
 def _free_sizes(
     reduced: Reduced, groups: Sequence[str], known: GoodFlights | None, speed: float
 ) -> Floats:
-    """(R, H) rpm: size of each hat of the discrepancy on a sound aircraft."""
+    """Return the size (R, H), rpm, of each hat of the discrepancy on a sound aircraft."""
     learnt = {} if known is None else known.curve_rpm
     usual, least = USUAL_SHARE * speed, LEAST_SHARE * speed
     return np.array(

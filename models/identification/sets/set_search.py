@@ -1,10 +1,10 @@
-"""The search over sets of effects.
+"""Search for the most probable sets of effects.
 
-About a set at its likeliest values everything is linear: one Gram matrix holds the derivatives by
-the values of all candidates, what each candidate does by coming in or going out, and the residual.
-On it a beam of sets is grown, and neighbours of the best are tried, thousands in a second. What
-ranks high is fitted in full, with the effects as they are, and the search goes on about the best
-until it stays.
+About a fitted set everything is linear: one Gram matrix contains the derivatives by the values of
+all candidates, each candidate's change by entering or leaving, and the residual. On it a beam
+search grows sets, and neighbours of the best set are tried, thousands a second. The highest-ranked
+sets are refitted with the nonlinear effects. The search then restarts around the best of them, and
+stops when the best set no longer changes.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ Progress = Callable[[str, float], None]
 
 
 class Search:
-    """Sets fitted so far, about which the search goes on."""
+    """A search in progress: candidates, and the sets fitted so far."""
 
     def __init__(
         self,
@@ -65,6 +65,7 @@ class Search:
         nuisance: Nuisance,
         candidates: Sequence[Candidate],
     ) -> None:
+        """Prepare a search over `candidates`, with the noise raised by TEMPERATURE."""
         filter_ = nuisance.whitening
         # How outputs of flights differ is taken with Student's t already.
         self.temperature = 1.0 if reduced.of_outputs else TEMPERATURE
@@ -78,15 +79,21 @@ class Search:
         ]
 
     def _start_values(self, one: Candidate) -> Floats:
-        """(F, K) where its values start: a delay has more than one likely value, and steps from
-        nothing may end at a small wrong one, so it starts where rows show it."""
+        """Return the start values (F, K) of a candidate.
+
+        A delay starts at the median that rows show: its likelihood has several maxima, and steps
+        from zero may end at a small wrong one.
+        """
         if not one.term.effect.delays:
             return one.start
         return np.full_like(one.start, np.median(self.reduced.delay_s[:, 0]))
 
     def run(self, progress: Progress | None = None) -> None:
-        """Search until the best set stays. What is likely about a set that is far from the best
-        found meanwhile is looked for anew about that one."""
+        """Search until the best set no longer changes, at most ROUNDS times.
+
+        If a much better set is found within a round, the round ends and the search restarts about
+        that set.
+        """
         if not self.fitted:
             self.fit(frozenset(), ())
         best = self.best
@@ -105,8 +112,11 @@ class Search:
             best = self.best
 
     def _refit_from_best(self, linear: LinearisedSets) -> None:
-        """Fit sets anew from the values of the best, where about it they promise to be likelier
-        than they were found from elsewhere: of an exponent or a lag steps may end short."""
+        """Refit sets whose linearised score around the best set exceeds the score they converged
+        to.
+
+        Gauss-Newton can stop early for exponents and lags.
+        """
         best = self.fitted[linear.about.key]
         for key in self.possible_sets:
             found = self.fitted[key]
@@ -116,8 +126,11 @@ class Search:
                 self.fitted[key] = max(found, other, key=lambda one: one.total)
 
     def add(self, more: Sequence[Candidate], beside: Key) -> bool:
-        """Candidates that were found on the way, each tried alone and beside a set; True where one
-        comes near the best, so that the search is to go on."""
+        """Add candidates `more` and fit each alone and together with the set `beside`.
+
+        Return whether one of these sets comes within FAR of the best, so that the search should
+        continue.
+        """
         near = {
             c: h for f in self.fitted.values() for c, h in zip(sorted(f.key), f.trials, strict=True)
         }
@@ -131,12 +144,18 @@ class Search:
         return any(one.total > self.best.total - FAR for one in found)
 
     def fit_near(self, key: Key, near: Mapping[int, TrialEffect]) -> FittedSet:
-        """A set fitted from the values of a neighbour, without a place among the sets."""
+        """Fit a set from the values `near` of a similar set, without storing it among the fitted
+        sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 8)
 
     def unnamed_members(self, key: Key) -> list[int]:
-        """What of a set may go into a model without a name: causes without one, what is steady of
-        the loss of a rotor that has one, and what is of no rotor and lasts."""
+        """List the candidates, by index, that may enter a model as unnamed causes if `key` is the
+        set.
+
+        They are: unnamed causes in `key`; the steady degradation of each rotor with an unnamed
+        cause in `key`, itself in `key` or not; and members of `key` that act on no rotor, are no
+        step in time and hold for later flights.
+        """
         every = self.candidates
         uneven = {every[c].term.rotor for c in key if every[c].unnamed} - {None}
         found = []
@@ -150,21 +169,24 @@ class Search:
 
     @property
     def possible_sets(self) -> list[Key]:
-        """Sets that can be."""
+        """Return the fitted sets with all main values inside their bounds."""
         return [key for key, found in self.fitted.items() if found.total > IMPOSSIBLE / 2]
 
     @property
     def best(self) -> FittedSet:
+        """Return the fitted set with the highest log evidence."""
         return max(self.fitted.values(), key=lambda f: f.total)
 
     def linearise(self, about: FittedSet) -> LinearisedSets:
-        """All candidates about a fitted set."""
+        """Linearise all candidates about a fitted set."""
         columns = self.set_columns(about)
         return columns.linear(self.solved, self.nuisance.sums(columns.whole))
 
     def set_columns(self, about: FittedSet, *, alone: bool = False) -> SetColumns:
-        """What all candidates do about a fitted set, by the means; `alone` what its own do, and the
-        others nothing."""
+        """Return the columns of all candidates about a fitted set.
+
+        With `alone`, candidates outside the set have no values and no change.
+        """
         inside = dict(zip(sorted(about.key), about.trials, strict=True))
         base = predicted_modes(self.reduced, about.trials)
         trials, columns, changes, places = [], [], [], []
@@ -199,12 +221,14 @@ class Search:
         )
 
     def promising_sets(self, linear: LinearisedSets) -> list[Key]:
-        """Sets that are not fitted yet and would be likely, by the linear problem."""
+        """Return unfitted sets to fit next: the highest-ranked by linear score, and neighbours of
+        the best."""
         found: dict[Key, float] = {}
         best = self.fitted[linear.about.key]
 
         @cache
         def look(key: Key) -> float:
+            """Score a set on the linear problem and keep the result."""
             found[key] = linear.score(key).log_evidence
             return found[key]
 
@@ -223,8 +247,11 @@ class Search:
     def _grow(
         self, linear: LinearisedSets, starts: Sequence[Key], look: Callable[[Key], float]
     ) -> None:
-        """Look at sets that grow from each of some, then from the likeliest of each size, until
-        they get no likelier."""
+        """Score sets grown one candidate at a time from `starts`, then from the BEAM best of each
+        size.
+
+        Stop when the best of a size falls NEAR below the best of the size before.
+        """
         everything = range(len(self.candidates))
         beam = {key: look(key) for key in starts}
         grown_from = len(beam)
@@ -244,8 +271,8 @@ class Search:
             beam, grown_from = grown, BEAM
 
     def _is_duplicate(self, key: Key, c: int) -> bool:
-        """True where the same effect of the same rotor, or the only load on a cable, is in a set in
-        another form."""
+        """Return whether a set has another variant of candidate `c`: of its rotor, or of a
+        one-variant effect."""
         term = self.candidates[c].term
         return (term.effect.of_one_rotor or term.effect.one_variant) and any(
             self.candidates[k].term.rotor == term.rotor
@@ -254,8 +281,12 @@ class Search:
         )
 
     def fit(self, key: Key, near: Sequence[TrialEffect], steps: int = 8) -> FittedSet:
-        """Fit a set in full from the values in `near` (of all candidates) or from the starts. One
-        far from the best is left where it stands."""
+        """Fit a set with the nonlinear effects, from the values `near` of all candidates or from
+        the starts.
+
+        The fit of a set far below the best ends early. If a main value ends at its bound, the set
+        without that effect is fitted as well.
+        """
         if key in self.fitted:
             return self.fitted[key]
         best = self.best.total if self.fitted else -np.inf
@@ -270,8 +301,11 @@ class Search:
     def _fit(
         self, key: Key, trials: Sequence[TrialEffect], steps: int, best: float = -np.inf
     ) -> FittedSet:
-        """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more,
-        and where even these promise far less than the `best` log evidence, that is the end."""
+        """Fit by Gauss-Newton with step halving; recompute derivatives once steps gain less than
+        STALE.
+
+        Stop early if even the linear score stays far below `best`, a log evidence.
+        """
         measured = self.reduced.mode_amplitudes(self.reduced.measured_rpm)
         columns, fresh = self._filtered_columns(trials), True
         residual = np.nan_to_num(measured - predicted_modes(self.reduced, trials))
@@ -308,7 +342,7 @@ class Search:
     def _normal_equations(
         self, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
     ) -> tuple[Floats, float]:
-        """The normal equations of a set at its values, and what these cost."""
+        """Return a set's normal equations at its values, and its cost there, with the prior's."""
         gram, prior = columns.gram(residual), prior_of(trials)
         away = prior.values - prior.centre
         return gram, float(gram[-1, -1]) + float(np.sum(prior.weight * away**2))
@@ -316,7 +350,7 @@ class Search:
     def _fitted_set(
         self, key: Key, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
     ) -> FittedSet:
-        """A set as it stands, with all that the derivatives promise."""
+        """Return a set at its present values, scored with the linear step to the optimum."""
         scored = score(prior_of(trials), columns.gram(residual), self.temperature)
         total = scored.log_evidence
         return FittedSet(
@@ -324,7 +358,8 @@ class Search:
         )
 
     def final_step_change(self, best: FittedSet) -> Floats:
-        """(N, R) rpm in modes by which a set's prediction moves to its likeliest values."""
+        """Return the change in prediction (N, R), rpm in modes, by a set's linear step to its
+        optimum."""
         moved, first = np.zeros_like(best.residual), 0
         step = best.scored.step
         for k in range(len(best.trials)):
@@ -335,7 +370,7 @@ class Search:
         return moved
 
     def _filtered_columns(self, trials: Sequence[TrialEffect]) -> FilteredColumns:
-        """Derivatives by the free values of a set."""
+        """Return the filtered derivatives by a set's free values."""
         nothing = ValueColumns.from_values(np.zeros((*self.reduced.measured_rpm.shape, 0)))
         parts = [value_columns(self.reduced, trials, k) for k in range(len(trials))]
         whole = concatenate_columns([nothing, *parts]).replace_nan()

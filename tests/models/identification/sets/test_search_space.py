@@ -92,7 +92,7 @@ def test_all_that_is_not_asked_is_in_units_of_the_noise_that_was_found():
     assert space_of(stated, taught).nuisance.uncertainty.shape == nuisance.uncertainty.shape
     # A mass scatters from flight to flight as good flights showed; a rotor does not.
     (mass,) = (c for c in space.candidates if c.key == "extra_mass")
-    moved = 0.3 * derivatives(x, [mass.start_derivatives], 0)[:, :, 0]
+    moved = 0.3 * derivatives(x, [mass.initial_effect], 0)[:, :, 0]
     moved = moved - np.stack([moved[x.flight == f].mean(axis=0) for f in range(3)])[x.flight]
     first = [name for _, _, name in main_values(space.candidates)].index("extra_mass.mass")
     np.testing.assert_allclose(nuisance.scatter[:, :, first], n.apply(moved), atol=1e-9)
@@ -129,7 +129,7 @@ def test_derivatives_at_the_start_are_kept_of_a_single_flight_alone():
     assert set(one.start_derivatives) == set(range(len(one.candidates)))
     for c, kept in one.start_derivatives.items():
         candidate = one.candidates[c]
-        trials = [candidate.start_derivatives]
+        trials = [candidate.initial_effect]
         np.testing.assert_allclose(kept, derivatives(one.reduced, trials, 0))
     assert two.start_derivatives == {}
 
