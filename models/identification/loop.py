@@ -147,8 +147,8 @@ def identify_checked(
         model=model,
         problem=problem,
         found=tuple(f for f in found if f.term.key not in open_keys),
-        left=accepted.left,
-        closest=tuple(search.candidates[c].term for c in accepted.closest),
+        left=accepted.unexplained,
+        closest=tuple(search.candidates[c].term for c in accepted.lookalikes),
         unseen=tuple(unseen),
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
@@ -161,7 +161,7 @@ def identify_checked(
         # Motors and ESCs of one make differ by more than outputs scatter: they clear no rotor.
         excluded=tuple(
             e
-            for e in answer.excluded(answer.search.linearise(answer.best), accepted.named)
+            for e in answer.excluded(answer.search.linearise(answer.best), accepted.probable)
             if e.term.rotor is None or not problem.of_outputs
         ),
         mentioned=accepted.mentioned,

@@ -221,7 +221,7 @@ def _is_observable(reduced: Reduced, effect: Effect) -> bool:
 
 def _flyable_loss(reduced: Reduced) -> float:
     """Return the largest loss of one rotor's thrust with which the flights' weight can be trimmed,
-    yaw free."""
+    yaw uncontrolled."""
     x, airframe = reduced.channels, identified_airframe(reduced.model)
     voltage = np.nanmedian(x.voltage) if np.isfinite(x.voltage).any() else np.nan
     limits = ceiling(airframe, np.nanmedian(x.density), voltage)

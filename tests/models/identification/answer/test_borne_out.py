@@ -7,7 +7,7 @@ from tests.models.identification.answer.test_posterior import a_set, answer_of
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.models.identification.answer.acceptance import (
     cross_validated_posterior,
-    drop_worse_sets,
+    drop_unconfirmed_sets,
     is_clearly_worse,
 )
 from thrustmargin.models.identification.answer.cross_validation import CrossValidation
@@ -31,7 +31,7 @@ def kept(*sets, rpm):
         asked.append(one.key)
         return np.square(rpm[one.key] + np.zeros(4))
 
-    answer = drop_worse_sets(answer_of(*sets), fold_squares)
+    answer = drop_unconfirmed_sets(answer_of(*sets), fold_squares)
     assert len(asked) == len(set(asked))  # each is worked out once
     return [one.key for one in answer.sets], asked
 
