@@ -34,30 +34,30 @@ from thrustmargin.models.identification.rows.candidates import (
 
 (INVERTED,) = get_lapack_funcs(("trtri",), dtype=np.float64)  # of a triangular matrix
 LOG_2_PI = log(2.0 * pi)
-IMPOSSIBLE = -1e9  # log evidence of a set that cannot be
-#: times the noise, that sets are weighed with, since no law and no noise is exact (a tempered
-#: likelihood: Grünwald 2012, The Safe Bayesian). Of 1, 1.25, 1.5 and 2 the one with which changes
-#: put into recorded flights were named best. Intervals are those of the noise itself
+IMPOSSIBLE = -1e9  # log evidence of an impossible set
+#: factor on the noise while sets are scored, because no law and no noise model is exact (tempered
+#: likelihood: Grünwald 2012, The Safe Bayesian). Of 1, 1.25, 1.5 and 2, this value identified
+#: changes implanted in recorded flights best. Intervals use the noise itself
 TEMPERATURE = 1.25
-STIFF = 1e9  # times what holds a value, of one that stands at its bound
+STIFF = 1e9  # factor on a value's curvature that fixes it at its bound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SetPrior:
     """The prior of the P free values of a set, independent of where the set is linearised."""
 
-    weight: Floats  # (P,) 1 / scale² of those that are normal, 1 / error² of readings, else 0
-    normal: Bools  # (P,)
-    limits: Floats  # (5, P) bounds, usual size, what a sound aircraft scatters, value of no effect
-    centre: Floats  # (P,) of the normal ones and of readings
-    nothing: Floats  # (P,) the same weight times the square of how far no effect is from there
+    weight: Floats  # (P,) 1 / scale² of normal priors, 1 / error² of readings, else 0
+    normal: Bools  # (P,) the value only shapes its effect: normal prior
+    limits: Floats  # (5, P) lower, upper, usual size, scatter of a sound aircraft, absent value
+    centre: Floats  # (P,) of normal priors and readings
+    nothing: Floats  # (P,) weight times the squared distance of the absent value from the centre
     groups: tuple[slice, ...]  # the values of each candidate
-    main: NDArray[np.intp]  # (M,) the values that are not normal
-    first: NDArray[np.intp]  # (G,) where among these those of an effect begin, which has some
-    dimensions: NDArray[np.intp]  # (G,) how many it has
-    least: Floats  # (G,) the largest share of its usual sizes that a sound aircraft scatters
-    constant: Floats  # (G,) log prior density but for how large the values are
-    log_sets: float  # log prior of the set
+    main: NDArray[np.intp]  # (M,) indices of main values
+    first: NDArray[np.intp]  # (G,) index in `main` of the first value of each effect with any
+    dimensions: NDArray[np.intp]  # (G,) number of main values of each of these effects
+    least: Floats  # (G,) largest scatter of a sound aircraft, as a share of the usual size
+    constant: Floats  # (G,) part of the log prior density that the values do not change
+    log_sets: float  # log prior probability of the set
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,7 +66,7 @@ class ValuePrior:
 
     of_set: SetPrior
     values: Floats  # (P,)
-    pull: Floats  # (P,) gradient of the normal ones at the values
+    pull: Floats  # (P,) gradient of the log prior of normal values and readings
 
     def exceeds_bounds(self, step: Floats) -> Bools:
         """Return which shape values (P,) a step (P,) would move beyond their bounds."""
@@ -105,80 +105,70 @@ class ValuePrior:
 class SetScore:
     """Log evidence of a set and the posterior of its values."""
 
-    log_evidence: float  # with the prior of the set
-    step: Floats  # (P,) from the values to the likeliest
-    variance: Floats  # (P,) of each value, the others unknown
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _CandidatePrior:
-    """The part of a set's prior that one candidate contributes to every set with it."""
-
-    limits: Floats  # (5, P)
-    normal: Bools  # (P,)
-    weight: Floats  # (P,)
-    centre: Floats  # (P,)
-    least: float
-    constant: float
+    log_evidence: float  # with the log prior probability of the set
+    step: Floats  # (P,) from the values to their maximum a posteriori
+    variance: Floats  # (P,) marginal variance of each value
 
 
 @lru_cache(maxsize=4096)
-def _candidate_prior(one: Candidate) -> _CandidatePrior:
-    """Compute the prior of one candidate's values."""
-    parameters = one.parameters
+def _candidate_prior(one: Candidate) -> SetPrior:
+    """Return the prior of a set of one candidate, without the odds of a first bad rotor."""
     rows = [
         (p.lower, p.upper, p.scale, p.smallest or 0.01 * p.scale, p.absent or 0.0)
-        for p in parameters
+        for p in one.parameters
     ]
     limits = np.array(rows).reshape(-1, 5).T
-    normal = np.array([is_shape(p) for p in parameters], dtype=bool)
+    normal = np.array([is_shape(p) for p in one.parameters], dtype=bool)
     lower, upper, scale, smallest, absent = limits[:, ~normal]
-    least, constant = 0.0, 0.0
-    if scale.size:
-        least = float(np.max(smallest / scale))
-        most = float(np.max(np.maximum(upper - absent, absent - lower) / scale))
-        half = 0.5 * scale.size
-        surface = log(2.0) + half * log(pi) - lgamma(half)  # of the unit sphere
-        constant = -surface - log(log_range_integral(most, least)) - float(np.sum(np.log(scale)))
     weight = np.where(normal, limits[2] ** -2.0, 0.0)
     centre = np.array(one.start_values)
     if one.reading is not None and one.parameters:
         centre[0], error = one.reading.pooled
         weight[0] = (TEMPERATURE * error) ** -2.0
-    return _CandidatePrior(
-        limits=limits,
-        normal=normal,
-        weight=weight,
-        centre=centre,
-        least=least,
-        constant=constant,
-    )
-
-
-@lru_cache(maxsize=4096)
-def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
-    """Combine the priors of the candidates of a set."""
-    own = [_candidate_prior(one) for one in candidates]
-    normal = np.concatenate([np.zeros(0, dtype=bool), *(of.normal for of in own)])
-    weight = np.concatenate([np.zeros(0), *(of.weight for of in own)])
-    centre = np.concatenate([np.zeros(0), *(of.centre for of in own)])
-    limits = np.concatenate([np.zeros((5, 0)), *(of.limits for of in own)], axis=1)
-    ends = [0, *accumulate(of.normal.size for of in own)]
-    some = [of for of in own if not of.normal.all()]
-    dimensions = np.array([of.normal.size - int(of.normal.sum()) for of in some], dtype=np.intp)
+    least, constant = [], []
+    if scale.size:
+        least.append(float(np.max(smallest / scale)))
+        most = float(np.max(np.maximum(upper - absent, absent - lower) / scale))
+        half = 0.5 * scale.size
+        surface = log(2.0) + half * log(pi) - lgamma(half)  # of the unit sphere
+        log_range = log(log_range_integral(most, least[0]))
+        constant.append(-surface - log_range - float(np.sum(np.log(scale))))
     return SetPrior(
         weight=weight,
         normal=normal,
         limits=limits,
         centre=centre,
         nothing=weight * (limits[4] - centre) ** 2,
+        groups=(slice(0, normal.size),),
+        main=np.flatnonzero(~normal),
+        first=np.zeros(len(least), dtype=np.intp),
+        dimensions=np.full(len(least), scale.size, dtype=np.intp),
+        least=np.array(least),
+        constant=np.array(constant),
+        log_sets=one.log_prior,
+    )
+
+
+@lru_cache(maxsize=4096)
+def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
+    """Concatenate the priors of a set's candidates; the first bad rotor has better odds."""
+    own = [_candidate_prior(one) for one in candidates]
+    normal = np.concatenate([np.zeros(0, dtype=bool), *(one.normal for one in own)])
+    ends = [0, *accumulate(one.normal.size for one in own)]
+    dimensions = np.concatenate([np.zeros(0, dtype=np.intp), *(one.dimensions for one in own)])
+    return SetPrior(
+        weight=np.concatenate([np.zeros(0), *(one.weight for one in own)]),
+        normal=normal,
+        limits=np.concatenate([np.zeros((5, 0)), *(one.limits for one in own)], axis=1),
+        centre=np.concatenate([np.zeros(0), *(one.centre for one in own)]),
+        nothing=np.concatenate([np.zeros(0), *(one.nothing for one in own)]),
         groups=tuple(slice(*pair) for pair in pairwise(ends)),
         main=np.flatnonzero(~normal),
         first=np.cumsum(dimensions) - dimensions,
         dimensions=dimensions,
-        least=np.array([of.least for of in some]),
-        constant=np.array([of.constant for of in some]),
-        log_sets=sum(one.log_prior for one in candidates) + _first_rotor_log_odds(candidates),
+        least=np.concatenate([np.zeros(0), *(one.least for one in own)]),
+        constant=np.concatenate([np.zeros(0), *(one.constant for one in own)]),
+        log_sets=sum(one.log_sets for one in own) + _first_rotor_log_odds(candidates),
     )
 
 

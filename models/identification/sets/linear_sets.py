@@ -97,7 +97,17 @@ class FittedSet:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearisedSets:
+class _AboutSet:
+    """All candidates about a fitted set, and the places of their values among the columns."""
+
+    about: FittedSet
+    trials: tuple[TrialEffect, ...]  # (C,) at their values in the set; at their starts outside it
+    columns: tuple[slice, ...]  # (C,) columns of each candidate's free values
+    temperature: float  # factor on the noise while sets are scored
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearisedSets(_AboutSet):
     """All candidates, linearised about a fitted set, with `gram` (q, q) of [derivatives, changes,
     residual].
 
@@ -105,13 +115,7 @@ class LinearisedSets:
     by leaving it.
     """
 
-    about: FittedSet
-    trials: tuple[
-        TrialEffect, ...
-    ]  # every candidate: at its values in the set, at its start out of it
-    columns: tuple[slice, ...]
     gram: Floats
-    temperature: float  # times the noise, that sets are weighed with
 
     @cached_property
     def _priors(self) -> tuple[ValuePrior, ...]:
@@ -212,19 +216,15 @@ class LinearisedSets:
         return weights
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SetColumns:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SetColumns(_AboutSet):
     """The q columns, rpm in modes, from which `LinearisedSets` are made for any subset of the
     means."""
 
-    about: FittedSet
-    trials: tuple[TrialEffect, ...]
-    columns: tuple[slice, ...]
     whole: ValueColumns
-    temperature: float
 
     def linear(self, solved: ReducedNuisance, sums: Sums) -> LinearisedSets:
-        """Return the linear problem of the flights that `solved` and `sums` are of."""
+        """Return the linear problem of some means, from their nuisances and sums of columns."""
         return LinearisedSets(
             about=self.about,
             trials=self.trials,
