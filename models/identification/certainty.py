@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from types import MappingProxyType
 
-SURE = 0.95  # of the weight for a name, and of the values that an interval or a limit holds
-CHOICE = 0.5  # of the weight, from which one is likelier than not
-DOUBT = 1.0 - SURE  # what a name may lack, so the weight from which anything else is listed
-#: Standard errors on either side of such an interval.
+SURE = 0.95  # posterior probability of a reported effect; coverage of intervals and limits
+CHOICE = 0.5  # probability above which an effect is more probable than not
+DOUBT = 1.0 - SURE  # probability from which anything else is listed as possible
+#: Standard errors on either side of an interval of SURE.
 ERRORS = NormalDist().inv_cdf(1.0 - DOUBT / 2.0)
 
 

@@ -105,10 +105,10 @@ def identify_checked(
     space = search_space(model, fit, catalogue, means)
     search = Search(space.reduced, space.nuisance, (*space.candidates, *space.unnamed))
     search.run(progress)
-    # Between reports seconds apart, slow noise and a step in time are alike.
+    # With reports seconds apart, slow noise cannot be distinguished from a step in time.
     stepwise = not (problem.of_outputs or space.nuisance.whitening.unfiltered.any())
     steps = onset_candidates(search, search.best) if stepwise else []
-    if lacks_sound_flights(model):  # how much else changes between two flights is not known
+    if lacks_sound_flights(model):  # other changes between two flights are of unknown size
         steps = [one for one in steps if not between_flights(space.reduced, one)]
     if steps and search.add(steps, drop_rotor_effects(search, search.best.key)):
         search.run(progress)
@@ -120,7 +120,7 @@ def identify_checked(
         progress("errors on flights not used", 1.0)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
-    # With nothing added the model stays what it was, and so does its error.
+    # Without an added effect the model and its error stay as they were.
     chosen = before
     if estimates:
         open_ = bool(accepted.unnamed_members)
@@ -158,7 +158,7 @@ def identify_checked(
         sensor_noise_rpm=sensor_noise_rpm(problem.mode_amplitudes(after), problem.follows),
         alternatives=answer.alternatives(),
         one_of=accepted.one_of,
-        # Motors and ESCs of one make differ by more than outputs scatter: they clear no rotor.
+        # Motors and ESCs of one make differ by more than outputs scatter: no rotor is cleared.
         excluded=tuple(
             e
             for e in answer.excluded(answer.search.linearise(answer.best), accepted.probable)

@@ -316,7 +316,9 @@ def _exceeds_limits(square: Floats, taken: Floats, usual: Floats, of_rotor: bool
     done = float(square.sum())
     if of_rotor:
         return done > (SLOW_FACTOR * FORM) ** 2 * float(taken.sum())
-    own = square / max(float(square.max()), 1e-12)  # how much each mode is its own
+    own = square / max(
+        float(square.max()), 1e-12
+    )  # weight of each mode, 1 for the cause's main one
     return done > max(
         MOST_UNEXPLAINED * (done + float(own @ taken)), SLOW_FACTOR**2 * float(own @ usual)
     )
@@ -489,8 +491,8 @@ def open_cause(found: Found, answer: Posterior) -> OpenCause:
     )
 
 
-LEAST_BLOCKS = 4  # of a flight, for an interval
-LEVEL_ERROR = np.radians(0.5)  # of the attitude, which both ways take for a wind
+LEAST_BLOCKS = 4  # least blocks of a flight for an interval
+LEVEL_ERROR = np.radians(0.5)  # error of attitude, which both estimates would attribute to wind
 
 
 def wind_in_airspeed(

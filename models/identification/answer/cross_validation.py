@@ -33,8 +33,8 @@ from thrustmargin.models.identification.sets.linear_sets import (
 from thrustmargin.models.identification.sets.nuisance import Nuisance, ReducedNuisance
 from thrustmargin.models.identification.sets.set_search import Search
 
-MOST_FOLDS = 20  # of many flights: what is left out then is a twentieth
-FIFTHS = 5  # of a single flight
+MOST_FOLDS = 20  # folds of many flights: a twentieth is held out
+FIFTHS = 5  # folds of a single flight
 
 Values = dict[int, Floats]  # candidate -> (F, K)
 
@@ -44,8 +44,8 @@ class HeldOutFold:
     """One fold: the search's problem without some flights, or without a fifth of a
     single flight."""
 
-    flights: tuple[int, ...]  # left out; none where it is a fifth
-    rows: Bools  # (T,) left out, of the problem
+    flights: tuple[int, ...]  # held-out flights; none for a fifth of a single flight
+    rows: Bools  # (T,) held-out rows of the problem
     linear: LinearisedSets
 
     def named_candidates(self, search: Search) -> list[int]:
@@ -84,8 +84,8 @@ class FoldSums:
     """Nuisance sums of every fold, shared by all sets that are cross-validated."""
 
     flights: tuple[tuple[int, ...], ...]
-    less: tuple[Nuisance, ...]  # of these flights alone
-    solved: tuple[ReducedNuisance, ...]  # without them
+    less: tuple[Nuisance, ...]  # nuisances of the held-out flights alone
+    solved: tuple[ReducedNuisance, ...]  # nuisances of all other flights
 
     @classmethod
     def from_nuisance(cls, nuisance: Nuisance) -> FoldSums:

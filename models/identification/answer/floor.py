@@ -21,15 +21,15 @@ from thrustmargin.models.identification.answer.cross_validation import FIFTHS, M
 from thrustmargin.models.identification.rows.problem import Problem, thin_rows
 from thrustmargin.models.identification.sets.discrepancy import hats
 
-RIDGES = 10.0 ** np.arange(-3.0, 2.0)  # per row; those that leave least, mode by mode
-HATS = 9  # along one channel
-WAVES = 150  # of each length
+RIDGES = 10.0 ** np.arange(-3.0, 2.0)  # ridge per row; each mode uses the best one
+HATS = 9  # hat functions along one channel
+WAVES = 150  # waves of each length
 LENGTHS = (1.0, 3.0)  # of a wave, in standard deviations of a channel, times their number's root
 AT_ONCE = (
     *("airspeed", "tank_kg", "time_s", "voltage", "advance_ratio", "load_factor", "yaw_rate"),
     "spraying",
 )
-STRIDE = 2  # every so many rows of flights that are only learnt from: neighbours are alike
+STRIDE = 2  # stride of rows that are only trained on: neighbouring rows are similar
 
 
 def floor_rpm(
@@ -53,7 +53,9 @@ def floor_rpm(
     sums = [_products(columns[rows], every[rows]) for rows in (*scored, slice(fold.size, None))]
     gram, cross = (sum(one) for one in zip(*sums, strict=True))
     left = np.zeros((RIDGES.size, modes.shape[1]))
-    for rows, (own, along) in zip(scored, sums, strict=False):  # the last are of flights beside
+    for rows, (own, along) in zip(
+        scored, sums, strict=False
+    ):  # the last sums are of the flights `beside`
         rest = gram - own
         for i, ridge in enumerate(RIDGES * columns.shape[0]):
             system = cho_factor(rest + ridge * np.eye(len(rest)), check_finite=False)

@@ -20,7 +20,7 @@ class Errors:
 
     rmse_rpm: float
     bias_rpm: float
-    r2: float  # of all rotors together, each about its own mean
+    r2: float  # of all rotors together, each relative to its own mean
     per_rotor_rmse_rpm: tuple[float, ...]  # (R,)
     rmse_ci95_rpm: tuple[float, float]
 

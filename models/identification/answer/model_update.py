@@ -41,7 +41,7 @@ from thrustmargin.models.network.validity import (
 )
 from thrustmargin.models.physics.margin import ceiling, utilisation
 
-COVERAGE = 0.9  # of an interval where the old model has none
+COVERAGE = 0.9  # coverage of a new interval if the old model has none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -203,7 +203,7 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
     return replace(interval, measured=measured), words
 
 
-WORST_SHARE = 0.01  # of the rows
+WORST_SHARE = 0.01  # share of the rows that count as the worst
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,7 +42,7 @@ from thrustmargin.models.identification.rows.problem import Problem, thin_rows
 
 MOST_CAUSES = 4
 
-Choice = tuple[int, ...]  # of the curves
+Choice = tuple[int, ...]  # indices of the chosen curves
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,8 +50,8 @@ class CausesFit:
     """Unnamed causes from all flights, and the change in rotor speed that they predict."""
 
     causes: tuple[OpenCause, ...] = ()
-    change_rpm: Floats | float = 0.0  # (T, R) by the causes found on all flights
-    left_out_rpm: Floats | float = 0.0  # (T, R) by those found without the row's flight
+    change_rpm: Floats | float = 0.0  # (T, R) change by the causes fitted to all flights
+    left_out_rpm: Floats | float = 0.0  # (T, R) change by causes fitted without the row's flight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,8 +61,8 @@ class _Curves:
     effects: tuple[tuple[str, str], ...]  # mode and channel of each curve
     ranges: tuple[tuple[float, float], ...]
     columns: tuple[slice, ...]
-    sums: Floats  # (folds, P + 1, P + 1) of all columns, then the residual
-    rows: Floats  # (folds,) numbers of them
+    sums: Floats  # (folds, P + 1, P + 1) products of all columns and the residual
+    rows: Floats  # (folds,) number of rows
     ridge: float
 
     def fit(self, which: Sequence[int], chosen: Choice) -> tuple[Floats, Floats]:

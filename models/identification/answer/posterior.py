@@ -40,7 +40,7 @@ class EffectEstimate:
     probability: float
     value: Floats
     error: Floats
-    steepness: float = 0.0  # standard error of what sets the size of all values, as a share
+    steepness: float = 0.0  # relative standard error of the scale of all values
 
     @property
     def half_width(self) -> Floats:
@@ -63,7 +63,7 @@ class Posterior:
     search: Search
     sets: tuple[FittedSet, ...]
     weights: Floats  # (sets,)
-    steepness: float  # of the thrust curve of motor outputs: a standard error, as a share
+    steepness: float  # relative standard error of the slope of thrust over motor output
 
     @classmethod
     def from_sets(
@@ -181,7 +181,7 @@ class Posterior:
                 among, own = self.estimate(c), alone.estimate(c)
                 error = np.hypot(own.error, among.value - own.value)
                 found.append(replace(among, value=own.value, error=np.maximum(error, among.error)))
-                # Of one value that is by its interval; of several another may stand out each time.
+                # With several main values, others may exclude zero alone than among all sets.
                 if _excludes_zero(own) and (
                     _excludes_zero(found[-1]) or len(_main_values(own.term)) > 1
                 ):
@@ -301,7 +301,7 @@ class Posterior:
             above = float(abs(value) + ndtri(SURE) * error)
             absent = p.absent or 0.0
             if above >= max(p.upper - absent, absent - p.lower):
-                continue  # what cannot be is no size to exclude
+                continue  # an impossible size need not be excluded
             found.append(
                 Excluded(
                     term=candidate.term,

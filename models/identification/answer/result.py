@@ -63,11 +63,11 @@ class Unexplained:
     mode: int
     modes: tuple[int, ...]
     channel: str
-    channels: tuple[str, ...]  # this one first, then others along which it would go as well
-    share: float  # of the variance of what is left
+    channels: tuple[str, ...]  # `channel` first, then others that fit about as well
+    share: float  # share of the unexplained variance
     rms_rpm: float
-    wanders: bool = False  # within flights, along no channel but time
-    rotor: int | None = None  # of which the loss is not steady: all modes are its own
+    wanders: bool = False  # slow noise within flights, along no channel but time
+    rotor: int | None = None  # rotor (0-based) with an uneven loss, which acts in all modes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,8 +145,8 @@ class OpenCause:
     certain enough to be reported."""
 
     found: Found
-    alike: tuple[str, ...]  # of a curve, channels along which it would go as well in these flights
-    rms_rpm: float  # of what it changes in these flights
+    alike: tuple[str, ...]  # other channels along which a curve would fit about as well
+    rms_rpm: float  # RMS of the change in these flights
 
     @property
     def place(self) -> tuple[str, str] | None:
@@ -178,24 +178,26 @@ class Identification:
     model: RotorModel
     problem: Problem
     found: tuple[Found, ...]
-    left: Unexplained | None  # what no effect explains, in the mode that has most of it
-    closest: tuple[Term, ...]  # effects that come closest to it, which are no names
-    unseen: tuple[
-        HeldOutResidual, ...
-    ]  # of the fitted flights, then of held-out ones if there are any
-    before: Errors  # of the last of them
+    left: Unexplained | None  # unexplained residual, in the mode with most of it
+    closest: tuple[Term, ...]  # effects that resemble it, which are not reported
+    unseen: tuple[HeldOutResidual, ...]  # of the fitted flights, then of held-out flights if any
+    before: Errors  # of the last of `unseen`
     after: Errors
     residual_after_rpm: Floats  # (T, R) on the rows of `problem`
-    residual_carried_rpm: Floats  # (T, R) as flights to come see it: values found without each
+    residual_carried_rpm: (
+        Floats  # (T, R) with effects of later flights only, values fitted without each row's flight
+    )
     floor_rpm: float
     sensor_noise_rpm: float
-    alternatives: tuple[SetWeight, ...] = ()  # likeliest first
+    alternatives: tuple[SetWeight, ...] = ()  # most probable first
     one_of: tuple[OneOf, ...] = ()
     excluded: tuple[Excluded, ...] = ()
     mentioned: tuple[Mentioned, ...] = ()
-    open_causes: tuple[OpenCause, ...] = ()  # without a name, in the new model as they were seen
-    followed: tuple[Found, ...] = ()  # what the flights have and a channel reports to the model
-    standing: StandingShares | None = None  # of motor outputs, whose cause nothing shows
+    open_causes: tuple[OpenCause, ...] = ()  # unnamed causes that enter the new model
+    followed: tuple[Found, ...] = ()  # effects that a channel reports to the model already
+    standing: StandingShares | None = (
+        None  # constant differences of motor outputs, of unknown cause
+    )
     untried: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # effect -> lacking channels

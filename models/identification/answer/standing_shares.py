@@ -23,15 +23,15 @@ from thrustmargin.models.identification.rows.candidates import TrialEffect, plac
 from thrustmargin.models.identification.rows.output_shares import lacks_sound_flights
 from thrustmargin.models.identification.rows.problem import Problem, thin_rows
 
-#: of the mean speed, root mean square over rotors, from which a difference is reported: twice the
+#: RMS difference over rotors, relative to the mean speed, from which it is reported: twice the
 #: scatter of sound propellers, motors and ESCs, as 2 % of thrust
 REPORTED = 0.01
-IN_COMMON = 0.5  # of the largest difference of a flight, that the mean of all must have
-ROWS = 200  # that sizes are worked out on: a constant needs few
-LEAST_LOSS = 0.02  # that a rotor must lack to be one of the causes
-MATCHED = 0.1  # of the difference, that a cause may leave
+IN_COMMON = 0.5  # share of a flight's largest difference that the mean of all flights must reach
+ROWS = 200  # rows that sizes are solved on: a constant needs few
+LEAST_LOSS = 0.02  # least loss of a rotor that is listed as a cause
+MATCHED = 0.1  # share of the difference that a cause may leave
 AXES = slice(1, 4)  # roll, pitch and yaw among the modes
-#: Of effects, the change (3,) rpm of these axes.
+#: Returns the change (3,) rpm of AXES by effects.
 Change = Callable[[Sequence[Placed]], Floats]
 
 
@@ -39,12 +39,12 @@ Change = Callable[[Sequence[Placed]], Floats]
 class StandingCause:
     """One cause that would produce the same constant outputs, with its sizes."""
 
-    cg_x: float  # m, forward of where the model has it
+    cg_x: float  # m, forward of the model's
     cg_y: float  # m, to the right
-    yaw_moment: float = 0.0  # N m, of a hover with half a tank
-    rotor: int | None = None  # 0-based, that lacks thrust
-    loss: float = 0.0  # of its thrust, with as much less torque
-    #: of the loss, by the least and the most torque that a bad rotor usually keeps
+    yaw_moment: float = 0.0  # N m, in hover with half a tank
+    rotor: int | None = None  # 0-based rotor with less thrust
+    loss: float = 0.0  # share of its thrust, with the usual share of its torque
+    #: range of the loss, for torque shares one standard deviation from the usual
     loss_range: tuple[float, float] = (0.0, 0.0)
 
 
@@ -52,11 +52,15 @@ class StandingCause:
 class StandingShares:
     """The constant measured minus predicted speed of each of R rotors, and its possible causes."""
 
-    rotor_rpm: tuple[float, ...]  # R, mean of all flights, or of the one that differs most
-    flight: int | None  # that one, where flights differ more than they have in common
+    rotor_rpm: tuple[float, ...]  # (R,) mean of all flights, or of `flight`
+    flight: (
+        int | None
+    )  # the flight with the largest difference if flights differ too much, else None
     per_flight_rpm: tuple[tuple[float, ...], ...]  # (F, R)
     trim: StandingCause | None  # centre of gravity and yaw moment; None where no size fits
-    weak_rotors: tuple[StandingCause, ...]  # one rotor with the weight moved, largest loss first
+    weak_rotors: tuple[
+        StandingCause, ...
+    ]  # one rotor with a centre of gravity offset, largest loss first
 
 
 def standing_shares(

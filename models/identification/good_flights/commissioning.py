@@ -44,9 +44,9 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.flight_phases import training_rows
 
-FOLDS = 5  # of the flights for a base that is not learnt
+FOLDS = 5  # folds of a base without training
 
-#: called with what is being done.
+#: Called with a description of the present step.
 Progress = Callable[[str], None]
 
 
@@ -56,7 +56,7 @@ class Chain:
     that flight."""
 
     base: RotorModel
-    folds: tuple[Fold, ...]  # closed: with their standard effects
+    folds: tuple[Fold, ...]  # each model with its standard effects
     samples: Samples
     predicted_rpm: Floats  # (N, R) of the rows of `samples`
 
@@ -66,7 +66,7 @@ class Chain:
         return self.samples.rotor_speed_rpm - self.predicted_rpm
 
 
-@threadpool_limits.wrap(limits=1)  # as of `identify`
+@threadpool_limits.wrap(limits=1)  # small matrices: threads would only wait for each other
 def commission(
     trained: Trained | None,
     tracks: Sequence[FlightTrack],

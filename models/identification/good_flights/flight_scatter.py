@@ -35,8 +35,8 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.records import GoodFlights, scatter_between
 
 SLOW_CHANNELS = ("airspeed", "tank_kg", "time_s", "voltage", "heading", "spraying")
-KNOTS = 8  # pieces of a curve; how smooth it is, flights left out decide
-HARMONICS = 3  # of a curve over heading
+KNOTS = 8  # pieces of a curve; held-out flights determine its smoothness
+HARMONICS = 3  # orders of a curve over heading
 SMOOTHNESS = 10.0 ** np.arange(-4.0, 5.0)  # weights of the penalty, per row
 
 

@@ -36,12 +36,12 @@ from thrustmargin.models.identification.rows.row_fit import (
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: Late telemetry is no part of an aircraft: it is kept where it takes more than WORTH of the square
-#: error, and by a fit without it, for a straight line from a delay to none says too little.
+#: A delay is a property of telemetry, not of the aircraft: it is kept if it removes more than WORTH
+#: of the squared error, by a fit without it: linearising from a delay to none is too inaccurate.
 DELAYS = ("sensor_lag", "sensor_lag:rotor speed")
 WORTH = 0.01
-ROWS_TO_BEGIN = 2_000  # of all flights: enough to see where a fit begins and what is late
-#: Without a network the base follows the air of each row (Eq. 6), so its density is no choice.
+ROWS_TO_BEGIN = 2_000  # of all flights: enough for start values and delays
+#: Without a network the base uses the air density of each row (Eq. 6), so it is always kept.
 ALWAYS_KEPT = "air_density"
 STANDARD = (
     *DELAYS,
@@ -82,7 +82,7 @@ def with_standard_effects(
         fit = _drop_if_unneeded(some, fit, ALWAYS_KEPT, known)
     fit = fit_rows(problem, fit.trials, known_rpm=known)
     kept = _needed_effects(fit)
-    while kept != fit.trials:  # a value may shrink when those that opposed it are gone
+    while kept != fit.trials:  # a value may shrink once an opposing effect is dropped
         fit = fit_rows(problem, kept, known_rpm=known)
         kept = tuple(h for h in fit.trials if _is_worth_storing(h))
     half = iter(_half_widths(fit, uncertainty))

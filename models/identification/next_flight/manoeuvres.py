@@ -24,12 +24,15 @@ STEP_S = 0.1
 ACCELERATION = 2.0  # m/s², as gentle as an autopilot flies a mission
 SMOOTH_ROWS = 10  # over which a change of speed or of turn rate begins and ends
 HOVER_S, LEG_S = 30.0, 20.0
-LEAST_LEG_S, LEAST_SPEED = 6.0, 0.3  # below these a leg or a climb says nothing; m/s
+LEAST_LEG_S, LEAST_SPEED = (
+    6.0,
+    0.3,
+)  # s and m/s: a shorter leg or a slower climb carries no information
 SIDE_S = 4.0  # of a square, between its corners
 TURN_RATE = np.radians(45.0)  # rad/s at most
 LOW_FILL = 0.1  # of the largest fill flown: "nearly empty"
 OF_THE_AIR = ("pressure", "temperature", "altitude")
-#: channels that say what was flown
+#: channels that describe the flight
 FLOWN = (
     *("velocity_ned", "position_ned", "wind_ned", "angular_rate_frd"),
     *("tank_kg", "height_agl", "voltage", *OF_THE_AIR),
@@ -59,7 +62,7 @@ class FlownLimits:
         """Measure the limits on rows in flight. Raises DataError if there are none."""
         origins, durations = [], []
         flown: dict[str, list[Floats]] = {name: [] for name in FLOWN}
-        for track in tracks:  # one at a time: a season need not be held
+        for track in tracks:  # one at a time: the tracks of a season need not fit in memory
             if track.flying.any():
                 track = track.rows(track.flying)
                 origins.append(track.origin)
@@ -114,7 +117,7 @@ class Manoeuvre:
     """A manoeuvre in words and in pieces, to be flown once at each of its fills."""
 
     name: str
-    words: str  # an order to the pilot, without a full stop
+    words: str  # an instruction to the pilot, without a full stop
     pieces: tuple[Piece, ...]
     height: float  # m above the ground at which it begins
     heading: float  # rad from north at which it begins

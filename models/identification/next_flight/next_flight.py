@@ -153,7 +153,7 @@ def _shared_effect(term: Term, rows: RowsToFit) -> TrialEffect:
     lasting = Term(effect=term.effect.afterwards or term.effect, rotor=term.rotor)
     free = tuple((k, None) for k in range(len(lasting.effect.parameters)))
     one = replace(candidate(lasting, rows.flights), free=free)
-    if one.unnamed:  # its curve lies where these flights have its channel
+    if one.unnamed:  # its curve covers the range of its channel in these flights
         one = next(known for known in unnamed_candidates(rows) if known.key == term.key)
     return one.initial_effect
 
@@ -165,8 +165,8 @@ def _absent_value(parameter: Parameter) -> float:
 
 Terms = tuple[Term, ...]
 
-CHANCE = 0.6  # at or below which no manoeuvre is worth flying for it
-ROW_S = 0.2  # between rows of a manoeuvre
+CHANCE = 0.6  # probability of a right choice, at or below which no manoeuvre is recommended
+ROW_S = 0.2  # s between rows of a manoeuvre
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,9 +175,11 @@ class NextFlight:
 
     separates: tuple[Terms, Terms]
     manoeuvre: Manoeuvre
-    repeats: int  # of the manoeuvre, in the flight at each fill
-    nats: float  # expected Kullback-Leibler divergence of it all
-    certainty: float  # probability of a right choice by it alone
+    repeats: int  # of the manoeuvre in the flight at each fill
+    nats: float  # expected Kullback-Leibler divergence of all repeats at all fills
+    certainty: (
+        float  # probability of a right choice between the explanations from this flight alone
+    )
 
     @property
     def minutes(self) -> float:
@@ -288,8 +290,8 @@ def _preference(made: NextFlight) -> tuple[bool, float]:
 class _FlownManoeuvre:
     """A manoeuvre at one fill, N rows of all modes: columns of S, and d."""
 
-    shared: Floats  # (N, P) what is open of their values, which all fills share
-    apart: Floats  # (N, K) scatter of one flight
+    shared: Floats  # (N, P) uncertainty of the explanations' values, shared by all fills
+    apart: Floats  # (N, K) between-flight scatter, separate for each fill
     difference: Floats  # (N,)
 
 

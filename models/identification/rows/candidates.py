@@ -36,14 +36,14 @@ from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 
-#: that an effect is there, or that a given rotor is bad; that another one is bad beside it: damage
-#: is mostly of one, and two imitate a centre of gravity and a yaw moment
+#: prior odds of an effect or of a first bad rotor; and of each further bad rotor: damage
+#: is mostly to one, and two imitate a centre of gravity and a yaw moment
 EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005
-EVEN = 1.0  # odds of what every aircraft has, where no flight of this one has taught the model
-#: a propeller of the next size: 5 % of diameter more makes (1.05)^4, a fifth more thrust at a speed
+EVEN = 1.0  # prior odds of an effect of every aircraft if no flight has taught the model
+#: a propeller of the next size: 5 % more diameter gives (1.05)^4, a fifth more thrust
 MOST_GAIN = 0.15
-RANGE = (0.02, 0.98)  # quantiles of a channel, between which a cause without a name was seen
-STEP = 1e-3  # of a parameter's usual size, of the central difference
+RANGE = (0.02, 0.98)  # quantiles of a channel that limit the knots of an unnamed cause
+STEP = 1e-3  # step of central differences, in usual sizes of the parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,9 @@ class Candidate:
 
     term: Term
     start: Floats  # (F, K)
-    free: tuple[tuple[int, int | None], ...]  # (parameter, flight or None where all share it)
+    free: tuple[
+        tuple[int, int | None], ...
+    ]  # (parameter, flight; None if all flights share the value)
     log_prior: float
     reading: Reading | None = None
 
@@ -179,7 +181,7 @@ def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
             if high - low > along.least:
                 ranges[name] = low, high
     of_modes = [name for name in ranges if name not in ONLY_ROTORS]
-    # How a motor output goes with thrust is known no better than a loss would bend.
+    # The curve of thrust over output is less accurate than the bend of a loss.
     of_rotors = [name for name in OF_ROTOR if name in ranges and not reduced.of_outputs]
     places = [(mode, name, None) for mode in MODES[:rotors] for name in of_modes]
     places += [(ROTOR, name, r) for r in range(rotors) for name in of_rotors]

@@ -22,8 +22,8 @@ from thrustmargin.models.identification.rows.noise import whitening_of
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.network.records import GoodFlights, scatter_between
 
-ENOUGH = 1_500  # rows: they show a delay to 2 ms, and telemetry repeats to no better than 10
-STEPS = 3  # of Gauss and Newton
+ENOUGH = 1_500  # rows: they determine a delay to 2 ms; telemetry itself repeats to 10 ms at best
+STEPS = 3  # Gauss-Newton steps
 UNKNOWN = np.array([0.0, np.inf])
 
 
@@ -32,8 +32,8 @@ class Reading:
     """Estimates of a candidate's only value from F flights, independent of the flights' means."""
 
     values: Floats  # (F,)
-    errors: Floats  # (F,) standard deviations, infinite where a flight says nothing
-    shared: float  # the same of what all flights have in common
+    errors: Floats  # (F,) standard deviations, infinite where a flight does not determine the value
+    shared: float  # standard deviation of the error that all flights share
 
     @property
     def pooled(self) -> tuple[float, float]:
@@ -86,7 +86,9 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
         return _subtract_bin_means(measured - _predict_delayed(flight, delay), bins)
 
     (lag,) = ROTOR_SPEED_LAG.parameters
-    tried = np.arange(lag.lower, lag.upper, lag.scale)  # from nothing, steps may end anywhere
+    tried = np.arange(
+        lag.lower, lag.upper, lag.scale
+    )  # from zero, steps may end at another maximum
     at, shown = float(max(tried, key=lambda delay: _log_likelihood(left(delay)))), 0.0
     for _ in range(STEPS):
         residual = left(at)
@@ -95,7 +97,7 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
         filter_ = whitening_of(
             residual, flight.flight, flight.follows, still, float(flight.measured_rpm.mean())
         )
-        if filter_.unfiltered.any():  # rows that rarely follow each other show nothing quick
+        if filter_.unfiltered.any():  # rows that rarely follow each other do not show quick motion
             return UNKNOWN
         z, d = filter_.apply(residual), filter_.apply(slope)
         shown = float(np.sum(d * d))

@@ -33,21 +33,25 @@ from thrustmargin.models.network.ensemble import member_speeds
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 
 ORDER = 2
-HUBER = 3.0  # sizes of w beyond which a mean counts linearly
-FEWEST = 15  # means from which a size is taken: it is then good to a fifth
-LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is better
-SPREAD = 3.0  # largest ratio of the sizes of two modes, of rows without a filter
-MOST_MEMORY = 0.98  # of a1 + a2: a constant must not vanish
-LEAST_FOLLOWED = 0.5  # of a flight's means, with two right before them, for the filter to serve
+HUBER = 3.0  # standard deviations of w beyond which a mean counts linearly
+FEWEST = 15  # least means for a noise size, which is then accurate to a fifth
+LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is more accurate
+SPREAD = 3.0  # largest ratio of two modes' noise sizes without a filter
+MOST_MEMORY = 0.98  # largest a1 + a2: filtering must not remove a constant
+LEAST_FOLLOWED = (
+    0.5  # share of a flight's means that need two means directly before them, else no filter
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Whitening:
     """A filter of N means in R modes; n means have their ORDER predecessors or need no filter."""
 
-    rows: NDArray[np.intp]  # (n,) means that have ORDER means right before them, or are unfiltered
+    rows: NDArray[
+        np.intp
+    ]  # (n,) indices of means with ORDER means directly before them, or of unfiltered flights
     flight: NDArray[np.intp]  # (n,)
-    unfiltered: Bools  # (n,) of a flight whose means rarely follow each other
+    unfiltered: Bools  # (n,) True in a flight whose means rarely follow each other
     coefficients: Floats  # (R, 2)
     scale: Floats  # (n, R) rpm
     weight: Floats  # (n, R) root of the Huber weight
@@ -138,7 +142,7 @@ def whitening_of(
         e = e / np.maximum(size, least)
         past = np.stack([e[filtered - 1], e[filtered - 2]], axis=1)
         kept = np.abs(np.column_stack([e[filtered], past])).max(axis=1) < HUBER
-        gram = past[kept].T @ past[kept] + np.eye(ORDER)  # as uncertain as one mean
+        gram = past[kept].T @ past[kept] + np.eye(ORDER)  # prior worth one mean
         found = np.linalg.solve(gram, past[kept].T @ e[filtered][kept])
         coefficients[mode] = found * min(1.0, MOST_MEMORY / max(float(found.sum()), 1e-9))
         e = residual[:, mode]
@@ -197,7 +201,7 @@ def _robust_size(values: Floats) -> float:
     return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
-FORM = 0.25  # of lift and of drag, that their forms may be off by beyond the known airspeeds
+FORM = 0.25  # relative error of lift and of drag laws beyond the known airspeeds
 
 
 def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:

@@ -29,9 +29,9 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
 from thrustmargin.models.provenance import Meaning
 
-FEWEST_FLIGHTS = 3  # that show by how much flights differ
-#: of an effect's change, root mean square, that is not constant in a flight: with less of it the
-#: effect is a constant share and nothing else
+FEWEST_FLIGHTS = 3  # flights from which between-flight variation is estimated
+#: RMS share of an effect's change that varies within flights, at or below which the
+#: effect counts as a constant share
 MOST_CONSTANT = 0.3
 
 
@@ -44,7 +44,7 @@ def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
     for track in tracks:
         source = track.source("rotor_speed_rpm")
         by_outputs = source.meaning is Meaning.MOTOR_OUTPUTS
-        if by_outputs and source.parts:  # of the rotors whose speed was measured
+        if by_outputs and source.parts:  # some rotors' speeds were measured
             raise DataError(
                 f"{track.name}: only some rotors report their speed; leave this log out, for what "
                 "the others do cannot be distinguished from what their ESC does"

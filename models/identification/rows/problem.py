@@ -36,9 +36,11 @@ from thrustmargin.models.provenance import Meaning
 BLOCK_SECONDS = 10.0
 LEAST_ROWS = 100
 MOST_ROWS = 9_000
-ENOUGH_ROWS = 3_000  # for values that are found on rows again: as many as the search has means
-WINDOW_SHARE = 0.5  # rows beside an end or a gap lack what lies around them, most in short flights
-MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
+ENOUGH_ROWS = 3_000  # rows enough to refit values: about as many as the search has means
+WINDOW_SHARE = (
+    0.5  # a window channel is optional if more of the rows lack it (ends and gaps of short flights)
+)
+MISSING_SHARE = 0.02  # a channel with a larger share of missing rows counts as unreported
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,8 +52,8 @@ class RowsToFit:
     modes: Modes
     channels: Channels  # numpy
     measured_rpm: Floats  # (T, R)
-    flight: NDArray[np.intp]  # (T,) which flight
-    follows: Bools  # (T,) the row comes right after the one before it
+    flight: NDArray[np.intp]  # (T,) flight of each row, 0-based
+    follows: Bools  # (T,) the row directly follows the row before it
     names: tuple[str, ...]  # of the flights
     of_outputs: bool  # speeds are from motor outputs: only each rotor's share counts
 
@@ -92,10 +94,10 @@ class RowsToFit:
 class Problem(RowsToFit):
     """Rows of flights, divided into B blocks of time."""
 
-    block: NDArray[np.intp]  # (T,) which block, increasing
+    block: NDArray[np.intp]  # (T,) block of each row, increasing
     block_flight: NDArray[np.intp]  # (B,) flight of each block
-    durations: Floats  # (F,) s
-    background_rpm: Floats  # (R,) by which each mode differs from flight to flight, whatever is new
+    durations: Floats  # (F,) s from first to last row
+    background_rpm: Floats  # (R,) between-flight standard deviation of each mode's mean
 
     @property
     def stride(self) -> int:
@@ -151,7 +153,7 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
     Raises AirframeError for a wrong rotor count, and DataError when a flight has too few rows or
     when measured speeds and motor outputs are mixed.
     """
-    of_outputs(tracks)  # raises where flights are of both kinds
+    of_outputs(tracks)  # raises if measured speeds and outputs are mixed
     stride = row_stride(model, tracks)
     return join_flights([thin_rows(assemble_flight(model, track), stride) for track in tracks])
 

@@ -29,21 +29,23 @@ from thrustmargin.models.identification.rows.problem import (
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: s of an aircraft of the F16's size: longer than the rotors' lag and most gusts, shorter than what
-#: a manoeuvre does; times go with the root of the size (Froude)
+#: s, for an aircraft of the F16's size: longer than rotor lag and most gusts, shorter than a
+#: manoeuvre; times scale with the root of the size (Froude)
 BIN = 0.7
-#: of all flights: of a season each flight keeps stretches, one flight's here, the next one's there
+#: means of all flights together; in a season each flight keeps stretches at shifted times
 MOST_MEANS, STRETCH = 5_000, 30
-LEAST_STRETCH = 17  # however many flights: of fewer, a flight's noise could not be measured
-LEAST_FILL = 0.5  # of the usual rows of a bin, for it to count
+LEAST_STRETCH = 17  # means for any number of flights: fewer do not determine a flight's noise
+LEAST_FILL = 0.5  # share of the usual rows that a bin needs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reduced(RowsToFit):
     """N means of F flights."""
 
-    uncertainty_rpm: Floats  # (D, N, R) by which the base model may be off, one deviation each
-    delay_s: Floats  # (F, 2) of the rotor speeds of each flight, and its error: what means hide
+    uncertainty_rpm: (
+        Floats  # (D, N, R) error directions of the base model, one standard deviation each
+    )
+    delay_s: Floats  # (F, 2) delay of each flight's rotor speeds and its error
 
     @property
     def scored_modes(self) -> Bools:
@@ -67,7 +69,7 @@ def rows_and_means(
     With `delays`, the delay of the rotor speeds of each flight is estimated too. Only one flight is
     in memory at its full rate at a time.
     """
-    of_outputs(tracks)  # raises where flights are of both kinds
+    of_outputs(tracks)  # raises if measured speeds and outputs are mixed
     stride = row_stride(model, tracks)
     seconds = sum(usable_seconds(model, track) for track in tracks)
     every = -(-int(seconds / (BIN * froude_time_scale(model.airframe))) // MOST_MEANS)

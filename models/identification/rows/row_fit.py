@@ -24,12 +24,12 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.noise import Whitening, unfiltered_whitening
 from thrustmargin.models.identification.rows.problem import Problem
 
-ROUNDS = 2  # of weights by what is left
-STEPS = 10  # of Gauss and Newton in each
-SHRINK = (1.0, 0.3, 0.1)  # of a step that does not help
-CONVERGED = 1e-6  # of the cost, that a step must gain
-FARTHEST = 4.0  # usual sizes, that a value moves at once
-RIDGE = 1e-4  # weight of a value's usual size, per row: it only keeps what nothing shows at rest
+ROUNDS = 2  # times that Huber weights are recomputed
+STEPS = 10  # Gauss-Newton steps in each round
+SHRINK = (1.0, 0.3, 0.1)  # factors tried on a step that does not reduce the cost
+CONVERGED = 1e-6  # least relative gain of a step
+FARTHEST = 4.0  # largest step of a value, in usual sizes
+RIDGE = 1e-4  # prior weight per row, for a value in usual sizes
 
 
 def block_sums(filter_: Whitening, columns: Floats, block: NDArray[np.intp]) -> Floats:
@@ -45,10 +45,10 @@ def block_sums(filter_: Whitening, columns: Floats, block: NDArray[np.intp]) -> 
 class RowSums:
     """Sums by block, linearised about the values of a fit: P derivatives, then the residual."""
 
-    sums: Floats  # (B, P + 1, P + 1)
+    sums: Floats  # (B, P + 1, P + 1) of [derivatives, residual]
     owner: NDArray[np.intp]  # (B,) flight of each block
-    prior: Floats  # (P,) weight of the prior
-    pull: Floats  # (P,) its gradient at the values
+    prior: Floats  # (P,) weight of the prior of each value
+    pull: Floats  # (P,) negative gradient of the prior's cost at the values
     flights: int
 
     def by_flight(self) -> Floats:

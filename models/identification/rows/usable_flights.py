@@ -26,7 +26,7 @@ from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import Meaning
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
-ENDS = 5  # times LEAST_ROWS: with more rows than that, what the windows at the ends take is little
+ENDS = 5  # times LEAST_ROWS: with more rows, those lost to windows at the ends do not matter
 
 
 class HasTrack(Protocol):
@@ -86,7 +86,7 @@ def too_little(track: FlightTrack, model: RotorModel) -> str | None:
     """Explain why a flight has too few rows to fit or to validate on; None when it has enough."""
     rows = int(training_rows(track, model.inputs).sum())
     if rows >= LEAST_ROWS:
-        # Of a short flight the rows beside its ends, which no window covers, may be what it lacks.
+        # A short flight may lack rows only because no window covers those next to its ends.
         return None if rows > ENDS * LEAST_ROWS else _too_few_to_assemble(track, model)
     if "tank_kg" in model.inputs and "tank_kg" in track.standard_errors:
         return LOAD_FROM_SPEEDS

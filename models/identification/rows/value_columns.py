@@ -24,7 +24,7 @@ class ValueColumns:
     """q columns of N rows in R modes, rpm."""
 
     values: Floats  # (N, R, c)
-    source: NDArray[np.intp]  # (q,) which of the c each is
+    source: NDArray[np.intp]  # (q,) index of each column among the c values
     flight: NDArray[np.intp]  # (q,) the one flight in which it is not zero, or ALL_FLIGHTS
     mode: NDArray[np.intp]  # (q,) the one mode in which it is not zero, or ALL_MODES
 

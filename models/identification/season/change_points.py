@@ -20,30 +20,30 @@ from scipy.special import ndtri
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.certainty import ERRORS
 
-FALSE_ENTRIES = 0.01  # wanted of one aircraft in one season
-LEAST_FLIGHTS, LEAST_LINE = 3, 5  # in a segment; on a line
+FALSE_ENTRIES = 0.01  # expected false entries of one aircraft in one season
+LEAST_FLIGHTS, LEAST_LINE = 3, 5  # least flights of a segment, and of one with a slope
 OUTLIER, NEIGHBOURS = (
     3.0,
     5,
-)  # errors beyond which a flight is drawn in to its neighbours' median; flights
-QUARTILE = float(ndtri(0.75))  # standard deviations of the median absolute deviation
+)  # combined errors at which a flight is clipped; flights of the median
+QUARTILE = float(ndtri(0.75))  # median absolute deviation of a standard normal number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeasonEntry:
     """One change of a value over a season. Flights are counted from 0."""
 
-    ramp: bool  # goes on from flight to flight; else at once
-    flight: int  # the first one after the change
-    earliest: int  # of 95 %
+    ramp: bool  # a ramp from flight to flight, else a step
+    flight: int  # first flight after the step, or on the ramp
+    earliest: int  # first and last flight of its 95 % interval
     latest: int
-    until: int  # the first flight after what began here
-    before: float  # value on the flight before it
+    until: int  # first flight after the segment that begins here
+    before: float  # value on the flight before the change
     after: float  # value after a step, or at the end of the ramp
-    size_error: float  # of after - before
-    per_flight: float  # slope of a ramp, 0 of a step
+    size_error: float  # standard error of after - before
+    per_flight: float  # slope of a ramp, 0 for a step
     per_flight_error: float
-    score: float  # standard errors that it stands out by
+    score: float  # size in standard errors
 
     @property
     def size(self) -> float:
@@ -103,8 +103,8 @@ class _Piece(NamedTuple):
     middle: float
     mean_error: float
     slope_error: float
-    squares: float  # left, over the variances
-    cost: float  # the same with the penalty of a slope
+    squares: float  # remaining squares over the variances
+    cost: float  # squares plus the penalty of a slope
 
     def at(self, flight: Any) -> Any:
         """Return the line's value at a flight."""
@@ -268,7 +268,9 @@ def _fit_hinge(
     tried = np.arange(began + 1, end - 2)
     t, w, y = np.arange(0.0, end - began), errors[began:end] ** -2.0, values[began:end]
     rows = np.stack([w, w * t, w * t * t, w * y, w * t * y])
-    w0, w1, w2, y0, y1 = np.cumsum(rows[:, ::-1], axis=1)[:, ::-1][:, tried - began]  # from it on
+    w0, w1, w2, y0, y1 = np.cumsum(rows[:, ::-1], axis=1)[:, ::-1][
+        :, tried - began
+    ]  # sums from each tried flight on
     all0, all1, all2, all_y, all_ty = rows.sum(axis=1)[:, None] + np.zeros(tried.size)
     h = tried - began
     bent1, bent2, bent_t, bent_y = (

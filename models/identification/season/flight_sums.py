@@ -39,9 +39,9 @@ from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flig
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.model.rotor_model import RotorModel
 
-BEND_SPAN = 0.1  # of thrust lost, up to which the bend is that of a chord
-#: of each column: value of no effect, bounds, usual size, flight-to-flight scatter of a sound
-#: aircraft, 1 where the value is a single flight's own, 1 where it only shapes an effect
+BEND_SPAN = 0.1  # loss of thrust over which the second-order change is measured
+#: columns: absent value, bounds, usual size, between-flight scatter of a sound
+#: aircraft, 1 if each flight has its own value, 1 if the value only shapes an effect
 LIMITS = ("absent", "lower", "upper", "scale", "smallest", "per_flight", "shapes")
 
 
@@ -49,15 +49,15 @@ LIMITS = ("absent", "lower", "upper", "scale", "smallest", "per_flight", "shapes
 class FlightEvidence:
     """Sums of one flight over its means, in units of its noise, for q values of effects."""
 
-    names: tuple[str, ...]  # (q,) "effect.value", of one rotor "effect.value@2" (counted from 1)
+    names: tuple[str, ...]  # (q,) "effect.value", or "effect.value@2" for rotor 2 (1-based)
     limits: Floats  # (q, 7) LIMITS of each value
-    bent: tuple[int, ...]  # (c,) places of the values that bend
-    #: (q + c + 1, q + c + 1) of [derivatives, bends, residual], the nuisances marginalised, with
-    #: the discrepancy as on a sound aircraft
+    bent: tuple[int, ...]  # (c,) indices of values with a second-order column
+    #: (q + c + 1, q + c + 1) of [derivatives, second-order columns, residual], nuisances
+    #: marginalised, with the discrepancy of a sound aircraft
     gram: Floats
-    known: Floats  # (q,) the diagonal that the derivatives would have without model uncertainty
-    seconds: float  # in flight that were used
-    means: int  # how many means over short times
+    known: Floats  # (q,) diagonal of the derivatives without model uncertainty
+    seconds: float  # from the first to the last mean
+    means: int  # number of means
     rotor_count: int
     of_outputs: bool  # speeds are from motor outputs: only each rotor's share counts
 
@@ -212,12 +212,12 @@ class SeasonSums:
     limits: Floats  # (q, 7)
     information: Floats  # (F, q, q)
     pull: Floats  # (F, q)
-    squares: Floats  # (F,) residual's own
+    squares: Floats  # (F,) residual's sum of squares
     known: Floats  # (F, q) information without model uncertainty
     total: Floats  # (q, q) information of all flights
     rotor_count: int
     evidence: tuple[FlightEvidence, ...]
-    bent: Mapping[str, Floats]  # (F,) values that bend, about which these sums are; else about 0
+    bent: Mapping[str, Floats]  # name -> losses (F,) that the sums are linearised at; 0 if absent
 
     @property
     def flights(self) -> int:

@@ -32,11 +32,14 @@ from thrustmargin.models.identification.season.flight_sums import SeasonSums, se
 from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.set_search import NEAR
 
-MOST_FINDS = 8  # of one season
-RECENT = 10  # flights
-NO_SCATTER = 0.05  # of the usual size: scatter of a value that has none of its own
-MOST_RELINEARISATIONS, SAME_LOSS = 4, 0.001  # times sums are made anew; near enough to a loss
-_Fit = tuple[Floats, float]  # of `_joint_fit`
+MOST_FINDS = 8  # changes and shared values of one season
+RECENT = 10  # last flights that `Trend.least_seen` is for
+NO_SCATTER = 0.05  # scatter of a value without its own, in usual sizes
+MOST_RELINEARISATIONS, SAME_LOSS = (
+    4,
+    0.001,
+)  # recomputations of the sums; difference in loss below which they end
+_Fit = tuple[Floats, float]  # result of `_joint_fit`: curves (F, q), squares left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,13 +47,13 @@ class Trend:
     """One value over F flights."""
 
     name: str
-    value: Floats  # (F,) of each flight, NaN where it says nothing
-    error: Floats  # (F,) standard error, as flights scatter
-    curve: Floats  # (F,) as the season has it
+    value: Floats  # (F,) estimate of each flight, NaN without information
+    error: Floats  # (F,) standard error, including the flights' excess scatter
+    curve: Floats  # (F,) fitted curve over the season
     changes: tuple[SeasonEntry, ...]
-    instead: tuple[str, ...]  # other values whose change would explain these flights as well
-    least_seen: float  # a step of the last RECENT flights of this size would have been entered
-    usual: float  # by how much a sound aircraft has of it from flight to flight
+    instead: tuple[str, ...]  # other values whose change would explain these flights about as well
+    least_seen: float  # size of a step over the last RECENT flights that would be detected
+    usual: float  # between-flight scatter of a sound aircraft
 
     @property
     def now(self) -> float:
@@ -63,9 +66,9 @@ class SharedEffect:
     """A deviation from the model that all flights of a season share."""
 
     name: str
-    value: float  # without what changed over the season
-    error: float  # standard error: flights scatter, and the model itself is uncertain
-    instead: tuple[str, ...]  # other values that would explain these flights as well
+    value: float  # without its change over the season
+    error: float  # standard error, from the scatter of flights and model uncertainty
+    instead: tuple[str, ...]  # other values that would explain these flights about as well
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,7 +88,9 @@ class _SeasonModel:
     """The values that deviate in all flights, and the curves of the values that change."""
 
     shared: frozenset[int] = frozenset()
-    shapes: Mapping[int, Floats] = field(default_factory=dict)  # place -> (F,) from 0
+    shapes: Mapping[int, Floats] = field(
+        default_factory=dict
+    )  # index of the value -> change (F,) since the first flight
 
     def with_shape(self, place: int, shape: Floats | None) -> _SeasonModel:
         """Return the model with another curve (F,) of the value at index `place`; None
@@ -109,11 +114,11 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
             break
         found = more
         sums = _relinearise(sums, found)
-        for place in found.shapes:  # each anew beside the others, as they are with it
+        for place in found.shapes:  # refit each curve given the others
             curves = _joint_fit(sums, found)[0]
             found = found.with_shape(place, _change_curve(sums, place, found, penalty, curves))
         sums = _relinearise(sums, found)
-        for place in found.shared:  # a mean that was only a change
+        for place in found.shared:  # drop a mean that a change explains
             rest = replace(found, shared=found.shared - {place})
             gain = _gain(sums, _joint_fit(sums, rest), _joint_fit(sums, found), place)
             if gain / sums.flights <= penalty:

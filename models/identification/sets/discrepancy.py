@@ -32,7 +32,7 @@ from thrustmargin.models.identification.sets.nuisance import (
     shared_root,
 )
 
-#: channel -> number of hats, and the least span over which it can be a cause: less is control
+#: channel -> number of hats, and the least range of a cause: smaller variation is control
 CHANNELS = {
     "airspeed": (5, 1.0),
     "tank_kg": (5, 0.0),
@@ -47,11 +47,13 @@ CHANNELS = {
 }
 PRODUCT = ("airspeed", "tank_kg")
 WANDER = 25.0  # s between the knots of a flight's own slow noise
-MEANS = 0.75  # of the scatter of knots, that of means between them: root of 1/2 to 5/8
-FORM = 0.05  # of what an effect does: the laws of `models.effects` are good to a few per cent
-#: along which the form of an effect may be wrong
+MEANS = 0.75  # scatter of means between knots over that of knots: root of 1/2 to 5/8
+FORM = 0.05  # relative error of the laws of `models.effects`: a few per cent
+#: channels along which an effect's law may be inaccurate
 FORMED = ("airspeed", "tank_kg", "time_s")
-SLOW_MEANS = 43  # means over which voltage is averaged: faster it answers to the rotors themselves
+SLOW_MEANS = (
+    43  # means of a voltage average: faster voltage changes are caused by the rotors themselves
+)
 
 
 def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[str, ...]]:
@@ -150,9 +152,11 @@ def flight_running_mean(values: Floats, flight: NDArray[np.intp]) -> Floats:
     return out
 
 
-LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
-SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
-ANSWER = 0.3  # of an output's answer to a turn: what a third less thrust would make of it
+LEAST_CHANGE = (
+    0.5  # rpm RMS of an effect's change, below which the error of its law does not matter
+)
+SHAPE = 0.5  # standard error of a fitted shape, in its usual sizes
+ANSWER = 0.3  # share of an output's response to a turn, as a third less thrust would cause
 
 
 def law_uncertainty(reduced: Reduced) -> Floats:
@@ -237,16 +241,16 @@ def _turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
 
 
 STEPS = 20
-LEAST = 0.05  # of the size that a component began with, below which it is not let fall: few flights
-# cannot show that something never varies
+LEAST = 0.05  # least size of a component, relative to its initial one: few flights
+# cannot prove that it never varies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VarianceFactors:
     """Factors on the initial standard deviations of a nuisance."""
 
-    scatter: Floats  # (K,)
-    free: Floats  # (R, groups)
+    scatter: Floats  # (K,) of each scatter column
+    free: Floats  # (R, groups) of each mode's hats along each channel
 
 
 def learn_variances(
@@ -291,7 +295,7 @@ def learn_variances(
         shift, at = np.split(np.concatenate(moved), [size.size], axis=1)
         draws = (at - shift @ mean)[:, 0] ** 2 + np.concatenate(spread)
         draws += np.sum((shift @ root.T) ** 2, axis=1)
-        # Where a draw shows nowhere, it is as large as it was taken to be.
+        # A draw that no mean shows keeps its prior size.
         drawn = 1.0 + np.bincount(acts, draws - 1.0, scatter.size) / len(sums.flights)
         for g in range(numbers.max() + 1):
             scatter[numbers == g] *= np.sqrt(drawn[numbers == g].mean())
@@ -304,7 +308,7 @@ class _Sums:
     """Products of a nuisance and a residual that the steps of `learn_variances` need."""
 
     flights: tuple[FlightScatter, ...]
-    seen: tuple[Floats, ...]  # of each (K, 1): S'r
+    seen: tuple[Floats, ...]  # S'r (K, 1) of each flight
     shared: Floats  # (X, X) X'X
     along: Floats  # (X, 1) X'r
     known: int  # of X, those before the hats

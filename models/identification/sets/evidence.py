@@ -216,7 +216,7 @@ def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore
     variance = np.sum(inverse**2, axis=0)
     step = inverse.T @ (inverse @ pulled)
     gain = 0.5 * float(pulled @ step)
-    if prior.exceeds_bounds(step).any():  # what lies beyond a bound is no evidence for the set
+    if prior.exceeds_bounds(step).any():  # an impossible optimum is no evidence for the set
         step = _step_at_bounds(prior, system, pulled, step)
         gain = float(step @ (pulled - 0.5 * system @ step))
     out = -0.5 * cost + gain + 0.5 * count * LOG_2_PI - float(np.log(factor[place, place]).sum())

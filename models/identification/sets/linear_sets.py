@@ -35,10 +35,10 @@ class FilteredColumns:
 
     nuisance: Nuisance
     solved: ReducedNuisance
-    z: ValueColumns  # n means
-    drawn: Floats  # (draws of all flights, P) what the scatter takes of them
-    taken: Floats  # (X, P) what all that flights share takes
-    left: Floats  # (P, P) of them, all that is not asked marginalised
+    z: ValueColumns  # filtered columns of n means
+    drawn: Floats  # (draws of all flights, P) `Nuisance.flight_draws` of the columns
+    taken: Floats  # (X, P) `ReducedNuisance.absorbed` of the columns
+    left: Floats  # (P, P) products of the columns, nuisances marginalised
 
     @classmethod
     def from_columns(
@@ -70,7 +70,7 @@ class FilteredColumns:
         return np.block([[self.left, along[:, None]], [along[None], corner]])
 
 
-TINY = 1e-9  # keeps the matrix of a value that moves nothing solvable
+TINY = 1e-9  # keeps the matrix of a value without effect solvable
 
 Key = frozenset[int]
 

@@ -25,8 +25,8 @@ from thrustmargin.models.identification.rows.value_columns import (
     ValueColumns,
 )
 
-#: times what a curve has, of a constant: 0.2 % of rotor speed, by which sound propellers
-#: scatter (0.4 % of thrust). A constant beyond that is an effect: the table has one for each mode
+#: size of a constant over that of a curve: 0.2 % of rotor speed, by which sound propellers
+#: scatter (0.4 % of thrust). A larger constant is an effect: the catalogue has one for each mode
 CONSTANT_FACTOR = 2.0
 
 
@@ -41,7 +41,7 @@ def inverse_cholesky(system: Floats) -> Floats:
     factor, failed = _factored(system, lower=True)
     if failed:
         return np.full(system.shape, np.nan)
-    # Above the diagonal the factor has zeros already.
+    # The factor has zeros above the diagonal already.
     return np.ascontiguousarray(_inverted(factor, lower=True)[0])
 
 
@@ -58,13 +58,13 @@ def shared_root(gram: Floats, known: int, hats: int, factor: float) -> Floats:
     return inverse_cholesky(np.eye(size.size) + size[:, None] * gram * size) * size
 
 
-#: times the size that the discrepancy has on a sound aircraft: what noise is learnt beside
+#: size of the discrepancy relative to a sound aircraft while noise is estimated
 WIDE = 16.0
 
 EVERY = slice(None)
-#: of each mode, which of the columns act in it, and these (k, n): most act in one mode alone
+#: for each mode, indices (k,) of its non-zero columns and the columns (k, n): most are in one mode
 ModeColumns = tuple[tuple[NDArray[np.intp], Floats], ...]
-#: of q columns z: X'z (X, q) with the shared X and z'z (q, q), the scatter of flights marginalised
+#: for q columns z: X'z (X, q) with the shared columns X, and z'z (q, q); scatter marginalised
 Sums = tuple[Floats, Floats]
 
 
@@ -72,10 +72,10 @@ Sums = tuple[Floats, Floats]
 class ReducedNuisance:
     """Sums of the shared columns after eliminating the scatter of some flights."""
 
-    gram: Floats  # (X, X) X'X of the shared columns, the scatter of flights marginalised
-    known: int  # of X, those before the hats of the discrepancy
-    hats: int  # of each mode
-    factor: float  # times the size that the discrepancy has on a sound aircraft
+    gram: Floats  # (X, X) X'X of the shared columns, scatter marginalised
+    known: int  # number of shared columns before the hats of the discrepancy
+    hats: int  # number of hats of each mode
+    factor: float  # size of the discrepancy relative to a sound aircraft
 
     @cached_property
     def _root(self) -> Floats:
@@ -102,9 +102,9 @@ class ReducedNuisance:
 class FlightScatter:
     """The scatter S of one flight, reduced to the K columns that are non-zero in its n means."""
 
-    acts: NDArray[np.intp]  # (K,) which columns
+    acts: NDArray[np.intp]  # (K,) indices of these columns
     columns: Floats  # (R, K, n)
-    of_modes: ModeColumns  # the same
+    of_modes: ModeColumns  # the same columns, split by mode
     gram: Floats  # (K, K) S'S
     crossed: Floats  # (K, X) S'X
 
@@ -114,10 +114,10 @@ class Nuisance:
     """Whitened nuisance columns of F flights: n means, R modes."""
 
     whitening: Whitening
-    flights: tuple[slice, ...]  # of the n means
-    scatter: Floats  # (n, R, K) one standard deviation of a sound aircraft's scatter
-    uncertainty: Floats  # (n, R, D) one of the base model
-    free: Floats  # (R, n, H) one of the discrepancy on a sound aircraft
+    flights: tuple[slice, ...]  # rows of each flight among the n means
+    scatter: Floats  # (n, R, K) scatter between flights of a sound aircraft, one standard deviation
+    uncertainty: Floats  # (n, R, D) error directions of the base model, one standard deviation
+    free: Floats  # (R, n, H) discrepancy on a sound aircraft, one standard deviation
 
     @cached_property
     def by_flight(self) -> tuple[FlightScatter, ...]:

@@ -33,12 +33,12 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.sets.linear_sets import FittedSet, Key
 from thrustmargin.models.identification.sets.set_search import FAR, Search
 
-LEAST_AFTER = 8.0  # s of flight before and after a step, for it to be one
-GRID, FINE = 5.0, 0.35  # s between the times that are tried, and about the best of them
-LEAST_GAIN = 3.0  # of the log likelihood, beyond the choice among all times
-MOST_FLIGHTS = 24  # of which single steps are looked for; a season is looked at by flights
+LEAST_AFTER = 8.0  # least s of flight before and after a step
+GRID, FINE = 5.0, 0.35  # s between tried times, and between those near the best one
+LEAST_GAIN = 3.0  # least gain in log likelihood, beyond the log of the number of tried times
+MOST_FLIGHTS = 24  # flights within which steps are tried; in a season only whole flights
 
-#: kind -> effect, name of its time
+#: kind -> effect, name of the parameter of its time
 KINDS = {
     "one": (ROTOR_DEGRADATION_ONSET, "onset_time"),
     "while": (ROTOR_DEGRADATION_WHILE, "onset_time"),
@@ -97,7 +97,7 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
         for kind, gain, flight, ends in spans:
             if gain > best.get(kind, (0.0,))[0]:
                 best[kind] = (gain, flight, ends)
-        # What the same rotor's loss from the beginning says far better is no step.
+        # A constant loss of the rotor that gains far more rules out a step.
         least = _step_gains(sums.constant_gram())[0] - FAR
         for kind, (gain, flight, when) in best.items():
             if gain > max(least, LEAST_GAIN + np.log(tries)):
@@ -113,8 +113,8 @@ class _Step:
 
     kind: str
     flight: int | None
-    times: Floats  # (S,) that are tried
-    after: Bools  # (F,) other flights that have the loss throughout
+    times: Floats  # (S,) times to try, on the family's clock
+    after: Bools  # (F,) other flights that have the loss from their beginning
 
 
 def _step_families(search: Search) -> Iterator[_Step]:
@@ -183,7 +183,7 @@ class _LossSums:
             return
         order = np.argsort(ends[:, 0])
         shared, own = (np.array([of[f] for f in order]) for of in (self.shared, self.own))
-        # Sums of the loss over flights i to j, with the residual of all flights beside them.
+        # Cumulative sums of the loss over flights; the residual is summed over all flights.
         loss = np.concatenate([np.zeros_like(shared[:1, :, 0]), np.cumsum(shared[:, :, 0], axis=0)])
         power = np.concatenate([[0.0], np.cumsum(own[:, 0, 0])])
         along = np.concatenate([[0.0], np.cumsum(own[:, 0, 1])])
@@ -199,7 +199,7 @@ class _LossSums:
                 kind = "since" if stop == flights else "until"
                 if gain > best.get(kind, (0.0,))[0]:
                     best[kind] = (float(gain), i, int(stop))
-        before = np.append(ends[order, 0], np.inf)  # midway between two flights is in neither
+        before = np.append(ends[order, 0], np.inf)  # a step between two flights is placed midway
         after = np.append(-np.inf, ends[order, 1])
         for kind, (gain, i, stop) in best.items():
             first = ends[order[i], 0] - GRID if i == 0 else (after[i] + before[i]) / 2.0
@@ -288,7 +288,7 @@ def _step_candidate(
         time += float(x.clock_s[first] - x.time_s[first])
     start[:, names.index(clock)] = time
     free = plain.free
-    if flight < 0:  # between flights no row shows the moment
+    if flight < 0:  # no row determines the time of a step between flights
         free = tuple((k, f) for k, f in free if not names[k].endswith("_clock"))
     if kind in ("one", "while"):
         free = tuple((k, f) for k, f in plain.free if f == flight)

@@ -47,8 +47,8 @@ from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.physics.atmosphere import SEA_LEVEL_TEMPERATURE
 from thrustmargin.models.physics.flight_phases import TURN_RATE
 
-#: the channels that the direction of the air decides; moments of flow have a channel of their own,
-#: which is not known at all without a wind
+#: channels that depend on the direction of the wind; moments of flow have a channel of their own,
+#: which is unknown without a wind
 OF_DIRECTION = (
     *("advance_ratio", "climb_ratio", "load_factor", "load_factor_shifts"),
     "manoeuvre_load_shifts",
@@ -82,17 +82,17 @@ def unreported_wind_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> 
     return columns
 
 
-#: of the mean rotor speed: what a curve of the discrepancy, and the slow noise, begin with where no
-#: good flights tell; a trained model is off by 0.1 to 0.5 % along its own inputs
+#: of the mean rotor speed: size of a discrepancy curve and of slow noise without good
+#: flights; the error of trained models is 0.1 to 0.5 % along their own inputs
 USUAL_SHARE = 0.001
-SURE = (0.5, 10.0)  # times what is usual, that a learnt scatter may be
-FREE_EFFECTS = 100.0  # times their scatter: any effect may be there while slow noise is learnt
-TAILS = 1.4  # root mean square over what the median gives, of noise with the tails of Laplace's
-LOADED = 0.03  # of the load factor: a gust or two
-LEAST_SHARE = 0.0005  # of the same: few good flights cannot show that there is nothing
-AT_ENDS = 2.0  # times the RMS of a curve, that it has at the ends of its channel
-SEASONS = 2.0  # that of the good flights and this one, of which each has its own thermometer
-RIDGE = 1e-2  # of columns of size about one, in the regression that leaves the noise
+SURE = (0.5, 10.0)  # limits of a learned scatter, in usual sizes
+FREE_EFFECTS = 100.0  # times their scatter: effects are nearly free while slow noise is estimated
+TAILS = 1.4  # root mean square over median-based size, for noise with Laplace tails
+LOADED = 0.03  # deviation of the load factor from 1, beyond which a mean counts as a manoeuvre
+LEAST_SHARE = 0.0005  # of the mean rotor speed, least size of a curve
+AT_ENDS = 2.0  # times its RMS, that a curve reaches at the ends of its channel
+SEASONS = 2.0  # the good flights' season and this one, each with its own thermometer error
+RIDGE = 1e-2  # ridge, for columns of size about one, in the regression whose residual is the noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -101,13 +101,13 @@ class SearchSpace:
 
     reduced: Reduced
     candidates: tuple[Candidate, ...]
-    unnamed: tuple[Candidate, ...]  # causes without a name, which compete with them
+    unnamed: tuple[Candidate, ...]  # unnamed causes, which compete with the candidates
     nuisance: Nuisance
     groups: tuple[str, ...]  # (H,) the channel of each hat of the discrepancy
     hats: Floats  # (N, H)
     sizes: Floats  # (R, H) rpm of each hat on a sound aircraft
-    wander_rpm: Floats  # (R,) size of the flights' slow noise in each mode
-    #: of a single flight: (N, R, P) rpm in modes by the values of each candidate, at its start
+    wander_rpm: Floats  # (R,) size of these flights' slow noise in each mode
+    #: for a single flight: candidate -> derivatives (N, R, P), rpm in modes, at its start
     start_derivatives: Mapping[int, Floats]
 
 
@@ -131,7 +131,9 @@ def search_space(
     offsets, shared = _flight_offsets(reduced, residual)
     form = (anything * sizes_of)[:, :, sizes_of > 0.0]
     hats, groups = free_columns(reduced.channels, reduced.flight)
-    if offsets.any():  # how flights differ as a whole is known, and is nobody else's
+    if (
+        offsets.any()
+    ):  # offsets explain constant differences between flights, so no other column may
         form = _subtract_flight_means(form, reduced.flight)
         hats[:, 0] = 0.0
     shared = np.concatenate([shared, _thermometer_columns(reduced, tracks)], axis=2)
@@ -230,7 +232,7 @@ def _unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
     left = z - open_.uncertainty @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
     out = np.ones_like(z)
     for of, rows in zip(open_.by_flight, open_.flights, strict=True):
-        # Of what the shared ones leave, the scatter takes S (I + S'S)^-1 S'.
+        # Of the residual after the shared columns, scatter absorbs S (I + S'S)^-1 S'.
         seen = (of.columns @ left[rows].T[:, :, None]).sum(axis=0)[:, 0]
         draws = np.linalg.solve(np.eye(of.acts.size) + of.gram, seen)
         left[rows] -= (draws @ of.columns).T

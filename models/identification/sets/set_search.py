@@ -41,17 +41,21 @@ from thrustmargin.models.identification.sets.linear_sets import (
 )
 from thrustmargin.models.identification.sets.nuisance import Nuisance
 
-BEAM = 12  # sets that are grown at each size beyond one
-FITTED = 6  # sets that are fitted in full in each round
-NEXT = 4  # the same of those one effect away, however they rank: far from it a line misleads
+BEAM = 12  # sets that are grown further at each size
+FITTED = 6  # sets that are fitted with nonlinear effects in each round
+NEXT = (
+    4  # sets one effect away that are fitted whatever their linear score, which may be inaccurate
+)
 ROUNDS = 6
 MOST_EFFECTS = 10
-HOPELESS = 500.0  # the same, from which a set takes no more steps: a lag alone may bring 200
+HOPELESS = (
+    500.0  # below the best log evidence, at which the fit of a set ends: a lag alone may gain 200
+)
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
-FAR = 3 * NEAR  # the same, from which a set is left as it is once its steps promise no more
+FAR = 3 * NEAR  # below the best, at which the fit of a set ends if its steps cannot make up for it
 
-STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
-CONVERGED = 0.02  # the same, below which no more steps are taken
+STALE = 2.0  # gain in -2 log likelihood below which derivatives are recomputed
+CONVERGED = 0.02  # gain in -2 log likelihood below which a fit has converged
 
 Progress = Callable[[str, float], None]
 
@@ -67,7 +71,7 @@ class Search:
     ) -> None:
         """Prepare a search over `candidates`, with the noise raised by TEMPERATURE."""
         filter_ = nuisance.whitening
-        # How outputs of flights differ is taken with Student's t already.
+        # For outputs, between-flight variation has been widened by Student's t already.
         self.temperature = 1.0 if reduced.of_outputs else TEMPERATURE
         tempered = replace(filter_, scale=self.temperature * filter_.scale)
         self.reduced, self.nuisance = reduced, replace(nuisance, whitening=tempered)
@@ -236,10 +240,10 @@ class Search:
         if about:
             fewer = (about - {*gone} for n in range(3) for gone in combinations(about, n))
             self._grow(linear, list(fewer), look)
-        # Others may stand in the place of all, and two of which neither alone says much.
+        # Grow from single effects too: other sets may replace all, pairs may gain only together.
         self._grow(linear, [frozenset({c}) for c in range(len(self.candidates))], look)
         ranked = sorted(found, key=lambda k: -found[k])
-        top = max([best.total, *found.values()])  # of no candidate nothing is found
+        top = max([best.total, *found.values()])  # `found` is empty without candidates
         near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
         more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
         return list(dict.fromkeys([*near[:FITTED], *more[:NEXT]]))
@@ -295,7 +299,7 @@ class Search:
         )
         self.fitted[key] = found
         if found.possible_key != key:
-            self.fit(found.possible_key, near)  # what cannot be may hide what is beside it
+            self.fit(found.possible_key, near)  # an impossible effect may hide the others
         return found
 
     def _fit(
