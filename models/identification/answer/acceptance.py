@@ -316,9 +316,8 @@ def _exceeds_limits(square: Floats, taken: Floats, usual: Floats, of_rotor: bool
     done = float(square.sum())
     if of_rotor:
         return done > (SLOW_FACTOR * FORM) ** 2 * float(taken.sum())
-    own = square / max(
-        float(square.max()), 1e-12
-    )  # weight of each mode, 1 for the cause's main one
+    # weight of each mode, 1 for the cause's main one
+    own = square / max(float(square.max()), 1e-12)
     return done > max(
         MOST_UNEXPLAINED * (done + float(own @ taken)), SLOW_FACTOR**2 * float(own @ usual)
     )

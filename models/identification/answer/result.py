@@ -184,9 +184,8 @@ class Identification:
     before: Errors  # of the last of `unseen`
     after: Errors
     residual_after_rpm: Floats  # (T, R) on the rows of `problem`
-    residual_carried_rpm: (
-        Floats  # (T, R) with effects of later flights only, values fitted without each row's flight
-    )
+    #: (T, R) with effects of later flights only, values fitted without each row's flight
+    residual_carried_rpm: Floats
     floor_rpm: float
     sensor_noise_rpm: float
     alternatives: tuple[SetWeight, ...] = ()  # most probable first
@@ -195,12 +194,10 @@ class Identification:
     mentioned: tuple[Mentioned, ...] = ()
     open_causes: tuple[OpenCause, ...] = ()  # unnamed causes that enter the new model
     followed: tuple[Found, ...] = ()  # effects that a channel reports to the model already
-    standing: StandingShares | None = (
-        None  # constant differences of motor outputs, of unknown cause
-    )
-    untried: Mapping[str, tuple[str, ...]] = field(
-        default_factory=dict
-    )  # effect -> lacking channels
+    #: constant differences of motor outputs, of unknown cause
+    standing: StandingShares | None = None
+    #: effect -> lacking channels
+    untried: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def held_out(self) -> Problem | None:

@@ -53,14 +53,12 @@ class StandingShares:
     """The constant measured minus predicted speed of each of R rotors, and its possible causes."""
 
     rotor_rpm: tuple[float, ...]  # (R,) mean of all flights, or of `flight`
-    flight: (
-        int | None
-    )  # the flight with the largest difference if flights differ too much, else None
+    #: the flight with the largest difference if flights differ too much, else None
+    flight: int | None
     per_flight_rpm: tuple[tuple[float, ...], ...]  # (F, R)
     trim: StandingCause | None  # centre of gravity and yaw moment; None where no size fits
-    weak_rotors: tuple[
-        StandingCause, ...
-    ]  # one rotor with a centre of gravity offset, largest loss first
+    #: one rotor with a centre of gravity offset, largest loss first
+    weak_rotors: tuple[StandingCause, ...]
 
 
 def standing_shares(

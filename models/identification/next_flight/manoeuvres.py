@@ -24,10 +24,8 @@ STEP_S = 0.1
 ACCELERATION = 2.0  # m/s², as gentle as an autopilot flies a mission
 SMOOTH_ROWS = 10  # over which a change of speed or of turn rate begins and ends
 HOVER_S, LEG_S = 30.0, 20.0
-LEAST_LEG_S, LEAST_SPEED = (
-    6.0,
-    0.3,
-)  # s and m/s: a shorter leg or a slower climb carries no information
+#: s and m/s: a shorter leg or a slower climb carries no information
+LEAST_LEG_S, LEAST_SPEED = 6.0, 0.3
 SIDE_S = 4.0  # of a square, between its corners
 TURN_RATE = np.radians(45.0)  # rad/s at most
 LOW_FILL = 0.1  # of the largest fill flown: "nearly empty"

@@ -177,9 +177,8 @@ class NextFlight:
     manoeuvre: Manoeuvre
     repeats: int  # of the manoeuvre in the flight at each fill
     nats: float  # expected Kullback-Leibler divergence of all repeats at all fills
-    certainty: (
-        float  # probability of a right choice between the explanations from this flight alone
-    )
+    #: probability of a right choice between the explanations from this flight alone
+    certainty: float
 
     @property
     def minutes(self) -> float:

@@ -71,9 +71,8 @@ class Candidate:
 
     term: Term
     start: Floats  # (F, K)
-    free: tuple[
-        tuple[int, int | None], ...
-    ]  # (parameter, flight; None if all flights share the value)
+    #: (parameter, flight; None if all flights share the value)
+    free: tuple[tuple[int, int | None], ...]
     log_prior: float
     reading: Reading | None = None
 

@@ -86,9 +86,8 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
         return _subtract_bin_means(measured - _predict_delayed(flight, delay), bins)
 
     (lag,) = ROTOR_SPEED_LAG.parameters
-    tried = np.arange(
-        lag.lower, lag.upper, lag.scale
-    )  # from zero, steps may end at another maximum
+    # from zero, steps may end at another maximum
+    tried = np.arange(lag.lower, lag.upper, lag.scale)
     at, shown = float(max(tried, key=lambda delay: _log_likelihood(left(delay)))), 0.0
     for _ in range(STEPS):
         residual = left(at)

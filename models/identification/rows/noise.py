@@ -38,18 +38,16 @@ FEWEST = 15  # least means for a noise size, which is then accurate to a fifth
 LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is more accurate
 SPREAD = 3.0  # largest ratio of two modes' noise sizes without a filter
 MOST_MEMORY = 0.98  # largest a1 + a2: filtering must not remove a constant
-LEAST_FOLLOWED = (
-    0.5  # share of a flight's means that need two means directly before them, else no filter
-)
+#: share of a flight's means that need two means directly before them, else no filter
+LEAST_FOLLOWED = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Whitening:
     """A filter of N means in R modes; n means have their ORDER predecessors or need no filter."""
 
-    rows: NDArray[
-        np.intp
-    ]  # (n,) indices of means with ORDER means directly before them, or of unfiltered flights
+    #: (n,) indices of means with ORDER means directly before them, or of unfiltered flights
+    rows: NDArray[np.intp]
     flight: NDArray[np.intp]  # (n,)
     unfiltered: Bools  # (n,) True in a flight whose means rarely follow each other
     coefficients: Floats  # (R, 2)

@@ -37,9 +37,8 @@ BLOCK_SECONDS = 10.0
 LEAST_ROWS = 100
 MOST_ROWS = 9_000
 ENOUGH_ROWS = 3_000  # rows enough to refit values: about as many as the search has means
-WINDOW_SHARE = (
-    0.5  # a window channel is optional if more of the rows lack it (ends and gaps of short flights)
-)
+#: a window channel is optional if more of the rows lack it (ends and gaps of short flights)
+WINDOW_SHARE = 0.5
 MISSING_SHARE = 0.02  # a channel with a larger share of missing rows counts as unreported
 
 

@@ -42,9 +42,8 @@ LEAST_FILL = 0.5  # share of the usual rows that a bin needs
 class Reduced(RowsToFit):
     """N means of F flights."""
 
-    uncertainty_rpm: (
-        Floats  # (D, N, R) error directions of the base model, one standard deviation each
-    )
+    #: (D, N, R) error directions of the base model, one standard deviation each
+    uncertainty_rpm: Floats
     delay_s: Floats  # (F, 2) delay of each flight's rotor speeds and its error
 
     @property

@@ -22,10 +22,8 @@ from thrustmargin.models.identification.certainty import ERRORS
 
 FALSE_ENTRIES = 0.01  # expected false entries of one aircraft in one season
 LEAST_FLIGHTS, LEAST_LINE = 3, 5  # least flights of a segment, and of one with a slope
-OUTLIER, NEIGHBOURS = (
-    3.0,
-    5,
-)  # combined errors at which a flight is clipped; flights of the median
+#: combined errors at which a flight is clipped; flights of the median
+OUTLIER, NEIGHBOURS = 3.0, 5
 QUARTILE = float(ndtri(0.75))  # median absolute deviation of a standard normal number
 
 
@@ -268,9 +266,8 @@ def _fit_hinge(
     tried = np.arange(began + 1, end - 2)
     t, w, y = np.arange(0.0, end - began), errors[began:end] ** -2.0, values[began:end]
     rows = np.stack([w, w * t, w * t * t, w * y, w * t * y])
-    w0, w1, w2, y0, y1 = np.cumsum(rows[:, ::-1], axis=1)[:, ::-1][
-        :, tried - began
-    ]  # sums from each tried flight on
+    # sums from each tried flight on
+    w0, w1, w2, y0, y1 = np.cumsum(rows[:, ::-1], axis=1)[:, ::-1][:, tried - began]
     all0, all1, all2, all_y, all_ty = rows.sum(axis=1)[:, None] + np.zeros(tried.size)
     h = tried - began
     bent1, bent2, bent_t, bent_y = (

@@ -35,10 +35,8 @@ from thrustmargin.models.identification.sets.set_search import NEAR
 MOST_FINDS = 8  # changes and shared values of one season
 RECENT = 10  # last flights that `Trend.least_seen` is for
 NO_SCATTER = 0.05  # scatter of a value without its own, in usual sizes
-MOST_RELINEARISATIONS, SAME_LOSS = (
-    4,
-    0.001,
-)  # recomputations of the sums; difference in loss below which they end
+#: recomputations of the sums; difference in loss below which they end
+MOST_RELINEARISATIONS, SAME_LOSS = 4, 0.001
 _Fit = tuple[Floats, float]  # result of `_joint_fit`: curves (F, q), squares left
 
 
@@ -88,9 +86,8 @@ class _SeasonModel:
     """The values that deviate in all flights, and the curves of the values that change."""
 
     shared: frozenset[int] = frozenset()
-    shapes: Mapping[int, Floats] = field(
-        default_factory=dict
-    )  # index of the value -> change (F,) since the first flight
+    #: index of the value -> change (F,) since the first flight
+    shapes: Mapping[int, Floats] = field(default_factory=dict)
 
     def with_shape(self, place: int, shape: Floats | None) -> _SeasonModel:
         """Return the model with another curve (F,) of the value at index `place`; None

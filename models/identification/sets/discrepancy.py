@@ -51,9 +51,8 @@ MEANS = 0.75  # scatter of means between knots over that of knots: root of 1/2 t
 FORM = 0.05  # relative error of the laws of `models.effects`: a few per cent
 #: channels along which an effect's law may be inaccurate
 FORMED = ("airspeed", "tank_kg", "time_s")
-SLOW_MEANS = (
-    43  # means of a voltage average: faster voltage changes are caused by the rotors themselves
-)
+#: means of a voltage average: faster voltage changes are caused by the rotors themselves
+SLOW_MEANS = 43
 
 
 def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[str, ...]]:
@@ -152,9 +151,8 @@ def flight_running_mean(values: Floats, flight: NDArray[np.intp]) -> Floats:
     return out
 
 
-LEAST_CHANGE = (
-    0.5  # rpm RMS of an effect's change, below which the error of its law does not matter
-)
+#: rpm RMS of an effect's change, below which the error of its law does not matter
+LEAST_CHANGE = 0.5
 SHAPE = 0.5  # standard error of a fitted shape, in its usual sizes
 ANSWER = 0.3  # share of an output's response to a turn, as a third less thrust would cause
 

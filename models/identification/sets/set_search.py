@@ -43,14 +43,12 @@ from thrustmargin.models.identification.sets.nuisance import Nuisance
 
 BEAM = 12  # sets that are grown further at each size
 FITTED = 6  # sets that are fitted with nonlinear effects in each round
-NEXT = (
-    4  # sets one effect away that are fitted whatever their linear score, which may be inaccurate
-)
+#: sets one effect away that are fitted whatever their linear score, which may be inaccurate
+NEXT = 4
 ROUNDS = 6
 MOST_EFFECTS = 10
-HOPELESS = (
-    500.0  # below the best log evidence, at which the fit of a set ends: a lag alone may gain 200
-)
+#: below the best log evidence, at which the fit of a set ends: a lag alone may gain 200
+HOPELESS = 500.0
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 FAR = 3 * NEAR  # below the best, at which the fit of a set ends if its steps cannot make up for it
 
