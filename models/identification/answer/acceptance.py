@@ -551,8 +551,11 @@ def _block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) ->
 
 
 def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
-    """Return 95 % half widths (F, 2), m/s, from the scatter of blocks and the difference of both
-    estimates."""
+    """Return 95 % half widths (F, 2), m/s, of each flight's wind, north and east.
+
+    `winds` (B, 2, 2) are those of `_block_winds` for each flight, `mean` (F, 2, 2) their means over
+    blocks. Contains the scatter of blocks and the difference of both estimates.
+    """
     scatter = np.stack(
         [
             stdtrit(w.shape[0] // 2, 0.975)

@@ -71,7 +71,7 @@ class HeldOutFold:
                 FittedSet(
                     key=key,
                     trials=tuple(linear.trials[c] for c in sorted(key)),
-                    scored=scored,
+                    set_score=scored,
                     total=scored.log_evidence,
                     residual=linear.about.residual,
                 )
@@ -84,7 +84,7 @@ class FoldSums:
     """Nuisance sums of every fold, shared by all sets that are cross-validated."""
 
     flights: tuple[tuple[int, ...], ...]
-    less: tuple[Nuisance, ...]  # nuisances of the held-out flights alone
+    nuisances: tuple[Nuisance, ...]  # nuisances of the held-out flights alone
     solved: tuple[ReducedNuisance, ...]  # nuisances of all other flights
 
     @classmethod
@@ -96,7 +96,7 @@ class FoldSums:
         flights = [tuple(range(k, every, count)) for k in range(count)]
         less = [nuisance.select_means(np.isin(nuisance.whitening.flight, out)) for out in flights]
         solved = [nuisance.marginalise(less=one) for one in less]
-        return cls(flights=tuple(flights), less=tuple(less), solved=tuple(solved))
+        return cls(flights=tuple(flights), nuisances=tuple(less), solved=tuple(solved))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,7 +132,7 @@ class CrossValidation:
         members = frozenset().union(*search.fitted)
         shared, own = nuisance.sums(columns.whole)
         folds = []
-        for flights, less, solved in zip(out.flights, out.less, out.solved, strict=True):
+        for flights, less, solved in zip(out.flights, out.nuisances, out.solved, strict=True):
             less_shared, less_own = less.sums(columns.whole)
             rest = shared - less_shared, own - less_own
             linear = columns.linear(solved, rest).restrict(members, flights)

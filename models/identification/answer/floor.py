@@ -66,7 +66,7 @@ def floor_rpm(
 
 
 def _products(columns: Floats, wanted: Floats) -> tuple[Floats, Floats]:
-    """Return columns' columns and columns' wanted: the normal equations of ridge regression."""
+    """Return columns.T @ columns and columns.T @ wanted, the sums of a ridge regression."""
     return columns.T @ columns, columns.T @ wanted
 
 

@@ -155,8 +155,9 @@ def _omission_note(found: Found, names: tuple[str, ...]) -> str:
 def _background(model: RotorModel, found: Identification) -> tuple[float, ...]:
     """Return the between-flight standard deviation of each mode's mean residual, rpm.
 
-    An effect must exceed it. Return the old model's values with too few flights, and for motor
-    outputs if the model knows no sound flights, as these flights may not be sound.
+    An effect must exceed it. For motor outputs it is `learnt_spread`, unless the model knows no
+    sound flights: these flights may not be sound. Return the old model's values in that case and
+    with too few flights.
     """
     problem = found.problem
     if problem.of_outputs and lacks_sound_flights(model):

@@ -145,8 +145,8 @@ class Posterior:
             values, errors = trial.values.copy(), np.zeros_like(trial.values)
             for k, (parameter, flight) in enumerate(trial.candidate.free):
                 rows = slice(None) if flight is None else flight
-                values[rows, parameter] += one.scored.step[before + k]
-                errors[rows, parameter] = one.scored.variance[before + k]
+                values[rows, parameter] += one.set_score.step[before + k]
+                errors[rows, parameter] = one.set_score.variance[before + k]
             total += weight
             mean = mean + weight * values
             square = square + weight * (errors + values**2)

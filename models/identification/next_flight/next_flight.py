@@ -290,7 +290,7 @@ class _FlownManoeuvre:
     """A manoeuvre at one fill, N rows of all modes: columns of S, and d."""
 
     shared: Floats  # (N, P) uncertainty of the explanations' values, shared by all fills
-    apart: Floats  # (N, K) between-flight scatter, separate for each fill
+    scatter: Floats  # (N, K) between-flight scatter, separate for each fill
     difference: Floats  # (N,)
 
 
@@ -315,7 +315,7 @@ def _fly_once(
     covariance = np.asarray(block_diag(*(one.covariance for one in explanations)))
     return _FlownManoeuvre(
         shared=scale_by_noise(open_, noise) @ _covariance_root(covariance),
-        apart=scale_by_noise(scatter_columns(rows, background_rpm), noise),
+        scatter=scale_by_noise(scatter_columns(rows, background_rpm), noise),
         difference=scale_by_noise((ours - theirs)[:, :, None], noise)[:, 0],
     )
 
@@ -351,7 +351,7 @@ def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
     table = np.column_stack(
         [
             np.concatenate([one.shared for one in flown]),
-            np.asarray(block_diag(*(one.apart for one in flown))),
+            np.asarray(block_diag(*(one.scatter for one in flown))),
             np.concatenate([one.difference for one in flown]),
         ]
     )

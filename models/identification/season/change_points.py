@@ -124,8 +124,11 @@ class _ConstantOrLine:
         self.penalty = penalty
 
     def costs(self, start: Any, end: Any) -> Floats:
-        """Return the cost (N,) of segments from `start` to `end` (exclusive), like `fitted`; one
-        may be a scalar."""
+        """Return the cost (N,) of fitting each segment from `start` up to, not including, `end`,
+        like `fitted`.
+
+        Either may be one flight for all segments.
+        """
         start, end = np.atleast_1d(start), np.atleast_1d(end)
         w, wt, wtt, wy, wty, wyy = self.sums[:, end] - self.sums[:, start]
         across, along = wty - wy * wt / w, wtt - wt * wt / w

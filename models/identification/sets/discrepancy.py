@@ -273,20 +273,20 @@ def learn_variances(
         sums = _marginalise_shared(sums, factor)
     known, hats = sums.known, sums.hats
     of = of[:hats]
-    acts = np.concatenate([one.acts for one in sums.flights])
+    active = np.concatenate([one.active for one in sums.flights])
     for _ in range(STEPS):
         size = np.concatenate([np.ones(known), free[:, of].ravel()])
         taken, moved, spread = [], [], []
-        for one, seen in zip(sums.flights, sums.seen, strict=True):
-            own = scatter[one.acts, None]
-            root = inverse_cholesky(np.eye(one.acts.size) + own * one.gram * own.T)
-            taken.append(root @ (own * np.concatenate([one.crossed * size, seen], axis=1)))
+        for one, seen in zip(sums.flights, sums.residual_products, strict=True):
+            own = scatter[one.active, None]
+            root = inverse_cholesky(np.eye(one.active.size) + own * one.gram * own.T)
+            taken.append(root @ (own * np.concatenate([one.cross_products * size, seen], axis=1)))
             moved.append(root.T @ taken[-1])
             spread.append(np.sum(root**2, axis=0))
-        crossed, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
-        left = size[:, None] * sums.shared * size - crossed.T @ crossed
+        cross_products, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
+        left = size[:, None] * sums.shared * size - cross_products.T @ cross_products
         root = shared_root(left, known, hats, factor)
-        mean = root.T @ (root @ (size[:, None] * sums.along - crossed.T @ drawn))
+        mean = root.T @ (root @ (size[:, None] * sums.shared_products - cross_products.T @ drawn))
         square = (mean[:, 0] ** 2 + np.sum(root**2, axis=0))[known:].reshape(modes, hats)
         for g in range(len(names)):
             free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if factor == 1.0 else 1.0
@@ -294,7 +294,7 @@ def learn_variances(
         draws = (at - shift @ mean)[:, 0] ** 2 + np.concatenate(spread)
         draws += np.sum((shift @ root.T) ** 2, axis=1)
         # A draw that no mean shows keeps its prior size.
-        drawn = 1.0 + np.bincount(acts, draws - 1.0, scatter.size) / len(sums.flights)
+        drawn = 1.0 + np.bincount(active, draws - 1.0, scatter.size) / len(sums.flights)
         for g in range(numbers.max() + 1):
             scatter[numbers == g] *= np.sqrt(drawn[numbers == g].mean())
         scatter, free = np.maximum(scatter, LEAST), np.maximum(free, LEAST)
@@ -306,9 +306,9 @@ class _Sums:
     """Products of a nuisance and a residual that the steps of `learn_variances` need."""
 
     flights: tuple[FlightScatter, ...]
-    seen: tuple[Floats, ...]  # S'r (K, 1) of each flight
+    residual_products: tuple[Floats, ...]  # S'r (K, 1) of each flight
     shared: Floats  # (X, X) X'X
-    along: Floats  # (X, 1) X'r
+    shared_products: Floats  # (X, 1) X'r
     known: int  # of X, those before the hats
     hats: int  # of each mode
 
@@ -319,11 +319,11 @@ class _Sums:
         pairs = zip(nuisance.by_flight, nuisance.flights, strict=True)
         return cls(
             flights=nuisance.by_flight,
-            seen=tuple(
+            residual_products=tuple(
                 (one.columns @ z.values[rows].swapaxes(0, 1)).sum(axis=0) for one, rows in pairs
             ),
             shared=nuisance.shared_gram,
-            along=nuisance.products(z)[0],
+            shared_products=nuisance.products(z)[0],
             known=nuisance.uncertainty.shape[2],
             hats=nuisance.free.shape[2],
         )
@@ -334,15 +334,15 @@ def _marginalise_shared(sums: _Sums, factor: float) -> _Sums:
 
     The steps then only solve for the draws, a fifth of all unknowns.
     """
-    (one,), (seen,) = sums.flights, sums.seen
+    (one,), (seen,) = sums.flights, sums.residual_products
     root = shared_root(sums.shared, sums.known, sums.hats, factor)
-    moved = one.crossed @ root.T
-    alone = replace(one, gram=one.gram - moved @ moved.T, crossed=one.crossed[:, :0])
+    moved = one.cross_products @ root.T
+    alone = replace(one, gram=one.gram - moved @ moved.T, cross_products=one.cross_products[:, :0])
     return _Sums(
         flights=(alone,),
-        seen=(seen - moved @ (root @ sums.along),),
+        residual_products=(seen - moved @ (root @ sums.shared_products),),
         shared=sums.shared[:0, :0],
-        along=sums.along[:0],
+        shared_products=sums.shared_products[:0],
         known=0,
         hats=0,
     )

@@ -50,7 +50,9 @@ class SetPrior:
     normal: Bools  # (P,) the value only shapes its effect: normal prior
     limits: Floats  # (5, P) lower, upper, usual size, scatter of a sound aircraft, absent value
     centre: Floats  # (P,) of normal priors and readings
-    nothing: Floats  # (P,) weight times the squared distance of the absent value from the centre
+    absent_cost: (
+        Floats  # (P,) weight times the squared distance of the absent value from the centre
+    )
     groups: tuple[slice, ...]  # the values of each candidate
     main: NDArray[np.intp]  # (M,) indices of main values
     first: NDArray[np.intp]  # (G,) index in `main` of the first value of each effect with any
@@ -64,41 +66,41 @@ class SetPrior:
 class ValuePrior:
     """The prior of a set's values, with its gradient at the values of linearisation."""
 
-    of_set: SetPrior
+    set_prior: SetPrior
     values: Floats  # (P,)
     pull: Floats  # (P,) gradient of the log prior of normal values and readings
 
     def exceeds_bounds(self, step: Floats) -> Bools:
         """Return which shape values (P,) a step (P,) would move beyond their bounds."""
-        lower, upper = self.of_set.limits[:2]
+        lower, upper = self.set_prior.limits[:2]
         at = self.values + step
-        return ((at < lower) | (at > upper)) & self.of_set.normal
+        return ((at < lower) | (at > upper)) & self.set_prior.normal
 
     @property
     def log_likelihood_ratio(self) -> float:
         """Return the log likelihood of the readings, relative to no effect."""
-        away = self.of_set.weight * (self.values - self.of_set.centre) ** 2
-        return 0.5 * float(np.sum((self.of_set.nothing - away)[self.of_set.main]))
+        away = self.set_prior.weight * (self.values - self.set_prior.centre) ** 2
+        return 0.5 * float(np.sum((self.set_prior.absent_cost - away)[self.set_prior.main]))
 
     @property
     def weight(self) -> Floats:
         """Return the weight (P,) of each value's normal prior or reading, 0 for none."""
-        return self.of_set.weight
+        return self.set_prior.weight
 
     @property
     def centre(self) -> Floats:
         """Return the centre (P,) of each normal prior or reading."""
-        return self.of_set.centre
+        return self.set_prior.centre
 
     @property
     def groups(self) -> tuple[slice, ...]:
         """Return the slice of each candidate's values."""
-        return self.of_set.groups
+        return self.set_prior.groups
 
     @property
     def log_sets(self) -> float:
         """Return the log prior probability of the set."""
-        return self.of_set.log_sets
+        return self.set_prior.log_sets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,7 +140,7 @@ def _candidate_prior(one: Candidate) -> SetPrior:
         normal=normal,
         limits=limits,
         centre=centre,
-        nothing=weight * (limits[4] - centre) ** 2,
+        absent_cost=weight * (limits[4] - centre) ** 2,
         groups=(slice(0, normal.size),),
         main=np.flatnonzero(~normal),
         first=np.zeros(len(least), dtype=np.intp),
@@ -161,7 +163,7 @@ def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
         normal=normal,
         limits=np.concatenate([np.zeros((5, 0)), *(one.limits for one in own)], axis=1),
         centre=np.concatenate([np.zeros(0), *(one.centre for one in own)]),
-        nothing=np.concatenate([np.zeros(0), *(one.nothing for one in own)]),
+        absent_cost=np.concatenate([np.zeros(0), *(one.absent_cost for one in own)]),
         groups=tuple(slice(*pair) for pair in pairwise(ends)),
         main=np.flatnonzero(~normal),
         first=np.cumsum(dimensions) - dimensions,
@@ -174,9 +176,11 @@ def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
 
 def prior_of(trials: Sequence[TrialEffect]) -> ValuePrior:
     """Return the prior of a set's values, linearised at the values of `trials`."""
-    of_set = _set_prior(tuple(one.candidate for one in trials))
+    set_prior = _set_prior(tuple(one.candidate for one in trials))
     at = np.concatenate([np.zeros(0), *(one.free_values for one in trials)])
-    return ValuePrior(of_set=of_set, values=at, pull=-of_set.weight * (at - of_set.centre))
+    return ValuePrior(
+        set_prior=set_prior, values=at, pull=-set_prior.weight * (at - set_prior.centre)
+    )
 
 
 def _first_rotor_log_odds(candidates: Sequence[Candidate]) -> float:
@@ -192,8 +196,8 @@ def is_shape(p: Parameter) -> bool:
 
 
 def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore:
-    """Score a set by its normal equations `gram` (P + 1, P + 1): [J r]'[J r] of derivatives and
-    residual.
+    """Score a set by its Gram matrix `gram` (P + 1, P + 1) of derivatives J and residual r, [J
+    r]'[J r].
 
     `gram` is in units of `temperature` times the noise; the returned variance is for the noise
     itself. Shapes beyond a bound are fixed at it. The log evidence is IMPOSSIBLE for a singular
@@ -220,11 +224,11 @@ def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore
         step = _step_at_bounds(prior, system, pulled, step)
         gain = float(step @ (pulled - 0.5 * system @ step))
     out = -0.5 * cost + gain + 0.5 * count * LOG_2_PI - float(np.log(factor[place, place]).sum())
-    normal = prior.of_set.normal
-    scale = prior.of_set.limits[2, normal]
+    normal = prior.set_prior.normal
+    scale = prior.set_prior.limits[2, normal]
     away = (prior.values - prior.centre)[normal] / scale
     out -= float(np.sum(np.log(scale) + 0.5 * LOG_2_PI + 0.5 * away**2))
-    out += _log_sizes(prior, prior.values + step, np.sqrt(variance)) + prior.of_set.log_sets
+    out += _log_sizes(prior, prior.values + step, np.sqrt(variance)) + prior.set_prior.log_sets
     out += prior.log_likelihood_ratio
     return SetScore(log_evidence=out, step=step, variance=variance / temperature**2)
 
@@ -234,7 +238,7 @@ def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Flo
 
     Fixing one shape moves the others, which may exceed their bounds in turn.
     """
-    lower, upper = prior.of_set.limits[:2]
+    lower, upper = prior.set_prior.limits[:2]
     trials = np.zeros(step.shape, dtype=np.bool_)
     while (beyond := prior.exceeds_bounds(step) & ~trials).any():
         trials |= beyond
@@ -251,7 +255,7 @@ def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> float:
 
     An effect whose linearisation point is at a bound is IMPOSSIBLE.
     """
-    of = prior.of_set
+    of = prior.set_prior
     if not of.main.size:
         return 0.0
     lower, upper, scale, _, absent = of.limits[:, of.main]

@@ -36,9 +36,9 @@ class FilteredColumns:
     nuisance: Nuisance
     solved: ReducedNuisance
     z: ValueColumns  # filtered columns of n means
-    drawn: Floats  # (draws of all flights, P) `Nuisance.flight_draws` of the columns
-    taken: Floats  # (X, P) `ReducedNuisance.absorbed` of the columns
-    left: Floats  # (P, P) products of the columns, nuisances marginalised
+    draws: Floats  # (draws of all flights, P) `Nuisance.flight_draws` of the columns
+    absorbed: Floats  # (X, P) `ReducedNuisance.absorbed` of the columns
+    products: Floats  # (P, P) products of the columns, nuisances marginalised
 
     @classmethod
     def from_columns(
@@ -47,14 +47,14 @@ class FilteredColumns:
         """Filter columns (N, R, P), rpm in modes, and marginalise the nuisances."""
         z = nuisance.filter_columns(columns)
         drawn, (shared, own) = nuisance.flight_draws(z), nuisance.products(z)
-        sums = shared - nuisance.crossed.T @ drawn, own - drawn.T @ drawn
+        sums = shared - nuisance.cross_products.T @ drawn, own - drawn.T @ drawn
         return cls(
             nuisance=nuisance,
             solved=solved,
             z=z,
-            drawn=drawn,
-            taken=solved.absorbed(sums[0]),
-            left=solved.reduce(sums),
+            draws=drawn,
+            absorbed=solved.absorbed(sums[0]),
+            products=solved.reduce(sums),
         )
 
     def gram(self, residual: Floats) -> Floats:
@@ -63,11 +63,11 @@ class FilteredColumns:
         n = self.nuisance
         r = n.filter_columns(residual[:, :, None])
         drawn, (shared, own) = n.flight_draws(r)[:, 0], n.products(r)
-        taken = self.solved.absorbed(shared - n.crossed.T @ drawn[:, None])[:, 0]
-        along = self.z.products(r.values[:, :, 0], n.flights) - self.drawn.T @ drawn
-        along = along - self.taken.T @ taken
+        taken = self.solved.absorbed(shared - n.cross_products.T @ drawn[:, None])[:, 0]
+        along = self.z.products(r.values[:, :, 0], n.flights) - self.draws.T @ drawn
+        along = along - self.absorbed.T @ taken
         corner = np.array([[own[0, 0] - drawn @ drawn - taken @ taken]])
-        return np.block([[self.left, along[:, None]], [along[None], corner]])
+        return np.block([[self.products, along[:, None]], [along[None], corner]])
 
 
 TINY = 1e-9  # keeps the matrix of a value without effect solvable
@@ -81,7 +81,7 @@ class FittedSet:
 
     key: Key
     trials: tuple[TrialEffect, ...]
-    scored: SetScore
+    set_score: SetScore
     total: float  # log evidence
     residual: Floats  # (N, R) rpm in modes
 

@@ -102,11 +102,11 @@ class ReducedNuisance:
 class FlightScatter:
     """The scatter S of one flight, reduced to the K columns that are non-zero in its n means."""
 
-    acts: NDArray[np.intp]  # (K,) indices of these columns
+    active: NDArray[np.intp]  # (K,) indices of these columns
     columns: Floats  # (R, K, n)
-    of_modes: ModeColumns  # the same columns, split by mode
+    mode_columns: ModeColumns  # the same columns, split by mode
     gram: Floats  # (K, K) S'S
-    crossed: Floats  # (K, X) S'X
+    cross_products: Floats  # (K, X) S'X
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,9 +124,9 @@ class Nuisance:
         """Return the scatter (F,) of each flight."""
         found, known = [], self.uncertainty.shape[2]
         for rows in self.flights:
-            acts = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
-            columns = self.scatter[rows][:, :, acts].transpose(1, 2, 0).copy()
-            of_modes = _split_by_mode(columns)
+            active = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
+            columns = self.scatter[rows][:, :, active].transpose(1, 2, 0).copy()
+            mode_columns = _split_by_mode(columns)
             by_known = (
                 _mode_products(self._uncertainty_by_mode, known, columns.swapaxes(1, 2), rows)
                 .sum(axis=0)
@@ -134,10 +134,14 @@ class Nuisance:
             )
             free = np.concatenate(columns @ self.free[:, rows], axis=1)
             gram = (columns @ columns.swapaxes(1, 2)).sum(axis=0)
-            crossed = np.concatenate([by_known, free], axis=1)
+            cross_products = np.concatenate([by_known, free], axis=1)
             found.append(
                 FlightScatter(
-                    acts=acts, columns=columns, of_modes=of_modes, gram=gram, crossed=crossed
+                    active=active,
+                    columns=columns,
+                    mode_columns=mode_columns,
+                    gram=gram,
+                    cross_products=cross_products,
                 )
             )
         return tuple(found)
@@ -150,13 +154,13 @@ class Nuisance:
     @cached_property
     def _roots(self) -> tuple[Floats, ...]:
         """Return the inverse Cholesky factor (F,) of I + S'S of each flight."""
-        return tuple(inverse_cholesky(np.eye(of.acts.size) + of.gram) for of in self.by_flight)
+        return tuple(inverse_cholesky(np.eye(of.active.size) + of.gram) for of in self.by_flight)
 
     @cached_property
-    def crossed(self) -> Floats:
+    def cross_products(self) -> Floats:
         """Return L^-1 S'X (draws of all flights, X), like `flight_draws` of the shared columns."""
         pairs = zip(self._roots, self.by_flight, strict=True)
-        return np.concatenate([root @ of.crossed for root, of in pairs])
+        return np.concatenate([root @ of.cross_products for root, of in pairs])
 
     @cached_property
     def shared_gram(self) -> Floats:
@@ -178,9 +182,9 @@ class Nuisance:
 
         `factor`: size of the discrepancy relative to a sound aircraft.
         """
-        left = self.shared_gram - self.crossed.T @ self.crossed
+        left = self.shared_gram - self.cross_products.T @ self.cross_products
         if less is not None:
-            left = left - (less.shared_gram - less.crossed.T @ less.crossed)
+            left = left - (less.shared_gram - less.cross_products.T @ less.cross_products)
         return ReducedNuisance(
             gram=left,
             known=self.uncertainty.shape[2],
@@ -212,7 +216,7 @@ class Nuisance:
         """Return X'z and z'z of columns (N, R, q), rpm in modes, with the scatter marginalised."""
         z = self.filter_columns(columns)
         drawn, (shared, own) = self.flight_draws(z), self.products(z)
-        return shared - self.crossed.T @ drawn, own - drawn.T @ drawn
+        return shared - self.cross_products.T @ drawn, own - drawn.T @ drawn
 
     def filter_columns(self, columns: ValueColumns | Floats) -> ValueColumns:
         """Filter columns of N means to columns of n means, in units of the noise."""
@@ -227,7 +231,7 @@ class Nuisance:
         found = []
         for f, rows in enumerate(self.flights):
             of = self.by_flight[f]
-            sums = _mode_products(of.of_modes, of.acts.size, z.values[rows].swapaxes(0, 1))
+            sums = _mode_products(of.mode_columns, of.active.size, z.values[rows].swapaxes(0, 1))
             along = _with_mode_total(sums)[z.mode, :, z.source].T
             along[:, (z.flight != ALL_FLIGHTS) & (z.flight != f)] = 0.0
             found.append(self._roots[f] @ along)
@@ -250,8 +254,8 @@ class Nuisance:
             shared[:known, left] = sums[z.mode[left], :, place].T
             free = (self.free[:, rows].swapaxes(1, 2) @ part)[:, :, place]
             one, other = z.mode[left], z.mode[right]
-            acts = (one == ALL_MODES) | (one == np.arange(modes)[:, None])
-            shared[known:, left] = (free * acts[:, None]).reshape(modes * hats, -1)
+            active = (one == ALL_MODES) | (one == np.arange(modes)[:, None])
+            shared[known:, left] = (free * active[:, None]).reshape(modes * hats, -1)
             both = np.where(one[:, None] == ALL_MODES, other, one[:, None])
             both[(one[:, None] != other) & (one[:, None] != ALL_MODES) & (other != ALL_MODES)] = -2
             block = _with_mode_total(part.swapaxes(1, 2) @ values)[
@@ -264,16 +268,16 @@ class Nuisance:
 
 def _split_by_mode(columns: Floats) -> ModeColumns:
     """Split columns (R, K, n) into each mode's non-zero columns."""
-    acts = [np.flatnonzero(of.any(axis=1)) for of in columns]
-    return tuple((some, of[some]) for some, of in zip(acts, columns, strict=True))
+    active = [np.flatnonzero(of.any(axis=1)) for of in columns]
+    return tuple((some, of[some]) for some, of in zip(active, columns, strict=True))
 
 
 def _mode_products(columns: ModeColumns, count: int, values: Floats, rows: slice = EVERY) -> Floats:
     """Return products (R, K, q) of `count` columns, over the means `rows`, with values
     (R, n, q)."""
     sums = np.zeros((len(columns), count, values.shape[2]))
-    for (acts, of), out, along in zip(columns, sums, values, strict=True):
-        out[acts] = of[:, rows] @ along
+    for (active, of), out, along in zip(columns, sums, values, strict=True):
+        out[active] = of[:, rows] @ along
     return sums
 
 

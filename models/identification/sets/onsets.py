@@ -114,7 +114,7 @@ class _Step:
     kind: str
     flight: int | None
     times: Floats  # (S,) times to try, on the family's clock
-    after: Bools  # (F,) other flights that have the loss from their beginning
+    later_flights: Bools  # (F,) other flights that have the loss from their beginning
 
 
 def _step_families(search: Search) -> Iterator[_Step]:
@@ -126,17 +126,20 @@ def _step_families(search: Search) -> Iterator[_Step]:
     for f in range(flights) if flights <= MOST_FLIGHTS else ():
         times = _grid(x.time_s[flight == f])
         none = np.zeros(flights, dtype=np.bool_)
-        yield _Step(kind="one", flight=f, times=times, after=none)
+        yield _Step(kind="one", flight=f, times=times, later_flights=none)
         if dated:
-            yield _Step(kind="since", flight=f, times=times, after=starts > starts[f])
+            yield _Step(kind="since", flight=f, times=times, later_flights=starts > starts[f])
     if flights > 1:
         every = np.zeros(flights, dtype=np.bool_)
-        yield _Step(kind="each", flight=None, times=_grid(x.time_s), after=every)
+        yield _Step(kind="each", flight=None, times=_grid(x.time_s), later_flights=every)
 
 
 def _grid(time_s: Floats) -> Floats:
-    """Return times to try, GRID seconds apart, each with means before the next; a pause
-    has none."""
+    """Return times to try, GRID seconds apart and LEAST_AFTER from either end, in s like `time_s`
+    (n,).
+
+    Times in a pause of the log are left out, as they are equivalent.
+    """
     first, last = time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER
     within = time_s[(time_s >= first) & (time_s < last)]
     return first + GRID * np.unique(np.floor((within - first) / GRID))
@@ -218,7 +221,7 @@ class _LossSums:
             means = slice(*np.searchsorted(reduced.flight, [f, f + 1]))
             shared, own = nuisance.select_flight(f, means.start).sums(self._loss_from(times, means))
         for g in range(reduced.flights) if f is not None else ():
-            if g != f and step.after[g]:
+            if g != f and step.later_flights[g]:
                 both = [0] * count + [1]
                 shared += self.shared[g][:, both]
                 own += self.own[g][np.ix_(both, both)]

@@ -85,7 +85,7 @@ def unreported_wind_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> 
 #: of the mean rotor speed: size of a discrepancy curve and of slow noise without good
 #: flights; the error of trained models is 0.1 to 0.5 % along their own inputs
 USUAL_SHARE = 0.001
-SURE = (0.5, 10.0)  # limits of a learned scatter, in usual sizes
+SCATTER_LIMITS = (0.5, 10.0)  # limits of a learned scatter, in usual sizes
 FREE_EFFECTS = 100.0  # times their scatter: effects are nearly free while slow noise is estimated
 TAILS = 1.4  # root mean square over median-based size, for noise with Laplace tails
 LOADED = 0.03  # deviation of the load factor from 1, beyond which a mean counts as a manoeuvre
@@ -234,7 +234,7 @@ def _unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
     for of, rows in zip(open_.by_flight, open_.flights, strict=True):
         # Of the residual after the shared columns, scatter absorbs S (I + S'S)^-1 S'.
         seen = (of.columns @ left[rows].T[:, :, None]).sum(axis=0)[:, 0]
-        draws = np.linalg.solve(np.eye(of.acts.size) + of.gram, seen)
+        draws = np.linalg.solve(np.eye(of.active.size) + of.gram, seen)
         left[rows] -= (draws @ of.columns).T
         out[rows] = np.clip(np.sqrt(np.mean(left[rows] ** 2, axis=0)), 1.0, TAILS)
     return out
@@ -293,7 +293,7 @@ def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -
     sizes = []
     for c, k, name in main_values(candidates):
         usual = candidates[c].parameters[k].smallest
-        size = np.clip(learnt.get(name, usual) / usual, *SURE)
+        size = np.clip(learnt.get(name, usual) / usual, *SCATTER_LIMITS)
         sizes.append(0.0 if candidates[c].term.rotor is not None else float(size))
     return np.array(sizes)
 
@@ -356,7 +356,7 @@ def _noise_filter(reduced: Reduced, residual: Floats, scatter: Floats, hats: Flo
 
 
 def _manoeuvre_mask(reduced: Reduced) -> Bools:
-    """Return the means (N,) in a manoeuvre or directly before or after one."""
+    """Return a mask (N,), True for means in a manoeuvre or directly before or after one."""
     x = reduced.channels
     with np.errstate(invalid="ignore"):
         moved = (np.abs(x.yaw_rate) > TURN_RATE) | (np.abs(x.load_factor - 1.0) > LOADED)

@@ -344,7 +344,11 @@ class Search:
     def _normal_equations(
         self, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
     ) -> tuple[Floats, float]:
-        """Return a set's normal equations at its values, and its cost there, with the prior's."""
+        """Return the Gram matrix (P + 1, P + 1) of the columns and `residual`, and the cost at the
+        values of `trials`.
+
+        The cost is the sum of squares, nuisances marginalised, plus that of the prior.
+        """
         gram, prior = columns.gram(residual), prior_of(trials)
         away = prior.values - prior.centre
         return gram, float(gram[-1, -1]) + float(np.sum(prior.weight * away**2))
@@ -356,14 +360,14 @@ class Search:
         scored = score(prior_of(trials), columns.gram(residual), self.temperature)
         total = scored.log_evidence
         return FittedSet(
-            key=key, trials=tuple(trials), scored=scored, total=total, residual=residual
+            key=key, trials=tuple(trials), set_score=scored, total=total, residual=residual
         )
 
     def final_step_change(self, best: FittedSet) -> Floats:
         """Return the change in prediction (N, R), rpm in modes, by a set's linear step to its
         optimum."""
         moved, first = np.zeros_like(best.residual), 0
-        step = best.scored.step
+        step = best.set_score.step
         for k in range(len(best.trials)):
             columns = value_columns(self.reduced, best.trials, k).replace_nan()
             last = first + columns.count

@@ -130,7 +130,7 @@ def told_the_names(
         for i in implants
     ]
     found = search.fit(frozenset(c for c in places if c is not None), ())
-    error = np.sqrt(found.scored.variance)
+    error = np.sqrt(found.set_score.variance)
     sizes, first = {}, 0
     for c, trial in zip(sorted(found.key), found.trials, strict=True):
         truth = implants[places.index(c)].truth

@@ -39,7 +39,7 @@ def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
     return FittedSet(
         key=key,
         trials=tuple(trials),
-        scored=scored,
+        set_score=scored,
         total=float(np.log(weight)),
         residual=np.zeros((1, 4)),
     )
@@ -105,7 +105,7 @@ def test_values_are_averaged_over_the_sets_with_what_lies_between_them():
 
 def test_a_value_is_a_step_away_from_where_its_set_was_linearised():
     one = a_set(1.0, mass=(1.0, 0.2))
-    one = replace(one, scored=replace(one.scored, step=np.array([0.5])))
+    one = replace(one, set_score=replace(one.set_score, step=np.array([0.5])))
     search: Any = SimpleNamespace(fitted={one.key: one}, candidates=ALL)
     estimate = posterior_of(search, 0.15).estimate(0)
     assert estimate.value[0, 0] == pytest.approx(1.5)
@@ -286,7 +286,7 @@ def test_a_detail_is_no_size_and_a_value_that_is_never_absent_neither():
     )
     trials = TrialEffect(candidate=made, values=np.array([[0.1, 9.0, 9.0]]))
     still = replace(scored, step=np.zeros(3))
-    sure = replace(a_set(1.0), key=frozenset({0}), trials=(trials,), scored=still)
+    sure = replace(a_set(1.0), key=frozenset({0}), trials=(trials,), set_score=still)
     search.fitted = {sure.key: sure}
     assert posterior_of(search).named_candidates() == []
 
@@ -329,7 +329,7 @@ def test_values_of_single_flights_are_averaged_flight_by_flight():
         return FittedSet(
             key=frozenset(key),
             trials=tuple(trials),
-            scored=scored,
+            set_score=scored,
             total=float(np.log(weight)),
             residual=np.zeros((1, 4)),
         )
@@ -351,7 +351,7 @@ def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
     rare = FittedSet(
         key=frozenset({0}),
         trials=(TrialEffect(candidate=onset, values=values),),
-        scored=scored,
+        set_score=scored,
         total=float(np.log(0.2)),
         residual=np.zeros((1, 4)),
     )
@@ -455,7 +455,7 @@ def test_a_rotor_is_named_by_a_steady_loss_and_one_along_a_channel_together(alon
     other = FittedSet(
         key=frozenset({len(ALL)}),
         trials=(TrialEffect(candidate=uneven, values=uneven.start + 0.05),),
-        scored=SetScore(log_evidence=0.0, step=0.0 * errors, variance=errors**2),
+        set_score=SetScore(log_evidence=0.0, step=0.0 * errors, variance=errors**2),
         total=float(np.log(along)),
         residual=np.zeros((1, 4)),
     )
@@ -478,7 +478,7 @@ def test_a_knot_that_no_flight_reaches_is_as_the_last_that_one_does():
         one = FittedSet(
             key=frozenset({0}),
             trials=(TrialEffect(candidate=curve, values=values),),
-            scored=SetScore(log_evidence=0.0, step=np.zeros(3), variance=np.square(errors)),
+            set_score=SetScore(log_evidence=0.0, step=np.zeros(3), variance=np.square(errors)),
             total=0.0,
             residual=np.zeros((1, 4)),
         )

@@ -314,7 +314,7 @@ def test_two_curves_that_take_back_each_other_are_as_large_as_what_they_do_toget
         return FittedSet(
             key=frozenset(c for c, _ in kept),
             trials=tuple(h for _, h in kept),
-            scored=SetScore(log_evidence=0.0, step=np.zeros(count), variance=np.ones(count)),
+            set_score=SetScore(log_evidence=0.0, step=np.zeros(count), variance=np.ones(count)),
             total=0.0,
             residual=np.zeros_like(space.reduced.measured_rpm),
         )

@@ -92,7 +92,7 @@ def test_a_root_of_a_covariance_gives_it_back():
 
 def test_values_are_shared_by_fills_and_scatter_is_each_flight_s_own():
     one = module._FlownManoeuvre(
-        shared=np.ones((2, 1)), apart=np.ones((2, 1)), difference=np.ones(2)
+        shared=np.ones((2, 1)), scatter=np.ones((2, 1)), difference=np.ones(2)
     )
     gram = module._gram([one, one])
     # Columns: shared 1111, apart 1100 and 0011, difference 1111.

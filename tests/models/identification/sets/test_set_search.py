@@ -69,7 +69,7 @@ def test_a_set_is_fitted_to_where_scipy_has_the_least_squares(names):
     values = np.concatenate([h.free_values for h in found.trials])
     prior = prior_of(found.trials)
     ends = np.cumsum([len(h.candidate.free) for h in found.trials])[:-1]
-    error = 1.25 * np.sqrt(found.scored.variance)  # as sets are weighed
+    error = 1.25 * np.sqrt(found.set_score.variance)  # as sets are weighed
 
     def squares(off: Floats) -> float:
         parts = zip(found.trials, np.split(off * error, ends), strict=True)
@@ -81,7 +81,7 @@ def test_a_set_is_fitted_to_where_scipy_has_the_least_squares(names):
 
     best = minimize(squares, np.full(values.size, 0.5), method="Powell", options={"xtol": 1e-3})
     np.testing.assert_allclose(best.x, 0.0, atol=0.15)
-    np.testing.assert_allclose(found.scored.step / error, 0.0, atol=0.15)
+    np.testing.assert_allclose(found.set_score.step / error, 0.0, atol=0.15)
     for k in range(values.size):  # one standard error off, the others at their best: one more
         others = np.arange(values.size) != k
 
@@ -98,7 +98,7 @@ def test_a_fitted_set_has_the_evidence_that_all_columns_about_it_give():
     linear = search.linearise(found)
     scored = linear.score(found.key)
     assert found.total == pytest.approx(scored.log_evidence, abs=0.1)
-    np.testing.assert_allclose(found.scored.variance, scored.variance, rtol=0.05)
+    np.testing.assert_allclose(found.set_score.variance, scored.variance, rtol=0.05)
 
 
 def test_a_step_leads_from_values_nearby_to_the_likeliest():
