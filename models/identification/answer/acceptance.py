@@ -13,12 +13,15 @@
 5. `needed_effects`: drop effects, or pairs, that the cross-validated error does not need.
    Without it, two effects that cancel each other are both reported.
 6. `resembles_unexplained`: drop "one of" groups of which rule 4 would drop every effect.
+   Without it, a choice is reported between effects that all only imitate an unlisted cause.
 7. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
    zero. Predictions use that refit, so its intervals count.
+   Without it, the new model has an effect whose size may be zero.
 8. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
    Without it, the new model keeps an error that recurs in every flight.
 9. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection is
    higher and its loss lowers the cross-validated error.
+   Without it, pilots are asked to inspect sound rotors.
 
 In addition, `wind_in_airspeed` reports a strong wind that the airspeed sensor has followed.
 """
