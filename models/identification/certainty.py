@@ -28,20 +28,19 @@ class Cost:
     missed: float
 
     @property
-    def asked_from(self) -> float:
+    def action_threshold(self) -> float:
         """Return the probability of a bad part from which the action costs less than no action."""
         return self.needless / (self.needless + self.missed)
 
-    def of_asking(self, probability: float) -> float:
+    def expected_cost(self, probability: float) -> float:
         """Return the expected cost of advising the action for a part that is bad with
         `probability`."""
         return (1.0 - probability) * self.needless
 
 
-#: Part -> what errors cost. A propeller is looked at in minutes, and breaks in flight when it is
-#: not; a needless look ends in the exchange of a sound part one time in a few. What is weighed,
-#: levelled or set by a needless action is wrong afterwards, so these wait until they are likelier
-#: than not.
+#: Part -> costs of errors. Inspecting a propeller takes minutes, and a bad one breaks in flight; a
+#: needless inspection sometimes ends in the exchange of a sound part. After a needless weighing,
+#: levelling or setting the aircraft is set wrongly, so these wait for a probability above CHOICE.
 COSTS: Mapping[str, Cost] = MappingProxyType(
     {
         "rotor": Cost(needless=1.0, missed=4.0),

@@ -109,7 +109,7 @@ def identify_checked(
     stepwise = not (problem.of_outputs or space.nuisance.whitening.unfiltered.any())
     steps = onset_candidates(search, search.best) if stepwise else []
     if lacks_sound_flights(model):  # other changes between two flights are of unknown size
-        steps = [one for one in steps if not between_flights(space.reduced, one)]
+        steps = [one for one in steps if not is_constant_in_flights(space.reduced, one)]
     if steps and search.add(steps, drop_rotor_effects(search, search.best.key)):
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
@@ -139,7 +139,7 @@ def identify_checked(
                 role="held_out",
             )
         )
-    last, found = unseen[-1], _found(left_out, estimates)
+    last, found = unseen[-1], _reported_effects(left_out, estimates)
     open_keys = {search.candidates[c].key for c in accepted.unnamed_members}
     standing = standing_shares(problem, left_out.trial_effects(values), left_out.residual(values))
     wind = wind_in_airspeed(problem, after, left_out.trial_effects(values), fit)
@@ -175,7 +175,7 @@ def identify_checked(
     )
 
 
-def between_flights(reduced: Reduced, step: Candidate) -> bool:
+def is_constant_in_flights(reduced: Reduced, step: Candidate) -> bool:
     """Return whether a rotor's step change `step` is constant within each flight.
 
     A load or a trim that was changed between two flights looks the same.
@@ -192,7 +192,9 @@ def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
     return [before_loss(track, loss_of_control(track)) for track in tracks]
 
 
-def _found(left_out: CrossValidation, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:
+def _reported_effects(
+    left_out: CrossValidation, estimates: Sequence[EffectEstimate]
+) -> tuple[Found, ...]:
     """Return the reported effects in the order of the error that each removes, largest first.
 
     Each has the RMSE, rpm, before and after it is added to the effects before it.

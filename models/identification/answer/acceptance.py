@@ -473,7 +473,7 @@ def needs_inspection(probability: float, without_rpm: float, with_rpm: float) ->
     Its probability must make a missed bad rotor costlier than a needless inspection, and its loss
     must lower the cross-validated error, `without_rpm` to `with_rpm`, by LEAST_FALL.
     """
-    likely = probability >= COSTS["rotor"].asked_from
+    likely = probability >= COSTS["rotor"].action_threshold
     return likely and without_rpm >= (1.0 + LEAST_FALL) * with_rpm
 
 
