@@ -136,7 +136,11 @@ class _Curves:
 
 
 def open_causes(problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect]) -> CausesFit:
-    """Fit unnamed causes to the residual (T, R), rpm, that the effects `trials` leave."""
+    """Fit unnamed causes to the residual (T, R), rpm, that is left with the effects `trials`.
+
+    No causes for a single flight, for motor outputs, or if the selection does not hold in held-out
+    flights.
+    """
     if problem.flights < 2 or problem.of_outputs:
         return CausesFit()
     fold = np.arange(problem.flights) % MOST_FOLDS

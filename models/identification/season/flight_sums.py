@@ -129,8 +129,8 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
 def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floats:
     """Return the derivatives (N, R, P), rpm in modes, by a candidate's values at its start.
 
-    `found` are derivatives computed before. The column of a torque share becomes that of loss x
-    share.
+    `found` are these derivatives if they were computed before. The column of a torque share is
+    replaced by the derivative by loss x share.
     """
     if found is None:
         found = derivatives(reduced, [one.initial_effect], 0)

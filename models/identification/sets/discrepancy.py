@@ -261,7 +261,8 @@ def learn_variances(
     """Estimate the variance components of a residual (N, R), rpm in modes.
 
     `groups` (H,) is each hat's channel; `numbers` (K,) the component of each scatter column, -1 for
-    those that keep their size. The discrepancy's sizes are learned only if its `factor` is 1.
+    those that keep their size. `factor` is the size of the discrepancy relative to a sound
+    aircraft; the discrepancy's own sizes are estimated only if it is 1.
     """
     names = list(dict.fromkeys(groups))
     of = np.array([names.index(g) for g in groups])

@@ -121,7 +121,7 @@ class Nuisance:
 
     @cached_property
     def by_flight(self) -> tuple[FlightScatter, ...]:
-        """Return the scatter (F,) of each flight."""
+        """Return the scatter columns of each of the F flights, with their products."""
         found, known = [], self.uncertainty.shape[2]
         for rows in self.flights:
             active = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))

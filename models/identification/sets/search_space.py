@@ -286,8 +286,8 @@ def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
 def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
     """Return the between-flight scatter (K,) of each main value, in units of its `smallest`.
 
-    From the good flights, limited to SURE times the usual, as few or short flights estimate it
-    poorly. 0 for rotors: a sound propeller does not change between flights.
+    From the good flights, kept within SCATTER_LIMITS of the usual, as few or short flights estimate
+    it poorly. 0 for rotors: a sound propeller does not change between flights.
     """
     learnt = {} if known is None else known.scatter
     sizes = []
@@ -299,10 +299,11 @@ def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -
 
 
 def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
-    """Return offsets (N, R, R), rpm, of each mode by flight, and offsets that all flights share.
+    """Return the size (N, R, R), rpm, of each mode's offset by flight, and of an offset that all
+    flights share.
 
-    Sizes are those of n good flights that were held out of the model; the mean of n is uncertain by
-    1/n of the variance. For motor outputs, whose shares depend on wind and battery, they are at
+    Sizes are those of the n good flights, which were held out of the model; their mean is uncertain
+    by 1/n of the variance. For motor outputs, whose shares depend on wind and battery, sizes are at
     least these flights' own; without good flights, too large to report anything.
     """
     model, modes = reduced.model, residual.shape[1]
