@@ -288,7 +288,7 @@ def test_a_loss_from_a_moment_on_is_summed_as_if_over_all_flights(kind):
     x, flight = space.reduced.channels, space.reduced.flight
     later = x.time_s[:, None] >= step.times
     if step.flight is not None:
-        later = later & (flight == step.flight)[:, None] | step.after[flight][:, None]
+        later = later & (flight == step.flight)[:, None] | step.later_flights[flight][:, None]
     whole = np.concatenate(
         [column[:, :, None] * later[:, None, :], nothing.residual[:, :, None]], axis=2
     )
