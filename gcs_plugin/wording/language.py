@@ -49,7 +49,7 @@ def translations(language: str, context: str | None = None) -> dict[str, str]:
 
     file = resources.files(__package__ or "") / f"{language}.po"
     entries = polib.pofile(file.read_text("utf-8"))
-    return {one.msgid: one.msgstr for one in entries if one.msgctxt == context}
+    return {str(e.msgid): str(e.msgstr) for e in entries if e.msgctxt == context}
 
 
 def say(english: str, /, *listed: object, **values: object) -> str:

@@ -41,10 +41,11 @@ def page_words(language: str) -> dict[str, dict[str, str]]:
     LANGUAGES.
     """
     file = resources.files(__package__ or "") / "page_words.toml"
+    parts: dict[str, dict[str, str]] = tomllib.loads(file.read_text("utf-8"))
     table = translations(language, "page")
     return {
         part: {key: table.get(english, english) for key, english in words.items()}
-        for part, words in tomllib.loads(file.read_text("utf-8")).items()
+        for part, words in parts.items()
     }
 
 

@@ -1,1 +1,1 @@
-"""The loop: residual -> missing effect -> added effect -> error before and after."""
+"""Explain the residual of a rotor speed model: find missing effects, add them, report the error."""

@@ -1,8 +1,9 @@
-"""How sure an answer is, and whether a person is asked to do something.
+"""Probabilities and costs that decide what is reported and which action is advised.
 
-One number is behind names, intervals, limits and dates. Of actions the cost of an error decides: to
-ask for nothing costs `missed` where the part is bad, to ask costs `needless` where it is sound.
-What is cheaper on the average is done (Berger 1985, Statistical Decision Theory, section 1.3).
+SURE is the probability for reported effects, intervals, limits and dates. An action on a part is
+advised where it costs less on average than no action: no action costs `missed` if the part is bad,
+the action costs `needless` if the part is sound (Berger 1985, Statistical Decision Theory, section
+1.3).
 """
 
 from __future__ import annotations
@@ -12,34 +13,34 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from types import MappingProxyType
 
-SURE = 0.95  # of the weight for a name, and of the values that an interval or a limit holds
-CHOICE = 0.5  # of the weight, from which one is likelier than not
-DOUBT = 1.0 - SURE  # what a name may lack, so the weight from which anything else is listed
-#: Standard errors on either side of such an interval.
+SURE = 0.95  # posterior probability of a reported effect; coverage of intervals and limits
+CHOICE = 0.5  # probability above which an effect is more probable than not
+DOUBT = 1.0 - SURE  # probability from which anything else is listed as possible
+#: Standard errors on either side of an interval of SURE.
 ERRORS = NormalDist().inv_cdf(1.0 - DOUBT / 2.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Of a needless action and of a missed one, both in times a look at a propeller."""
+    """Costs of a needless and of a missed action; the unit is one inspection of a propeller."""
 
     needless: float
     missed: float
 
     @property
-    def asked_from(self) -> float:
-        """The probability from which to ask costs less than not to."""
+    def action_threshold(self) -> float:
+        """Return the probability of a bad part from which the action costs less than no action."""
         return self.needless / (self.needless + self.missed)
 
-    def of_asking(self, probability: float) -> float:
-        """Expected cost of the action, for a part that is bad with a probability."""
+    def expected_cost(self, probability: float) -> float:
+        """Return the expected cost of advising the action for a part that is bad with
+        `probability`."""
         return (1.0 - probability) * self.needless
 
 
-#: Part -> what errors cost. A propeller is looked at in minutes, and breaks in flight when it is
-#: not; a needless look ends in the exchange of a sound part one time in a few. What is weighed,
-#: levelled or set by a needless action is wrong afterwards, so these wait until they are likelier
-#: than not.
+#: Part -> costs of errors. Inspecting a propeller takes minutes, and a bad one breaks in flight; a
+#: needless inspection sometimes ends in the exchange of a sound part. After a needless weighing,
+#: levelling or setting the aircraft is set wrongly, so these wait for a probability above CHOICE.
 COSTS: Mapping[str, Cost] = MappingProxyType(
     {
         "rotor": Cost(needless=1.0, missed=4.0),

@@ -1,8 +1,8 @@
-"""Close the loop: residual -> missing effect -> added effect -> error before and after.
+"""Identify the effects that a rotor speed model lacks, from flights with measured rotor speeds.
 
-`identify` scores sets of effects on flights with measured rotor speeds, beside a discrepancy that
-competes with them; it names what nearly all the weight holds, lists what cannot be distinguished
-and what is excluded, and states the error on flights that no step has used.
+`identify` searches over sets of effects, which compete with a nonparametric discrepancy. It reports
+effects with a posterior probability of at least 0.95, lists confounded alternatives and excluded
+sizes, and states the error on held-out or cross-validated flights.
 """
 
 from __future__ import annotations
@@ -18,15 +18,18 @@ from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.acceptance import (
-    accepted_names,
-    followed_wind,
+    accept_effects,
     open_cause,
-    size,
+    residual_rms,
+    wind_in_airspeed,
 )
-from thrustmargin.models.identification.answer.cross_validation import LeftOut, on_new_flights
+from thrustmargin.models.identification.answer.cross_validation import (
+    CrossValidation,
+    held_out_residual,
+)
 from thrustmargin.models.identification.answer.floor import floor_rpm
-from thrustmargin.models.identification.answer.held_out_errors import Unseen, errors_of
-from thrustmargin.models.identification.answer.open_causes import change_on, open_causes
+from thrustmargin.models.identification.answer.held_out_errors import HeldOutResidual, errors_of
+from thrustmargin.models.identification.answer.open_causes import change_by_causes, open_causes
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.standing_shares import standing_shares
@@ -41,7 +44,7 @@ from thrustmargin.models.identification.rows.output_shares import (
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.reduced import Reduced, rows_and_means
 from thrustmargin.models.identification.rows.usable_flights import Flown, require_airframe
-from thrustmargin.models.identification.sets.onsets import onset_candidates, without_rotors
+from thrustmargin.models.identification.sets.onsets import drop_rotor_effects, onset_candidates
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Progress, Search
 from thrustmargin.models.model.model_file import shipped_model
@@ -56,13 +59,14 @@ def identify(
     catalogue: Sequence[Effect] = CATALOGUE,
     progress: Progress | None = None,
 ) -> Identification:
-    """Find the effects that `model` lacks on flights; report errors on the flights `held_out`.
+    """Find the effects that `model` lacks on `flights`; report errors on the flights `held_out`.
 
-    A flight is a FlightTrack or a log that was read; the model, without one, that which ships, for
-    logs that are recognised as of its airframe. Effects are looked for at the size of the model's
-    aircraft. Without held-out flights the errors are cross-validated: each flight (of one flight,
-    each fifth) predicted with values found without it. Raises DataError when no flight can be
-    fitted, or one is not of the model's airframe, and AirframeError for a wrong rotor count.
+    A flight is a FlightTrack or a log that was read. Without `model`, the shipped model is used; it
+    requires logs that are recognised as of its airframe. Effects are scaled to the size of the
+    model's aircraft. Without held-out flights the errors are cross-validated: each flight (of a
+    single flight, each fifth) is predicted with values fitted without it. Raises DataError when no
+    flight can be fitted or one is not of the model's airframe, and AirframeError for a wrong rotor
+    count.
 
         >>> found = identify(read_log("sitl_logs/dev/worn_prop_1.tlog"))
         >>> print(found)
@@ -90,9 +94,9 @@ def identify_checked(
     catalogue: Sequence[Effect] = CATALOGUE,
     progress: Progress | None = None,
 ) -> Identification:
-    """As `identify`, of flights that `require_airframe` holds for, or what a command does of it.
+    """Identify like `identify`, from tracks that have passed `require_airframe` already.
 
-    Tracks are looked at one at a time, so that they may lie on disk.
+    Tracks are read one at a time, so a sequence may load each from disk.
     """
     catalogue = effects_for(model.airframe, catalogue)
     problem, means = rows_and_means(model, fit)
@@ -101,62 +105,63 @@ def identify_checked(
     space = search_space(model, fit, catalogue, means)
     search = Search(space.reduced, space.nuisance, (*space.candidates, *space.unnamed))
     search.run(progress)
-    # Between reports seconds apart, slow noise and a step in time are alike.
+    # With reports seconds apart, slow noise cannot be distinguished from a step in time.
     stepwise = not (problem.of_outputs or space.nuisance.whitening.unfiltered.any())
     steps = onset_candidates(search, search.best) if stepwise else []
-    if lacks_sound_flights(model):  # how much else changes between two flights is not known
-        steps = [one for one in steps if not between_flights(space.reduced, one)]
-    if steps and search.add(steps, without_rotors(search, search.best.key)):
+    if lacks_sound_flights(model):  # other changes between two flights are of unknown size
+        steps = [one for one in steps if not is_constant_in_flights(space.reduced, one)]
+    if steps and search.add(steps, drop_rotor_effects(search, search.best.key)):
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
-    accepted = accepted_names(space, search, problem, steepness=steepness)
+    accepted = accept_effects(space, search, problem, steepness=steepness)
     answer = accepted.answer
     left_out, estimates = accepted.left_out, accepted.estimates
     if progress:
         progress("errors on flights not used", 1.0)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
-    # With nothing added the model stays what it was, and so does its error.
+    # Without an added effect the model and its error stay as they were.
     chosen = before
     if estimates:
-        open_ = bool(accepted.open_members)
-        chosen = left_out.with_choice(accepted.members, accepted.aside, open_=open_)
-    more = open_causes(problem, after, left_out.held(values))
+        open_ = bool(accepted.unnamed_members)
+        chosen = left_out.with_selected_effects(accepted.members, accepted.dropped, open_=open_)
+    more = open_causes(problem, after, left_out.trial_effects(values))
     chosen, after = chosen - more.left_out_rpm, after - more.change_rpm
-    unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
+    unseen = [HeldOutResidual(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
     if held_out:
         unused = assemble(model, held_out)
         unseen.append(
-            Unseen(
+            HeldOutResidual(
                 problem=unused,
                 before_rpm=unused.measured_rpm - unused.speeds(),
-                after_rpm=on_new_flights(unused, estimates) - change_on(unused, more.causes),
+                after_rpm=held_out_residual(unused, estimates)
+                - change_by_causes(unused, more.causes),
                 role="held_out",
             )
         )
-    last, found = unseen[-1], _found(left_out, estimates)
-    open_keys = {search.candidates[c].key for c in accepted.open_members}
-    standing = standing_shares(problem, left_out.held(values), left_out.residual(values))
-    wind = followed_wind(problem, after, left_out.held(values), fit)
+    last, found = unseen[-1], _reported_effects(left_out, estimates)
+    open_keys = {search.candidates[c].key for c in accepted.unnamed_members}
+    standing = standing_shares(problem, left_out.trial_effects(values), left_out.residual(values))
+    wind = wind_in_airspeed(problem, after, left_out.trial_effects(values), fit)
     return Identification(
         model=model,
         problem=problem,
         found=tuple(f for f in found if f.term.key not in open_keys),
-        left=accepted.left,
-        closest=tuple(search.candidates[c].term for c in accepted.closest),
+        left=accepted.unexplained,
+        closest=tuple(search.candidates[c].term for c in accepted.lookalikes),
         unseen=tuple(unseen),
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
-        residual_carried_rpm=left_out.with_carried(accepted.members) - more.left_out_rpm,
+        residual_carried_rpm=left_out.with_persistent_effects(accepted.members) - more.left_out_rpm,
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
-        sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
+        sensor_noise_rpm=sensor_noise_rpm(problem.mode_amplitudes(after), problem.follows),
         alternatives=answer.alternatives(),
         one_of=accepted.one_of,
-        # Motors and ESCs of one make differ by more than outputs scatter: they clear no rotor.
+        # Motors and ESCs of one make differ by more than outputs scatter: no rotor is cleared.
         excluded=tuple(
             e
-            for e in answer.excluded(answer.search.linearise(answer.best), accepted.named)
+            for e in answer.excluded(answer.search.linearise(answer.best), accepted.probable)
             if e.term.rotor is None or not problem.of_outputs
         ),
         mentioned=accepted.mentioned,
@@ -170,26 +175,34 @@ def identify_checked(
     )
 
 
-def between_flights(reduced: Reduced, step: Candidate) -> bool:
-    """Return whether a rotor's step in time is constant in each flight, as a load or a trim that
-    changed between two flights is."""
+def is_constant_in_flights(reduced: Reduced, step: Candidate) -> bool:
+    """Return whether a rotor's step change `step` is constant within each flight.
+
+    A load or a trim that was changed between two flights looks the same.
+    """
     effect = step.term.effect
     main = [k for k, p in enumerate(effect.parameters) if p.absent is not None and not p.detail]
-    change = np.nan_to_num(slopes(reduced, [step.at_start], 0, main))
+    change = np.nan_to_num(slopes(reduced, [step.initial_effect], 0, main))
     return is_constant_share(change, reduced.flight)
 
 
 def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
-    """What of each can be learnt from: a flight ends where control is lost."""
+    """Return the track of each flight, truncated at the moment control was lost."""
     tracks = [f if isinstance(f, FlightTrack) else f.track for f in flights]
     return [before_loss(track, loss_of_control(track)) for track in tracks]
 
 
-def _found(left_out: LeftOut, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:
-    """The named effects, that which takes most of the error first."""
+def _reported_effects(
+    left_out: CrossValidation, estimates: Sequence[EffectEstimate]
+) -> tuple[Found, ...]:
+    """Return the reported effects in the order of the error that each removes, largest first.
+
+    Each has the RMSE, rpm, before and after it is added to the effects before it.
+    """
 
     def error(some: Sequence[EffectEstimate]) -> float:
-        return size(left_out.residual({e.candidate: e.value for e in some}))
+        """Return the RMS residual, rpm, with the given estimates on all rows."""
+        return residual_rms(left_out.residual({e.candidate: e.value for e in some}))
 
     order: list[EffectEstimate] = []
     errors = [error(())]

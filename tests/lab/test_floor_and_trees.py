@@ -18,7 +18,7 @@ def test_boosted_trees_on_the_same_channels_do_not_undercut_it(sitl_logs):
     every = [x.airspeed, x.tank_kg, x.time_s, x.voltage, x.advance_ratio, x.load_factor, x.heading]
     tables = [x.load_factor_shifts, *x.rate_shifts, *x.acceleration_shifts]
     columns = np.concatenate([np.stack(every, axis=1), *(t[:, ::4] for t in tables)], axis=1)
-    modes = problem.in_modes(residual)
+    modes = problem.mode_amplitudes(residual)
     left = np.empty_like(modes)
     for f in range(3):
         out = problem.flight == f

@@ -133,7 +133,7 @@ def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
         value=whole,
         error=own,
         curve=np.interp(np.arange(len(flights)), where, curve),
-        changes=tuple(change_points.placed(e, where) for e in entries),
+        changes=tuple(change_points.recount_flights(e, where) for e in entries),
         instead=(),
         least_seen=NAN,
         usual=float(curve[0]),

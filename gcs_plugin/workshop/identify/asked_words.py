@@ -55,7 +55,7 @@ def _asked(action: Action, rotor: int | None, probability: float) -> AskedAction
         part=f"rotor {rotor + 1}" if rotor is not None and hands_on else action.part,
         action=action.text,
         probability=probability,
-        expected_cost=COSTS[kind].of_asking(probability),
+        expected_cost=COSTS[kind].expected_cost(probability),
     )
 
 

@@ -208,7 +208,7 @@ def write_result(
             if json is not None:
                 drafts[json].write_bytes(json_text(result).encode("utf-8", "replace"))
             if mission is not None and following is not None:
-                limits = FlownLimits.of(result.tracks)
+                limits = FlownLimits.from_tracks(result.tracks)
                 plan = manoeuvre_plan(following.manoeuvre, limits, repeats=following.repeats)
                 drafts[mission].write_text(plan_text(plan), encoding="utf-8")
             if out is not None:

@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.wording.palette import residual_scale
 from thrustmargin.gcs_plugin.workshop.identify import identify_result as results
 from thrustmargin.gcs_plugin.workshop.identify import identify_words as answers
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.answer.held_out_errors import Unseen
+from thrustmargin.models.identification.answer.held_out_errors import HeldOutResidual
 from thrustmargin.models.identification.rows.problem import Problem
 
 LEAST_VARIATION = 0.02  # of its median, below which nothing can be seen to go with a channel
@@ -70,7 +70,7 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def rows_of(unseen: Sequence[Unseen], tracks: Sequence[FlightTrack]) -> Rows:
+def rows_of(unseen: Sequence[HeldOutResidual], tracks: Sequence[FlightTrack]) -> Rows:
     """Put the residuals of fitted and held-out flights under each other, with their places."""
     first = unseen[0].problem
     offsets = np.cumsum([0, *(u.problem.flights for u in unseen)])

@@ -23,7 +23,7 @@ from thrustmargin.models.identification.answer.model_update import (
     update_model,
 )
 from thrustmargin.models.identification.answer.result import Found, Identification
-from thrustmargin.models.identification.next_flight.next_flight import NextFlight, following_flight
+from thrustmargin.models.identification.next_flight.next_flight import NextFlight, plan_next_flight
 from thrustmargin.models.json_values import to_json_values
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Result:
     update: ModelUpdate
     tracks: Sequence[FlightTrack]  # the fitted flights, then the held-out ones
     not_used: tuple[UnusedLog, ...]
-    unseen: tuple[held_out_errors.Unseen, ...]  # the last one is that of the errors
+    unseen: tuple[held_out_errors.HeldOutResidual, ...]  # the last one is that of the errors
     errors: tuple[held_out_errors.RotorErrors, ...]  # all rotors, then each
     margins: tuple[MarginChange, ...]  # of each effect
     margin: MarginChange  # of all effects, worst rotor
@@ -63,7 +63,7 @@ def result_of(
     """Everything that is shown of an identification; `tracks` are the flights it was given."""
     unseen = found.unseen
     margins, margin = margin_changes(found)
-    following = following_flight(found, tracks)
+    following = plan_next_flight(found, tracks)
     mission = "" if following is None else mission
     return Result(
         found=found,

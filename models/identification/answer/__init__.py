@@ -1,1 +1,1 @@
-"""The answer: what is named, with which error on flights left out, and what to fly next."""
+"""Turn a finished search into an answer: reported effects, cross-validated errors, new model."""

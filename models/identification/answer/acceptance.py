@@ -1,4 +1,30 @@
-"""ACCEPT"""
+"""Decide which effects to report, from the posterior over sets and the cross-validated errors.
+
+`accept_effects` applies the rules in this order:
+
+1. `drop_larger_sets`: drop the best set while a smaller one has a lower cross-validated error.
+   Without it, effects that only fit noise are reported.
+2. `drop_worse_sets`: drop sets whose cross-validated error is clearly above that of the best one.
+   Without it, effects count as confounded though held-out flights distinguish them.
+3. `Posterior.named_candidates`: select effects with a posterior inclusion probability of at least
+   0.95 and a 95 % interval that excludes zero. This is the promise of the answer.
+4. `effects_resembling`: drop effects that resemble an unexplained residual (`find_unexplained`).
+   Without it, the closest effect of the catalogue is reported for a cause that it lacks.
+5. `needed_effects`: drop effects, or pairs, that the cross-validated error does not need.
+   Without it, two effects that cancel each other are both reported.
+6. `resembles_unexplained`: drop "one of" groups of which rule 4 would drop every effect.
+   Without it, a choice is reported between effects that all only imitate an unlisted cause.
+7. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
+   zero. Predictions use that refit, so its intervals count.
+   Without it, the new model has an effect whose size may be zero.
+8. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
+   Without it, the new model keeps an error that recurs in every flight.
+9. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection is
+   higher and its loss lowers the cross-validated error.
+   Without it, pilots are asked to inspect sound rotors.
+
+In addition, `wind_in_airspeed` reports a strong wind that the airspeed sensor has followed.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +40,11 @@ from thrustmargin.models.effects.channels import Channels, froude_time_scale
 from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND, WIND
 from thrustmargin.models.effects.unnamed import ALONG, place_of
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.answer.cross_validation import LeftOut, OutOfSums
+from thrustmargin.models.identification.answer.cross_validation import CrossValidation, FoldSums
 from thrustmargin.models.identification.answer.posterior import (
     EffectEstimate,
     Posterior,
-    known_to_its_law,
+    add_law_error,
     posterior_of,
 )
 from thrustmargin.models.identification.answer.result import (
@@ -29,7 +55,12 @@ from thrustmargin.models.identification.answer.result import (
     Unexplained,
 )
 from thrustmargin.models.identification.certainty import CHOICE, COSTS, DOUBT
-from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, placed, predicted
+from thrustmargin.models.identification.rows.candidates import (
+    Term,
+    TrialEffect,
+    placed_effects,
+    predicted_modes,
+)
 from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS, Problem
 from thrustmargin.models.identification.sets.discrepancy import FORM, MEANS, WANDER, slow_wander
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
@@ -40,296 +71,192 @@ from thrustmargin.models.physics.forward_flight import ForwardFlight, straight_r
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AcceptedNames:
-    """The accepted names, with what else is reported; candidates are those of `answer.search`."""
+class AcceptedEffects:
+    """The accepted effects and everything else to report; candidates index `answer.search`."""
 
     answer: Posterior
-    left_out: LeftOut
-    named: tuple[int, ...]  # before any fell
-    estimates: tuple[EffectEstimate, ...]  # of those that stand, and of causes without a name
+    left_out: CrossValidation
+    probable: tuple[int, ...]  # candidates that rule 3 selects, before any is dropped
+    estimates: tuple[EffectEstimate, ...]  # of the accepted effects and the unnamed causes
     one_of: tuple[OneOf, ...]
-    open_members: tuple[int, ...]  # of the estimates, those without a name
-    left: Unexplained | None
-    closest: tuple[int, ...]  # to what is left
+    unnamed_members: tuple[int, ...]  # candidates among `estimates` that are not reported by name
+    unexplained: Unexplained | None
+    lookalikes: tuple[int, ...]  # probable candidates that resemble the unexplained residual
     mentioned: tuple[Mentioned, ...]
 
     @property
     def members(self) -> list[int]:
-        """The candidates that stand, and causes without a name."""
+        """Return the accepted candidates and the unnamed causes."""
         return [e.candidate for e in self.estimates]
 
     @property
-    def aside(self) -> list[int]:
-        """The names that fell."""
-        return [c for c in self.named if c not in self.members]
+    def dropped(self) -> list[int]:
+        """Return the probable candidates that a later rule dropped."""
+        return [c for c in self.probable if c not in self.members]
 
 
-def accepted_names(
+def accept_effects(
     space: SearchSpace,
     search: Search,
     problem: Problem,
     *,
     steepness: float = 0.0,
-) -> AcceptedNames:
-    """The names of a search that has run; `steepness` is that of `posterior_of`."""
-    answer, left_out = borne_out(problem, posterior_of(search, steepness))
-    named = answer.named()
-    left = unexplained(space, answer)
-    closest = closest_to(left, named, answer)
+) -> AcceptedEffects:
+    """Apply the rules to a finished search; `steepness` is that of `posterior_of`."""
+    # Rules 1 and 2
+    answer, left_out = cross_validated_posterior(problem, posterior_of(search, steepness))
 
-    def error(some: Sequence[int]) -> float:
-        return size(left_out.with_set(some))
+    def error(members: Sequence[int]) -> float:
+        """Return the cross-validated RMS error, rpm, with exactly these effects."""
+        return residual_rms(left_out.with_effects(members))
 
-    matter = that_matter(error, [c for c in named if c not in closest])
-    one_of = tuple(one for one in answer.one_of(named) if not imitates(one, left, answer))
-    firsts = {one.terms[0].key for one in one_of}
-    either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
-    estimates = answer.estimates(matter, either)
-    standing = [e.candidate for e in estimates]
-    open_ = [] if problem.of_outputs else shown_again(left_out, answer, standing, named)
-    if open_:
-        estimates = answer.estimates([*standing, *open_], either)
+    # Rules 3 to 5
+    probable = answer.named_candidates()
+    unexplained = find_unexplained(space, answer)
+    lookalikes = effects_resembling(unexplained, probable, answer)
+    needed = needed_effects(error, [c for c in probable if c not in lookalikes])
+    # Rules 6 and 7: while values are fitted, the most probable effect represents each "one of"
+    one_of = tuple(
+        one
+        for one in answer.one_of(probable)
+        if not resembles_unexplained(one, unexplained, answer)
+    )
+    first_keys = {one.terms[0].key for one in one_of}
+    either = {c for c, one in enumerate(search.candidates) if one.term.key in first_keys}
+    estimates = answer.estimates(needed, either)
+    # Rule 8: shares of motor outputs show no curve along a channel
+    accepted = [e.candidate for e in estimates]
+    unnamed: list[int] = []
+    if not problem.of_outputs:
+        unnamed = unnamed_terms_worth_keeping(left_out, answer, accepted, probable)
+    if unnamed:
+        estimates = answer.estimates([*accepted, *unnamed], either)
+    # Rule 9: an uneven loss of a rotor is reported as unexplained, with an inspection of its own
     members = [e.candidate for e in estimates]
-    return AcceptedNames(
+    mentioned = tuple(
+        one
+        for one, c in answer.mentioned(members)
+        if (unexplained is None or one.rotor != unexplained.rotor)
+        and needs_inspection(one.probability, error(members), error([*members, c]))
+    )
+    return AcceptedEffects(
         answer=answer,
         left_out=left_out,
-        named=tuple(named),
-        estimates=tuple(known_to_its_law(search, one) for one in estimates),
+        probable=tuple(probable),
+        estimates=tuple(add_law_error(search, one) for one in estimates),
         one_of=one_of,
-        open_members=tuple(open_),
-        left=left,
-        closest=tuple(closest),
-        mentioned=tuple(
-            one
-            for one, c in answer.mentioned(members)
-            if (left is None or one.rotor != left.rotor)  # else that asks for a look at it
-            and worth_a_look(one.probability, error(members), error([*members, c]))
-        ),
+        unnamed_members=tuple(unnamed),
+        unexplained=unexplained,
+        lookalikes=tuple(lookalikes),
+        mentioned=mentioned,
     )
 
 
-def shown_again(
-    left_out: LeftOut, answer: Posterior, names: Sequence[int], before: Collection[int]
-) -> list[int]:
-    """What has no name and is in the likeliest set, without which flights left out are predicted
-    worse beside the `names`, of those named `before` any fell; none where the choice made anew
-    without each flight is of no use."""
-
-    def error(some: Sequence[int]) -> float:
-        return size(left_out.with_set([*names, *some]))
-
-    pool = answer.search.open_members(answer.best.key)
-    kept = that_matter(error, [c for c in pool if c not in names])
-    if not kept:
-        return []
-    members = [*names, *kept]
-    aside = [c for c in before if c not in names]
-    without = size(left_out.with_choice(names, aside))
-    aside = [c for c in before if c not in members]
-    having = size(left_out.with_choice(members, aside, open_=True))
-    return kept if without >= (1.0 + LEAST_FALL) * having else []
-
-
-def imitates(one: OneOf, left: Unexplained | None, answer: Posterior) -> bool:
-    """True for a choice of which every effect may only be closest to what is left."""
-    keys = {term.key for term in one.terms}
-    of = [c for c, k in enumerate(answer.search.candidates) if k.term.key in keys]
-    return set(closest_to(left, of, answer)) == set(of)
-
-
-def worth_a_look(probability: float, without_rpm: float, with_rpm: float) -> bool:
-    """Whether a person is asked to look at a rotor without a name: by its probability, and by the
-    errors of flights left out without its loss and with it."""
-    likely = probability >= COSTS["rotor"].asked_from
-    return likely and without_rpm >= (1.0 + LEAST_FALL) * with_rpm
-
-
-def that_matter(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:
-    """The effects without any of which, or any two, flights left out would be predicted worse.
-
-    `error` is that of flights left out with a set; what counts is LEAST_FALL of it. Two that oppose
-    each other each look needed beside the other.
-    """
-    kept = list(members)
-    while kept:
-        whole = error(kept)
-        groups = [*combinations(kept, 1), *combinations(kept, 2)]
-        without = [error([c for c in kept if c not in g]) for g in groups]
-        least = int(np.argmin(without))
-        if without[least] >= (1.0 + LEAST_FALL) * whole:
-            break
-        kept = [c for c in kept if c not in groups[least]]
-    return kept
-
-
-def size(residual_rpm: Floats) -> float:
-    """RMS over rows and rotors."""
+def residual_rms(residual_rpm: Floats) -> float:
+    """Return the RMS of a residual (T, R) over rows and rotors."""
     return float(np.sqrt(np.mean(residual_rpm**2)))
 
 
-#: of the error on flights left out, that an effect must take to be worth a name: what the scatter
-#: of a sound propeller (0.4 % of its thrust) does to rotor speeds that are good to 0.6 %
+#: share of the cross-validated RMS error that an effect must remove to be reported: the change that
+#: the scatter of a sound propeller (0.4 % of its thrust) makes to speeds accurate to 0.6 %
 LEAST_FALL = 0.02
-LIGHT = 0.1 * DOUBT  # of the weight: what no name hangs on
+NEGLIGIBLE = 0.1 * DOUBT  # posterior probability that decides no report
 
 
-def borne_out(problem: Problem, answer: Posterior) -> tuple[Posterior, LeftOut]:
-    """The answer of sets that flights left out bear out, and these flights about its best one."""
-    out = OutOfSums.of(answer.search.nuisance)
+def cross_validated_posterior(
+    problem: Problem, answer: Posterior
+) -> tuple[Posterior, CrossValidation]:
+    """Apply rules 1 and 2; also return the cross-validation about the best remaining set."""
+    out = FoldSums.from_nuisance(answer.search.nuisance)
 
-    def squares(one: FittedSet) -> Floats:
-        own = LeftOut.of(problem, answer.search, one, alone=True, out=out)
-        return own.squares(own.with_set(one.key))
+    def fold_squares(one: FittedSet) -> Floats:
+        """Return the mean square (folds,) of the held-out residual of a set."""
+        own = CrossValidation.about_set(problem, answer.search, one, alone=True, out=out)
+        return own.fold_squares(own.with_effects(one.key))
 
-    kept = of_flights_left_out(answer, squares)
-    return kept, LeftOut.of(problem, answer.search, kept.best, out=out)
+    kept = drop_unconfirmed_sets(answer, fold_squares)
+    return kept, CrossValidation.about_set(problem, answer.search, kept.best, out=out)
 
 
-def of_flights_left_out(answer: Posterior, squares: Callable[[FittedSet], Floats]) -> Posterior:
-    """The answer without sets that others do better than, by the mean squares (folds,) of a set.
+def drop_unconfirmed_sets(
+    answer: Posterior, fold_squares: Callable[[FittedSet], Floats]
+) -> Posterior:
+    """Apply rules 1 and 2, computing the held-out mean squares (folds,) of each set once."""
+    fold_squares = lru_cache(maxsize=None)(fold_squares)
+    return drop_worse_sets(drop_larger_sets(answer, fold_squares), fold_squares)
 
-    A best set goes that one with fewer effects does better than: what is more must be worth it.
-    Then those of weight go than which the best set is clearly better.
+
+def drop_larger_sets(answer: Posterior, fold_squares: Callable[[FittedSet], Floats]) -> Posterior:
+    """Rule 1: drop the best set while a set with fewer effects has a lower held-out error.
+
+    Additional effects must improve the prediction. Only sets within FAR of the original best log
+    evidence may replace it: less probable ones cannot explain the flights.
     """
-    squares = lru_cache(maxsize=None)(squares)
-    likeliest, aside = answer.best.total, set()
+    most, dropped = answer.best.total, set()
     while any(
-        squares(other).mean() < squares(answer.best).mean()
+        fold_squares(other).mean() < fold_squares(answer.best).mean()
         for other in answer.sets
-        if len(other.key) < len(answer.best.key) and other.total > likeliest - FAR
+        if len(other.key) < len(answer.best.key) and other.total > most - FAR
     ):
-        aside.add(answer.best.key)
-        answer = answer.without(aside)
-    heavy = np.cumsum(answer.weights) - answer.weights < 1.0 - LIGHT
-    others = [one for one, of_weight in zip(answer.sets, heavy, strict=True) if of_weight][1:]
-    least = squares(answer.best) if others else np.zeros(0)
-    return answer.without({one.key for one in others if is_worse(squares(one), least)})
+        dropped.add(answer.best.key)
+        answer = answer.drop_sets(dropped)
+    return answer
 
 
-def is_worse(squares: Floats, of_other: Floats) -> bool:
-    """True where the mean squares (folds,) of parts left out are larger than those of another, by
-    what is worth a name and more than their difference scatters (Student's paired test)."""
-    if squares.size < 2 or squares.mean() < (1.0 + LEAST_FALL) ** 2 * of_other.mean():
+def drop_worse_sets(answer: Posterior, fold_squares: Callable[[FittedSet], Floats]) -> Posterior:
+    """Rule 2: drop sets that predict held-out flights clearly worse than the best set.
+
+    The least probable sets, NEGLIGIBLE together, are not tried: they change no report.
+    """
+    probable = np.cumsum(answer.weights) - answer.weights < 1.0 - NEGLIGIBLE
+    others = [one for one, tried in zip(answer.sets, probable, strict=True) if tried][1:]
+    least = fold_squares(answer.best) if others else np.zeros(0)
+    return answer.drop_sets(
+        {one.key for one in others if is_clearly_worse(fold_squares(one), least)}
+    )
+
+
+def is_clearly_worse(squares: Floats, other: Floats) -> bool:
+    """Return whether held-out mean squares (folds,) are clearly larger than those of another set.
+
+    Their RMS must be larger by LEAST_FALL, and the difference significant (Student's paired test).
+    """
+    if squares.size < 2 or squares.mean() < (1.0 + LEAST_FALL) ** 2 * other.mean():
         return False
-    more, folds = squares - of_other, squares.size
-    error = more.std(ddof=1) / folds**0.5
-    return bool(more.mean() > stdtrit(folds - 1, 1.0 - DOUBT / 2.0) * error)
+    excess, folds = squares - other, squares.size
+    error = excess.std(ddof=1) / folds**0.5
+    return bool(excess.mean() > stdtrit(folds - 1, 1.0 - DOUBT / 2.0) * error)
 
 
-LEAST_BLOCKS = 4  # of a flight, for an interval
-LEVEL_ERROR = np.radians(0.5)  # of the attitude, which both ways take for a wind
+MOST_UNEXPLAINED = 0.15  # of the explained mean square of a mode, that may stay unexplained
+SLOW_FACTOR = 3.0  # times the slow noise of good flights, beyond which a mode is unexplained
+MAIN_SHARE = 2 / 3  # of an effect's squared change: two of the modes of a rotor are not most of it
 
 
-def followed_wind(
-    problem: Problem,
-    residual_rpm: Floats,
-    held: Sequence[TrialEffect],
-    tracks: Sequence[FlightTrack],
-) -> Found | None:
-    """The wind of the flights where it is stronger than in training and the airspeed follows it.
+def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
+    """Describe the unexplained residual; None where none is probable and large enough.
 
-    `residual_rpm` (T, R) is what the effects found, `held`, leave. The value (F, 2) is the mean of
-    what the autopilot reports and of what drag says through tilt; how the two differ is in the
-    interval, and what a level error would do to both. None where either is missing, or the speed
-    over ground would do as well.
+    It is the largest unnamed cause beyond the limits of `_exceeds_limits`, a rotor's before any
+    other, or else a mode with too much slow noise.
     """
-    model, flight = problem.model, problem.model.forward_flight
-    if model.training_domain is None or flight is None or problem.lacks(WIND):
-        return None
-    if not flight.rotor_drag > 0.0:
-        return None
-    winds = [_winds(track, problem, flight) for track in tracks]
-    if any(w.shape[0] < LEAST_BLOCKS for w in winds):
-        return None
-    mean = np.stack([w.mean(axis=0) for w in winds])  # (F, 2 ways, 2)
-    value = mean.mean(axis=1)
-    half = np.hypot(_half_widths(winds, mean), G0 * LEVEL_ERROR / flight.rotor_drag)
-    surely = np.hypot(*value.T) - np.hypot(*half.T)
-    if not np.any(surely > model.training_domain.wind_speed[1]):
-        return None
-    x = problem.channels
-    speed = np.hypot(x.velocity_north, x.velocity_east)
-    shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
-    over_ground = replace(x, airspeed=speed, airspeed_shifts=shifts)
-    before, after, p = _worse(problem, residual_rpm, held, over_ground)
-    if before < (1.0 + LEAST_FALL) * after or p > DOUBT / 2.0:
-        return None
-    return Found(
-        term=Term(effect=FOLLOWED_WIND),
-        value=value,
-        lower=value - half,
-        upper=value + half,
-        rmse_before_rpm=before,
-        rmse_after_rpm=after,
-    )
-
-
-def _winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
-    """(B, 2, 2) m/s: in each block of time the wind reported and by drag, north and east."""
-    by_drag = wind_by_drag(track, problem.model.airframe, flight)
-    both = np.stack([track.wind_ned[:, :2], by_drag], axis=1)
-    rows = straight_rows(track) & np.isfinite(both).all(axis=(1, 2))
-    if not rows.any():
-        return np.empty((0, 2, 2))
-    block = (track.time_s[rows] // BLOCK_SECONDS).astype(np.intp)
-    return np.stack([both[rows][block == b].mean(axis=0) for b in np.unique(block)])
-
-
-def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
-    """(F, 2) m/s: 95 % from the scatter of blocks, and from how the two ways differ in all."""
-    scatter = np.stack(
-        [
-            stdtrit(w.shape[0] // 2, 0.975)
-            * w.mean(axis=1).std(axis=0, ddof=1)
-            / np.sqrt(w.shape[0])
-            for w in winds
-        ]
-    )
-    difference = mean[:, 0] - mean[:, 1]
-    between = stdtrit(difference.size, 0.975) * np.sqrt(np.mean(difference**2)) / 2
-    return np.hypot(scatter, between)
-
-
-def _worse(
-    problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffect], without: Channels
-) -> tuple[float, float, float]:
-    """RMSE in rpm with the channels `without` and with the problem's, and how likely by chance.
-
-    By Student's t of the blocks' differences, with half as many degrees of freedom as blocks.
-    """
-    blind = replace(problem, channels=without)
-    worse_rpm = problem.measured_rpm - blind.speeds(placed(blind, held))
-    squares = np.stack([worse_rpm**2, residual_rpm**2]).mean(axis=2)
-    before, after = np.sqrt(squares.mean(axis=1))
-    count = np.bincount(problem.block)
-    gained = np.bincount(problem.block, squares[0] - squares[1]) / count
-    error = float(np.std(gained, ddof=1)) / np.sqrt(gained.size)
-    ratio = float(np.mean(gained)) / max(error, 1e-12)
-    return float(before), float(after), float(stdtr(gained.size // 2, -ratio))
-
-
-LEFT = 0.15  # of what is explained in a mode, that names may leave
-BEYOND = 3.0  # times the slow noise of good flights, from which a mode wanders
-ACTS = 2 / 3  # of the square of an effect's change: two of the modes of a rotor are not most of it
-
-
-def unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
-    """The cause without a name that does most; None where none is likely and matters."""
     search, best = answer.search, answer.best
-    taken = _by_names(answer)
+    taken = _named_change_square(answer)
     usual = np.mean(space.hats**2, axis=0) @ (space.sizes**2).T  # (R,) rpm² on a sound aircraft
     found = {
         c: square
-        for c, square in _likely(answer).items()
-        if _matters(square, taken, usual, search.candidates[c].term.rotor is not None)
+        for c, square in _probable_causes(answer).items()
+        if _exceeds_limits(square, taken, usual, search.candidates[c].term.rotor is not None)
     }
     if not found:
-        return _wandering(space, search, best)
+        return _slow_mode(space, search, best)
     rotors = [c for c in found if search.candidates[c].term.rotor is not None]
     main = max(rotors or found, key=lambda c: float(found[c].sum()))
     every = range(taken.size)
     modes = every if rotors else sorted({int(np.argmax(square)) for square in found.values()})
-    alike = [main, *(c for c in _in_place_of(main, search) if answer.probability([c]) > DOUBT)]
+    alike = [
+        main,
+        *(c for c in _interchangeable_causes(main, search) if answer.probability([c]) > DOUBT),
+    ]
     left = float(np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum())
     open_ = float(np.sum(list(found.values())))
     channels = dict.fromkeys(place_of(search.candidates[c].term.effect)[1] for c in alike)
@@ -344,22 +271,27 @@ def unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
     )
 
 
-def _likely(answer: Posterior) -> dict[int, Floats]:
-    """Causes without a name in the likeliest set that are likelier than not there, in the same mode
-    or of the same rotor: candidate -> (R,) mean square, rpm², of what all of these do together, for
-    two may take back each other's changes. Of several the one that does most by itself."""
-    search, best = answer.search, answer.best
-    members = dict(zip(sorted(best.key), best.held, strict=True))
-    whole = predicted(search.reduced, best.held)
+def _probable_causes(answer: Posterior) -> dict[int, Floats]:
+    """Return the unnamed causes of the best set: candidate -> mean square (R,), rpm², of its
+    change.
 
-    def square(without: Collection[int]) -> Floats:
-        rest = [held for c, held in members.items() if c not in without]
-        return np.mean(np.nan_to_num(whole - predicted(search.reduced, rest)) ** 2, axis=0)
+    Causes in the same mode or on the same rotor count as one, because two may cancel each other:
+    they share one entry, keyed by the one with the largest change by itself, with the change of
+    all. Their joint probability must exceed CHOICE.
+    """
+    search, best = answer.search, answer.best
+    members = dict(zip(sorted(best.key), best.trials, strict=True))
+    whole = predicted_modes(search.reduced, best.trials)
+
+    def square(members_out: Collection[int]) -> Floats:
+        """Return the mean square (R,), rpm², of the change by some of the best set's candidates."""
+        rest = [trial for c, trial in members.items() if c not in members_out]
+        return np.mean(np.nan_to_num(whole - predicted_modes(search.reduced, rest)) ** 2, axis=0)
 
     found: dict[int, Floats] = {}
     seen: set[int] = set()
     for c in sorted(best.key):
-        alike = set(_in_place_of(c, search)) if search.candidates[c].unnamed else set()
+        alike = set(_interchangeable_causes(c, search)) if search.candidates[c].unnamed else set()
         if c not in seen and answer.probability(alike) > CHOICE:
             group = alike & best.key
             seen |= group
@@ -367,30 +299,35 @@ def _likely(answer: Posterior) -> dict[int, Floats]:
     return found
 
 
-def _by_names(answer: Posterior) -> Floats:
-    """(R,) mean square, rpm², of what the names of the likeliest set do together."""
+def _named_change_square(answer: Posterior) -> Floats:
+    """Return the mean square (R,), rpm², of the change by all catalogue effects of the best set
+    together."""
     reduced = answer.search.reduced
-    named = [h for h in answer.best.held if not h.candidate.unnamed]
-    change = predicted(reduced, named) - predicted(reduced, ())
+    named = [h for h in answer.best.trials if not h.candidate.unnamed]
+    change = predicted_modes(reduced, named) - predicted_modes(reduced, ())
     return np.mean(np.nan_to_num(change) ** 2, axis=0)
 
 
-def _matters(square: Floats, taken: Floats, usual: Floats, of_rotor: bool) -> bool:
-    """Whether a cause without a name is beyond what a sound aircraft leaves, and more than what
-    names may leave: mean squares (R,) of what it does, names do and a sound aircraft leaves.
+def _exceeds_limits(square: Floats, taken: Floats, usual: Floats, of_rotor: bool) -> bool:
+    """Return whether an unnamed cause is too large to ignore.
 
-    A mode may keep LEFT of what is explained in it. The loss of a rotor, which has a name beside
-    it, may be uneven by as little as the laws of losses are good to.
+    Mean squares (R,), rpm²: `square` of its change, `taken` of that of the catalogue effects,
+    `usual` of the residual of a sound aircraft. In its modes, a cause must exceed MOST_UNEXPLAINED
+    of all explained change and SLOW_FACTOR times the usual residual. The uneven loss of a rotor
+    must exceed SLOW_FACTOR times the accuracy of the laws of losses, FORM.
     """
     done = float(square.sum())
     if of_rotor:
-        return done > (BEYOND * FORM) ** 2 * float(taken.sum())
-    own = square / max(float(square.max()), 1e-12)  # how much each mode is its own
-    return done > max(LEFT * (done + float(own @ taken)), BEYOND**2 * float(own @ usual))
+        return done > (SLOW_FACTOR * FORM) ** 2 * float(taken.sum())
+    # weight of each mode, 1 for the cause's main one
+    own = square / max(float(square.max()), 1e-12)
+    return done > max(
+        MOST_UNEXPLAINED * (done + float(own @ taken)), SLOW_FACTOR**2 * float(own @ usual)
+    )
 
 
-def _in_place_of(c: int, search: Search) -> list[int]:
-    """All causes without a name in the same mode or of the same rotor."""
+def _interchangeable_causes(c: int, search: Search) -> list[int]:
+    """Return all unnamed candidates in the same mode and on the same rotor as candidate `c`."""
     term = search.candidates[c].term
     return [
         k
@@ -401,43 +338,22 @@ def _in_place_of(c: int, search: Search) -> list[int]:
     ]
 
 
-def open_cause(found: Found, answer: Posterior) -> OpenCause:
-    """A cause without a name that goes into the model, with the channels along which it would go as
-    well."""
-    search = answer.search
-    candidates = search.candidates
-    own = next(c for c, one in enumerate(candidates) if one.key == found.term.key)
-    held = TrialEffect(candidate=candidates[own], values=found.value)
-    change = predicted(search.reduced, [held]) - predicted(search.reduced, ())
-    place = _in_place_of(own, search) if candidates[own].unnamed else ()
-    alike = (c for c in place if c != own and answer.probability([c]) > DOUBT)
-    return OpenCause(
-        found=found,
-        alike=tuple(place_of(candidates[c].term.effect)[1] for c in alike),
-        rms_rpm=float(np.sqrt(np.mean(np.nan_to_num(change) ** 2))),
-    )
+def _slow_mode(space: SearchSpace, search: Search, best: FittedSet) -> Unexplained | None:
+    """Describe the mode with the most slow noise relative to good flights.
 
-
-def left_by(search: Search, best: FittedSet) -> Floats:
-    """(N, R) rpm that a set leaves at its likeliest values, which may be a step away from those
-    that it is linearised at."""
-    return np.nan_to_num(best.residual) - search.stepped(best)
-
-
-def _wandering(space: SearchSpace, search: Search, best: FittedSet) -> Unexplained | None:
-    """The mode that wanders most beyond what it does in good flights; None where none does, or
-    where no good flights tell."""
+    None where no mode exceeds SLOW_FACTOR, or the model has no good flights.
+    """
     reduced = space.reduced
     known = reduced.model.good_flights
     if known is None or not known.slow_rpm:
         return None
-    rest = left_by(search, best)
+    rest = residual_at_best(search, best)
     apart = WANDER * froude_time_scale(reduced.model.airframe)
     size = slow_wander(rest, reduced.channels.time_s, reduced.flight, apart)
     usual = USUAL_SHARE * float(reduced.measured_rpm.mean())
     beyond = size / np.maximum(known.slow_rpm, usual) * reduced.scored_modes
     mode = int(np.argmax(beyond))
-    if not beyond[mode] > BEYOND:
+    if not beyond[mode] > SLOW_FACTOR:
         return None
     rms = MEANS * float(size[mode])
     return Unexplained(
@@ -451,35 +367,225 @@ def _wandering(space: SearchSpace, search: Search, best: FittedSet) -> Unexplain
     )
 
 
-def acts_in(search: Search, held: TrialEffect, modes: Sequence[int]) -> bool:
-    """True for an effect of which most of the change is in some modes."""
-    change = predicted(search.reduced, [held]) - predicted(search.reduced, ())
-    square = np.mean(np.nan_to_num(change) ** 2, axis=0)
-    return bool(square[list(modes)].sum() > ACTS * square.sum())
+def residual_at_best(search: Search, best: FittedSet) -> Floats:
+    """Return the residual (N, R), rpm in modes, of a set at its optimum.
+
+    The optimum may be one linear step away from the values that the set is stored with.
+    """
+    return np.nan_to_num(best.residual) - search.final_step_change(best)
 
 
-def closest_to(left: Unexplained | None, named: Sequence[int], answer: Posterior) -> list[int]:
-    """The names that are only closest to what is left: they are of the rotor of which the loss is
-    not steady, act mostly in modes that names do not explain, or go by a channel along which they
-    do not. Beside a rotor of which the loss goes along a channel, however slightly, other names may
-    only make up for that."""
+def effects_resembling(
+    unexplained: Unexplained | None, named: Sequence[int], answer: Posterior
+) -> list[int]:
+    """Rule 4: list the effects of `named` that may only imitate an unexplained cause.
+
+    If a rotor's loss varies along a channel, however slightly, all effects that do not act on such
+    a rotor may only compensate for it. Otherwise, an effect resembles the unexplained residual if
+    it acts on the same rotor, reads one of the same channels, or changes mostly the same modes. A
+    residual that is only slow noise resembles no effect.
+    """
     search, best = answer.search, answer.best
-    likely = _likely(answer)
+    likely = _probable_causes(answer)
     terms = {c: search.candidates[c].term for c in {*named, *likely}}
     uneven = {terms[c].rotor for c in likely} - {None}
-    held = dict(zip(sorted(best.key), best.held, strict=True))
-    along: set[str] = set()
-    if left is not None and not left.wanders:
-        along = {needed for channel in left.channels for needed in ALONG[channel].needs}
+    trials = dict(zip(sorted(best.key), best.trials, strict=True))
+    read: set[str] = set()
+    if unexplained is not None and not unexplained.wanders:
+        read = {needed for channel in unexplained.channels for needed in ALONG[channel].needs}
 
-    def is_closest(c: int) -> bool:
+    def resembles(c: int) -> bool:
+        """Return whether candidate `c` resembles the unexplained residual."""
         if uneven and terms[c].rotor not in uneven:
             return True
-        if not along or left is None:
+        if not read or unexplained is None:
             return False
-        of_rotor = left.rotor is not None and terms[c].rotor == left.rotor
-        if of_rotor or along & set(terms[c].effect.needs):
+        of_rotor = unexplained.rotor is not None and terms[c].rotor == unexplained.rotor
+        if of_rotor or read & set(terms[c].effect.needs):
             return True
-        return c in held and acts_in(search, held[c], left.modes)
+        return c in trials and changes_mostly(search, trials[c], unexplained.modes)
 
-    return [c for c in named if is_closest(c)]
+    return [c for c in named if resembles(c)]
+
+
+def changes_mostly(search: Search, trial: TrialEffect, modes: Sequence[int]) -> bool:
+    """Return whether more than MAIN_SHARE of an effect's squared change is in the given modes."""
+    change = predicted_modes(search.reduced, [trial]) - predicted_modes(search.reduced, ())
+    square = np.mean(np.nan_to_num(change) ** 2, axis=0)
+    return bool(square[list(modes)].sum() > MAIN_SHARE * square.sum())
+
+
+def needed_effects(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:
+    """Rule 5: return the effects that, each or in pairs, the cross-validated error needs.
+
+    `error` returns the RMS, rpm, with given effects. The effect or pair with the least increase of
+    the error is dropped, until each increases it by LEAST_FALL. Pairs are tried because two effects
+    that cancel each other appear needed one by one.
+    """
+    kept = list(members)
+    while kept:
+        whole = error(kept)
+        groups = [*combinations(kept, 1), *combinations(kept, 2)]
+        without = [error([c for c in kept if c not in g]) for g in groups]
+        least = int(np.argmin(without))
+        if without[least] >= (1.0 + LEAST_FALL) * whole:
+            break
+        kept = [c for c in kept if c not in groups[least]]
+    return kept
+
+
+def resembles_unexplained(one: OneOf, left: Unexplained | None, answer: Posterior) -> bool:
+    """Rule 6: return whether rule 4 would drop every effect of a "one of"."""
+    keys = {term.key for term in one.terms}
+    of = [c for c, k in enumerate(answer.search.candidates) if k.term.key in keys]
+    return set(effects_resembling(left, of, answer)) == set(of)
+
+
+def unnamed_terms_worth_keeping(
+    left_out: CrossValidation, answer: Posterior, names: Sequence[int], before: Collection[int]
+) -> list[int]:
+    """Rule 8: return the unnamed terms of the best set that lower the error when added to `names`.
+
+    Terms must be needed by the cross-validated error (`needed_effects`). In addition, selecting all
+    terms again without each fold must lower the error by LEAST_FALL, or no term is kept: then the
+    selection was chance. `before` are the probable candidates before any was dropped.
+    """
+
+    def error(some: Sequence[int]) -> float:
+        """Return the cross-validated RMS error, rpm, with `names` and the given terms."""
+        return residual_rms(left_out.with_effects([*names, *some]))
+
+    pool = answer.search.unnamed_members(answer.best.key)
+    kept = needed_effects(error, [c for c in pool if c not in names])
+    if not kept:
+        return []
+    members = [*names, *kept]
+    dropped = [c for c in before if c not in names]
+    without = residual_rms(left_out.with_selected_effects(names, dropped))
+    dropped = [c for c in before if c not in members]
+    having = residual_rms(left_out.with_selected_effects(members, dropped, open_=True))
+    return kept if without >= (1.0 + LEAST_FALL) * having else []
+
+
+def needs_inspection(probability: float, without_rpm: float, with_rpm: float) -> bool:
+    """Rule 9: return whether an unreported rotor should be inspected.
+
+    Its probability must make a missed bad rotor costlier than a needless inspection, and its loss
+    must lower the cross-validated error, `without_rpm` to `with_rpm`, by LEAST_FALL.
+    """
+    likely = probability >= COSTS["rotor"].action_threshold
+    return likely and without_rpm >= (1.0 + LEAST_FALL) * with_rpm
+
+
+def open_cause(found: Found, answer: Posterior) -> OpenCause:
+    """Describe an unnamed term of the new model, with the channels that would fit about as well."""
+    search = answer.search
+    candidates = search.candidates
+    own = next(c for c, one in enumerate(candidates) if one.key == found.term.key)
+    trials = TrialEffect(candidate=candidates[own], values=found.value)
+    change = predicted_modes(search.reduced, [trials]) - predicted_modes(search.reduced, ())
+    place = _interchangeable_causes(own, search) if candidates[own].unnamed else ()
+    alike = (c for c in place if c != own and answer.probability([c]) > DOUBT)
+    return OpenCause(
+        found=found,
+        alike=tuple(place_of(candidates[c].term.effect)[1] for c in alike),
+        rms_rpm=float(np.sqrt(np.mean(np.nan_to_num(change) ** 2))),
+    )
+
+
+LEAST_BLOCKS = 4  # least blocks of a flight for an interval
+LEVEL_ERROR = np.radians(0.5)  # error of attitude, which both estimates would attribute to wind
+
+
+def wind_in_airspeed(
+    problem: Problem,
+    residual_rpm: Floats,
+    trials: Sequence[TrialEffect],
+    tracks: Sequence[FlightTrack],
+) -> Found | None:
+    """Return the wind that the airspeed sensor has followed, if it is stronger than in training.
+
+    `residual_rpm` (T, R) is the residual with the effects `trials`. The value (F, 2), m/s, is the
+    mean of the autopilot's estimate and of the wind derived from drag and tilt. The interval
+    contains their difference and the effect of a level error on both. None if either is missing, or
+    if ground speed would predict as well as airspeed.
+    """
+    model, flight = problem.model, problem.model.forward_flight
+    if model.training_domain is None or flight is None or problem.lacks(WIND):
+        return None
+    if not flight.rotor_drag > 0.0:
+        return None
+    winds = [_block_winds(track, problem, flight) for track in tracks]
+    if any(w.shape[0] < LEAST_BLOCKS for w in winds):
+        return None
+    mean = np.stack([w.mean(axis=0) for w in winds])  # (F, 2 ways, 2)
+    value = mean.mean(axis=1)
+    half = np.hypot(_half_widths(winds, mean), G0 * LEVEL_ERROR / flight.rotor_drag)
+    surely = np.hypot(*value.T) - np.hypot(*half.T)
+    if not np.any(surely > model.training_domain.wind_speed[1]):
+        return None
+    x = problem.channels
+    speed = np.hypot(x.velocity_north, x.velocity_east)
+    shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
+    over_ground = replace(x, airspeed=speed, airspeed_shifts=shifts)
+    before, after, p = _errors_without_channels(problem, residual_rpm, trials, over_ground)
+    if before < (1.0 + LEAST_FALL) * after or p > DOUBT / 2.0:
+        return None
+    return Found(
+        term=Term(effect=FOLLOWED_WIND),
+        value=value,
+        lower=value - half,
+        upper=value + half,
+        rmse_before_rpm=before,
+        rmse_after_rpm=after,
+    )
+
+
+def _block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
+    """Return winds (B, 2, 2), m/s, by block of time: reported and from drag, each north
+    and east."""
+    by_drag = wind_by_drag(track, problem.model.airframe, flight)
+    both = np.stack([track.wind_ned[:, :2], by_drag], axis=1)
+    rows = straight_rows(track) & np.isfinite(both).all(axis=(1, 2))
+    if not rows.any():
+        return np.empty((0, 2, 2))
+    block = (track.time_s[rows] // BLOCK_SECONDS).astype(np.intp)
+    return np.stack([both[rows][block == b].mean(axis=0) for b in np.unique(block)])
+
+
+def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
+    """Return 95 % half widths (F, 2), m/s, of each flight's wind, north and east.
+
+    `winds` (B, 2, 2) are those of `_block_winds` for each flight, `mean` (F, 2, 2) their means over
+    blocks. Contains the scatter of blocks and the difference of both estimates.
+    """
+    scatter = np.stack(
+        [
+            stdtrit(w.shape[0] // 2, 0.975)
+            * w.mean(axis=1).std(axis=0, ddof=1)
+            / np.sqrt(w.shape[0])
+            for w in winds
+        ]
+    )
+    difference = mean[:, 0] - mean[:, 1]
+    between = stdtrit(difference.size, 0.975) * np.sqrt(np.mean(difference**2)) / 2
+    return np.hypot(scatter, between)
+
+
+def _errors_without_channels(
+    problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect], without: Channels
+) -> tuple[float, float, float]:
+    """Return the RMSE, rpm, with the channels `without`, with the problem's own, and the p-value of
+    the gain.
+
+    Student's t of the blocks' differences, with half as many degrees of freedom as blocks.
+    """
+    blind = replace(problem, channels=without)
+    worse_rpm = problem.measured_rpm - blind.speeds(placed_effects(blind, trials))
+    squares = np.stack([worse_rpm**2, residual_rpm**2]).mean(axis=2)
+    before, after = np.sqrt(squares.mean(axis=1))
+    count = np.bincount(problem.block)
+    gained = np.bincount(problem.block, squares[0] - squares[1]) / count
+    error = float(np.std(gained, ddof=1)) / np.sqrt(gained.size)
+    ratio = float(np.mean(gained)) / max(error, 1e-12)
+    return float(before), float(after), float(stdtr(gained.size // 2, -ratio))

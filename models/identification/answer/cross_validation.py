@@ -1,10 +1,10 @@
-"""The answer found again without the flights that it is scored on, selection and all.
+"""Cross-validate an answer: predict each flight with effects that were fitted without it.
 
-Each flight is left out in turn, of one flight each fifth, of many flights some at a time. The sums
-over the other flights are a smaller problem of the same kind: on it every set that the search has
-fitted is weighed again, and effects and values are those that it then names. What only a flight
-itself can tell (its wind, the moment at which a rotor went bad) is found on every other block of
-time of that flight and used on the blocks between.
+Each flight is held out in turn; many flights are held out in MOST_FOLDS groups, a single flight in
+FIFTHS. The sums over the other flights form a smaller problem, on which every set that the search
+has fitted is scored again; effects are selected and values estimated from these sums alone. Values
+that belong to one flight (its wind, the time of a step) cannot come from other flights. They are
+fitted on every other block of time of that flight and used on the blocks between.
 """
 
 from __future__ import annotations
@@ -17,171 +17,208 @@ import numpy as np
 from thrustmargin.models.effects.compose import fill_neutral
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, Posterior
-from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate, placed
+from thrustmargin.models.identification.rows.candidates import (
+    Term,
+    TrialEffect,
+    candidate,
+    placed_effects,
+)
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.rows.row_fit import fit_rows
-from thrustmargin.models.identification.sets.linear_sets import ColumnsAbout, FittedSet, Linear
-from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved
+from thrustmargin.models.identification.sets.linear_sets import (
+    FittedSet,
+    LinearisedSets,
+    SetColumns,
+)
+from thrustmargin.models.identification.sets.nuisance import Nuisance, ReducedNuisance
 from thrustmargin.models.identification.sets.set_search import Search
 
-MOST_FOLDS = 20  # of many flights: what is left out then is a twentieth
-FIFTHS = 5  # of a single flight
+MOST_FOLDS = 20  # folds of many flights: a twentieth is held out
+FIFTHS = 5  # folds of a single flight
 
 Values = dict[int, Floats]  # candidate -> (F, K)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LeftOutPart:
-    """The search's problem without what is scored: some flights, or a fifth of the only one."""
+class HeldOutFold:
+    """One fold: the search's problem without some flights, or without a fifth of a
+    single flight."""
 
-    flights: tuple[int, ...]  # left out; none where it is a fifth
-    rows: Bools  # (T,) left out, of the problem
-    linear: Linear
+    flights: tuple[int, ...]  # held-out flights; none for a fifth of a single flight
+    rows: Bools  # (T,) held-out rows of the problem
+    linear: LinearisedSets
 
-    def named(self, search: Search) -> list[int]:
-        """What the rest names by itself."""
-        return self._posterior(search, search.possible).named()
+    def named_candidates(self, search: Search) -> list[int]:
+        """Return the candidates that would be reported from the data without this fold."""
+        return self._posterior(search, search.possible_sets).named_candidates()
 
-    def open_members(self, search: Search) -> list[int]:
-        """Those of the set that is likeliest for the rest."""
-        return search.open_members(self._posterior(search, search.possible).best.key)
+    def unnamed_members(self, search: Search) -> list[int]:
+        """Return the candidates that may enter a model as unnamed causes, without this
+        fold's data."""
+        return search.unnamed_members(self._posterior(search, search.possible_sets).best.key)
 
     def values(self, search: Search, members: Collection[int]) -> Values:
-        """The values of a given set on the rest."""
+        """Return the values (F, K) of each candidate in `members`, fitted without this fold."""
         answer = self._posterior(search, [frozenset(members)])
         return {c: answer.estimate(c).value for c in members}
 
     def _posterior(self, search: Search, keys: Iterable[frozenset[int]]) -> Posterior:
+        """Return the posterior of the sets `keys`, scored without this fold."""
         linear, sets = self.linear, []
         for key in keys:
             scored = linear.score(key)
             sets.append(
                 FittedSet(
                     key=key,
-                    held=tuple(linear.held[c] for c in sorted(key)),
-                    scored=scored,
+                    trials=tuple(linear.trials[c] for c in sorted(key)),
+                    set_score=scored,
                     total=scored.log_evidence,
                     residual=linear.about.residual,
                 )
             )
-        return Posterior.of(search, sets)
+        return Posterior.from_sets(search, sets)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OutOfSums:
-    """What is left out of all sums in turn, whatever set they are about."""
+class FoldSums:
+    """Nuisance sums of every fold, shared by all sets that are cross-validated."""
 
     flights: tuple[tuple[int, ...], ...]
-    less: tuple[Nuisance, ...]  # of these flights alone
-    solved: tuple[Solved, ...]  # without them
+    nuisances: tuple[Nuisance, ...]  # nuisances of the held-out flights alone
+    solved: tuple[ReducedNuisance, ...]  # nuisances of all other flights
 
     @classmethod
-    def of(cls, nuisance: Nuisance) -> OutOfSums:
-        """Each flight, of many some at a time; of one flight none."""
+    def from_nuisance(cls, nuisance: Nuisance) -> FoldSums:
+        """Split flights into folds: one flight each, or MOST_FOLDS groups; none for a single
+        flight."""
         every = len(nuisance.flights)
         count = min(every, MOST_FOLDS) if every > 1 else 0
         flights = [tuple(range(k, every, count)) for k in range(count)]
-        less = [nuisance.of_means(np.isin(nuisance.whitening.flight, out)) for out in flights]
-        solved = [nuisance.solved(less=one) for one in less]
-        return cls(flights=tuple(flights), less=tuple(less), solved=tuple(solved))
+        less = [nuisance.select_means(np.isin(nuisance.whitening.flight, out)) for out in flights]
+        solved = [nuisance.marginalise(less=one) for one in less]
+        return cls(flights=tuple(flights), nuisances=tuple(less), solved=tuple(solved))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LeftOut:
-    """The rows that errors are reported on, and the search without each part of them."""
+class CrossValidation:
+    """The rows that errors are reported on, and the search's problem without each fold."""
 
     problem: Problem
     search: Search
-    folds: tuple[LeftOutPart, ...]
+    folds: tuple[HeldOutFold, ...]
 
     @classmethod
-    def of(
+    def about_set(
         cls,
         problem: Problem,
         search: Search,
         about: FittedSet,
         *,
         alone: bool = False,
-        out: OutOfSums | None = None,
-    ) -> LeftOut:
-        """Linear about a set fitted to all flights; `alone` for what is asked of this set only."""
-        columns, nuisance = search.columns_about(about, alone=alone), search.nuisance
+        out: FoldSums | None = None,
+    ) -> CrossValidation:
+        """Linearise about the set `about`, fitted to all flights, and subtract each fold from the
+        sums.
+
+        With `alone`, only values of that set are kept: enough to cross-validate this set and no
+        other.
+        """
+        columns, nuisance = search.set_columns(about, alone=alone), search.nuisance
         if problem.flights == 1:
-            return cls(problem=problem, search=search, folds=_fifths(search, columns, problem))
-        out = out or OutOfSums.of(nuisance)
+            return cls(
+                problem=problem, search=search, folds=_folds_of_one_flight(search, columns, problem)
+            )
+        out = out or FoldSums.from_nuisance(nuisance)
         members = frozenset().union(*search.fitted)
         shared, own = nuisance.sums(columns.whole)
         folds = []
-        for flights, less, solved in zip(out.flights, out.less, out.solved, strict=True):
+        for flights, less, solved in zip(out.flights, out.nuisances, out.solved, strict=True):
             less_shared, less_own = less.sums(columns.whole)
             rest = shared - less_shared, own - less_own
-            linear = columns.linear(solved, rest).only(members, flights)
+            linear = columns.linear(solved, rest).restrict(members, flights)
             rows = np.isin(problem.flight, flights)
-            folds.append(LeftOutPart(flights=flights, rows=rows, linear=linear))
+            folds.append(HeldOutFold(flights=flights, rows=rows, linear=linear))
         return cls(problem=problem, search=search, folds=tuple(folds))
 
     def residual(self, values: Values) -> Floats:
-        """(T, R) rpm measured minus predicted, all rows with the same values."""
-        placed_ = placed(self.problem, self.held(values))
+        """Return the residual (T, R), rpm, measured minus predicted, with the given values on all
+        rows."""
+        placed_ = placed_effects(self.problem, self.trial_effects(values))
         return self.problem.measured_rpm - self.problem.speeds(placed_)
 
-    def with_set(self, members: Collection[int]) -> Floats:
-        """(T, R) rpm with given effects, each row with values found without its flight."""
-        return self._without([fold.values(self.search, members) for fold in self.folds])
+    def with_effects(self, members: Collection[int]) -> Floats:
+        """Return the residual (T, R), rpm, with the effects `members` (candidates).
 
-    def squares(self, residual_rpm: Floats) -> Floats:
-        """(folds,) mean square of a residual (T, R) over the rows of each part left out."""
+        Each row uses values fitted without its fold.
+        """
+        return self._assemble_residual([fold.values(self.search, members) for fold in self.folds])
+
+    def fold_squares(self, residual_rpm: Floats) -> Floats:
+        """Return the mean square (folds,) of a residual (T, R) over the rows of each fold."""
         square = np.mean(residual_rpm**2, axis=1)
         return np.array([square[fold.rows].mean() for fold in self.folds])
 
-    def with_carried(self, members: Collection[int]) -> Floats:
-        """The same with those of the effects alone that flights to come will have."""
+    def with_persistent_effects(self, members: Collection[int]) -> Floats:
+        """Like `with_effects`, but predict only with effects that also apply to later flights.
+
+        All `members` are fitted; those of their flights alone (a wind, a step) are then left out of
+        the prediction.
+        """
         lasting = {c for c in members if not self._term(c).effect.of_its_flights}
         values = [fold.values(self.search, members) for fold in self.folds]
-        return self._without([{c: v for c, v in of.items() if c in lasting} for of in values])
+        return self._assemble_residual(
+            [{c: v for c, v in of.items() if c in lasting} for of in values]
+        )
 
-    def with_choice(
-        self, members: Collection[int], aside: Collection[int], *, open_: bool = False
+    def with_selected_effects(
+        self, members: Collection[int], dropped: Collection[int], *, open_: bool = False
     ) -> Floats:
-        """(T, R) rpm, each row with the effects that are named without its flight, not those that
-        the whole answer puts `aside`; those of its `members` that only the flight can tell, or that
-        begin at a moment, stay: that one flight went bad says nothing of the flight before it.
-        What has no name is chosen anew where the answer is `open_`."""
+        """Return the residual (T, R), rpm, with effects selected again without each row's fold.
+
+        Candidates in `dropped` are never used. Of `members`, those that begin at a time or have
+        values of the held-out flight itself always stay, because other flights cannot show them.
+        With `open_`, unnamed causes are selected again as well.
+        """
         values = []
         for fold in self.folds:
-            found = fold.named(self.search)
-            found += fold.open_members(self.search) if open_ else []
+            found = fold.named_candidates(self.search)
+            found += fold.unnamed_members(self.search) if open_ else []
             own = [
                 c
                 for c in members
                 if self._term(c).effect.begins
                 or any(f in fold.flights for _, f in self.search.candidates[c].free)
             ]
-            chosen = {c for c in found if c not in aside and not self._term(c).effect.begins}
+            chosen = {c for c in found if c not in dropped and not self._term(c).effect.begins}
             values.append(fold.values(self.search, chosen | set(own)))
-        return self._without(values)
+        return self._assemble_residual(values)
 
     def _term(self, c: int) -> Term:
+        """Return the term of candidate `c`."""
         return self.search.candidates[c].term
 
-    def held(self, values: Values) -> list[TrialEffect]:
-        """Effects with values of all flights."""
-        return [_for_flights(self._term(c), v) for c, v in sorted(values.items())]
+    def trial_effects(self, values: Values) -> list[TrialEffect]:
+        """Return the effects with values (F, K) for all flights, in the order of candidates."""
+        return [_trial_effect(self._term(c), v) for c, v in sorted(values.items())]
 
-    def _without(self, values: Sequence[Values]) -> Floats:
-        """Each row with the values of the fold without it."""
+    def _assemble_residual(self, values: Sequence[Values]) -> Floats:
+        """Return the residual (T, R), rpm, where each row uses the values of the fold that holds it
+        out."""
         out = np.empty_like(self.problem.measured_rpm)
         for fold, found in zip(self.folds, values, strict=True):
             if not fold.flights:
                 out[fold.rows] = self.residual(found)[fold.rows]
             for f in fold.flights:
                 mine = np.flatnonzero(self.problem.flight == f)
-                held = self.held({c: v[[f]] for c, v in found.items()})
-                out[mine] = residual_of_unseen(self.problem.rows(mine), held)
+                trials = self.trial_effects({c: v[[f]] for c, v in found.items()})
+                out[mine] = residual_on_other_flights(self.problem.rows(mine), trials)
         return out
 
 
-def _fifths(search: Search, columns: ColumnsAbout, problem: Problem) -> tuple[LeftOutPart, ...]:
+def _folds_of_one_flight(
+    search: Search, columns: SetColumns, problem: Problem
+) -> tuple[HeldOutFold, ...]:
+    """Return folds of a single flight: contiguous fifths, cut at borders of blocks."""
     blocks = problem.block_flight.size
     part = np.arange(blocks) * min(FIFTHS, blocks) // blocks
     begins = problem.channels.time_s[np.searchsorted(problem.block, np.arange(blocks))]
@@ -189,49 +226,58 @@ def _fifths(search: Search, columns: ColumnsAbout, problem: Problem) -> tuple[Le
     of_mean = part[np.maximum(np.searchsorted(begins, means_s, side="right") - 1, 0)]
     folds = []
     for k in np.unique(part):
-        rest = search.nuisance.of_means(of_mean != k)
-        linear = columns.linear(rest.solved(), rest.sums(columns.whole))
-        folds.append(LeftOutPart(flights=(), rows=part[problem.block] == k, linear=linear))
+        rest = search.nuisance.select_means(of_mean != k)
+        linear = columns.linear(rest.marginalise(), rest.sums(columns.whole))
+        folds.append(HeldOutFold(flights=(), rows=part[problem.block] == k, linear=linear))
     return tuple(folds)
 
 
-def on_new_flights(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floats:
-    """(T, R) rpm on flights that no step has used, with the values of an answer."""
-    held = []
+def held_out_residual(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floats:
+    """Return the residual (T, R), rpm, on flights that no step has used, with an answer's
+    estimates.
+
+    Each effect takes the median of its values over the fitted flights.
+    """
+    trials = []
     for one in estimates:
         middle = np.median(one.value, axis=0)
         names = (p.name for p in one.term.effect.parameters)
         x = fill_neutral(one.term.effect, dict(zip(names, middle, strict=True)), unused.channels)
         unused = replace(unused, channels=x)
-        held.append(_for_flights(one.term, np.repeat(middle[None], unused.flights, axis=0)))
-    return residual_of_unseen(unused, held)
+        trials.append(_trial_effect(one.term, np.repeat(middle[None], unused.flights, axis=0)))
+    return residual_on_other_flights(unused, trials)
 
 
-def _for_flights(term: Term, values: Floats) -> TrialEffect:
-    """A term with the values (F, K) of other flights than the search's."""
+def _trial_effect(term: Term, values: Floats) -> TrialEffect:
+    """Return a term with values (F, K) of other flights than the search's."""
     return TrialEffect(candidate=candidate(term, values.shape[0]), values=values)
 
 
-def residual_of_unseen(problem: Problem, held: Sequence[TrialEffect]) -> Floats:
-    """(T, R) rpm; values of single flights are found on every other block of each flight."""
+def residual_on_other_flights(problem: Problem, trials: Sequence[TrialEffect]) -> Floats:
+    """Return the residual (T, R), rpm, on flights that the effects `trials` were not fitted on.
+
+    Values of single flights are fitted on every other block of each flight, for the blocks between.
+    """
     measured = problem.measured_rpm
-    if not any(flight is not None for h in held for _, flight in h.candidate.free):
-        return measured - problem.speeds(placed(problem, held))
+    if not any(flight is not None for h in trials for _, flight in h.candidate.free):
+        return measured - problem.speeds(placed_effects(problem, trials))
     out = np.empty_like(measured)
     starts = np.searchsorted(problem.block_flight, problem.block_flight)
     parity = (np.arange(problem.block_flight.size) - starts) % 2
     for half in (0, 1):
-        found = own_values(problem, held, parity != half)
+        found = refit_flight_values(problem, trials, parity != half)
         rows = parity[problem.block] == half
-        out[rows] = (measured - problem.speeds(placed(problem, found)))[rows]
+        out[rows] = (measured - problem.speeds(placed_effects(problem, found)))[rows]
     return out
 
 
-def own_values(problem: Problem, held: Sequence[TrialEffect], chosen: Bools) -> list[TrialEffect]:
-    """With the values of each flight found on the `chosen` blocks (B,), the shared ones kept."""
+def refit_flight_values(
+    problem: Problem, trials: Sequence[TrialEffect], chosen: Bools
+) -> list[TrialEffect]:
+    """Refit the per-flight values on the `chosen` blocks (B,); shared values stay as they are."""
     own = [
         replace(h.candidate, free=tuple(f for f in h.candidate.free if f[1] is not None))
-        for h in held
+        for h in trials
     ]
-    free = [replace(h, candidate=c) for h, c in zip(held, own, strict=True)]
-    return list(fit_rows(problem, free, chosen).held)
+    free = [replace(h, candidate=c) for h, c in zip(trials, own, strict=True)]
+    return list(fit_rows(problem, free, chosen).trials)

@@ -1,11 +1,11 @@
-"""The floor: what a flexible learner leaves of flights that it has not seen.
+"""Estimate the lowest error that the reported channels allow, with a flexible learner.
 
-It reads every reported channel within a second around a row, in a line, curves along each of them
-and smooth functions of all of them together: random Fourier features, which make the kernel of a
-Gaussian process linear (Rahimi and Recht 2007). It learns from the error that the effects leave on
-all other flights, also those that the effects were found on, and is scored on the flights that the
-error is reported on, at most as much as that error. Where it is far below, something that the
-channels know is missing from the effects.
+The learner reads every reported channel within a second around a row: linearly, by hat functions
+along each, and by random Fourier features of all, which make a Gaussian process linear (Rahimi and
+Recht 2007). It is trained on the residual of all other flights, including those the effects were
+found on, and scored on the flights that the error is reported on; the result never exceeds that
+error. A result far below the error means that the channels contain information that the effects
+lack.
 """
 
 from __future__ import annotations
@@ -18,42 +18,44 @@ from scipy.linalg import cho_factor, cho_solve
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.cross_validation import FIFTHS, MOST_FOLDS
-from thrustmargin.models.identification.rows.problem import Problem, thinned
+from thrustmargin.models.identification.rows.problem import Problem, thin_rows
 from thrustmargin.models.identification.sets.discrepancy import hats
 
-RIDGES = 10.0 ** np.arange(-3.0, 2.0)  # per row; those that leave least, mode by mode
-HATS = 9  # along one channel
-WAVES = 150  # of each length
+RIDGES = 10.0 ** np.arange(-3.0, 2.0)  # ridge per row; each mode uses the best one
+HATS = 9  # hat functions along one channel
+WAVES = 150  # waves of each length
 LENGTHS = (1.0, 3.0)  # of a wave, in standard deviations of a channel, times their number's root
 AT_ONCE = (
     *("airspeed", "tank_kg", "time_s", "voltage", "advance_ratio", "load_factor", "yaw_rate"),
     "spraying",
 )
-STRIDE = 2  # every so many rows of flights that are only learnt from: neighbours are alike
+STRIDE = 2  # stride of rows that are only trained on: neighbouring rows are similar
 
 
 def floor_rpm(
     problem: Problem, residual_rpm: Floats, beside: tuple[Problem, Floats] | None = None
 ) -> float:
-    """RMS in rpm that a learner leaves of a residual (T, R), at most all of it.
+    """Return the RMS, rpm, of a residual (T, R) minus its prediction by the learner.
 
-    Each flight is predicted from the others and from flights `beside` with their residual, which
-    are not scored; a flight with none beside it in fifths.
+    Each flight is predicted from the others and from the flights `beside` (problem, residual),
+    which are not scored. A flight without any other is predicted in fifths.
     """
-    parts, wanted = [problem.channels], [problem.in_modes(residual_rpm)]
+    parts, wanted = [problem.channels], [problem.mode_amplitudes(residual_rpm)]
     if beside is not None:
-        parts.append(thinned(beside[0], STRIDE).channels)
-        wanted.append(beside[0].in_modes(beside[1][::STRIDE]))
+        parts.append(thin_rows(beside[0], STRIDE).channels)
+        wanted.append(beside[0].mode_amplitudes(beside[1][::STRIDE]))
     if len(parts) > 1 or problem.flights > 1:
         fold = problem.flight % MOST_FOLDS
     else:
         fold = problem.block * FIFTHS // (problem.block[-1] + 1)
-    columns, modes, every = _columns(parts), wanted[0], np.concatenate(wanted)
+    columns, modes, every = _learner_columns(parts), wanted[0], np.concatenate(wanted)
     scored = [np.flatnonzero(fold == k) for k in np.unique(fold)]
-    sums = [_sums(columns[rows], every[rows]) for rows in (*scored, slice(fold.size, None))]
+    sums = [_products(columns[rows], every[rows]) for rows in (*scored, slice(fold.size, None))]
     gram, cross = (sum(one) for one in zip(*sums, strict=True))
     left = np.zeros((RIDGES.size, modes.shape[1]))
-    for rows, (own, along) in zip(scored, sums, strict=False):  # the last are of flights beside
+    for rows, (own, along) in zip(
+        scored, sums, strict=False
+    ):  # the last sums are of the flights `beside`
         rest = gram - own
         for i, ridge in enumerate(RIDGES * columns.shape[0]):
             system = cho_factor(rest + ridge * np.eye(len(rest)), check_finite=False)
@@ -63,26 +65,26 @@ def floor_rpm(
     return float(np.sqrt(least.sum() / modes.size))
 
 
-def _sums(columns: Floats, wanted: Floats) -> tuple[Floats, Floats]:
-    """Of the products of some rows' columns, with each other and with what is wanted of them."""
+def _products(columns: Floats, wanted: Floats) -> tuple[Floats, Floats]:
+    """Return columns.T @ columns and columns.T @ wanted, the sums of a ridge regression."""
     return columns.T @ columns, columns.T @ wanted
 
 
-def _columns(parts: Sequence[Channels]) -> Floats:
-    """Of all rows of some flights and then of others."""
-    pairs = [_lines(x) for x in parts]
+def _learner_columns(parts: Sequence[Channels]) -> Floats:
+    """Return the learner's columns for the rows of all `parts`, one after the other."""
+    pairs = [_row_features(x) for x in parts]
     now, lines = (np.concatenate(one) for one in zip(*pairs, strict=True))
-    few = _even(now)
+    few = _standardise(now)
     rng = np.random.default_rng(0)
     waves = [np.ones((lines.shape[0], 1)), *(hats(one, HATS) for one in few.T)]
     for length in LENGTHS:
         turns = rng.normal(size=(few.shape[1], WAVES)) / (length * np.sqrt(few.shape[1]))
         waves.append(np.sqrt(2.0) * np.cos(few @ turns + rng.uniform(0.0, 2.0 * np.pi, WAVES)))
-    return np.concatenate([*waves, _even(lines)], axis=1)
+    return np.concatenate([*waves, _standardise(lines)], axis=1)
 
 
-def _lines(x: Channels) -> tuple[Floats, Floats]:
-    """What is reported in each row, and that with all that is around it."""
+def _row_features(x: Channels) -> tuple[Floats, Floats]:
+    """Return the channels at each row (T, n), and those with the channels of the time around it."""
     tables = [x.load_factor_shifts, x.manoeuvre_load_shifts, *x.rate_shifts, *x.acceleration_shifts]
     now = [*(getattr(x, name) for name in AT_ONCE), *(r[:, r.shape[1] // 2] for r in x.rate_shifts)]
     now += [np.sin(x.heading), np.cos(x.heading), *x.side_load.T]
@@ -90,8 +92,8 @@ def _lines(x: Channels) -> tuple[Floats, Floats]:
     return every, np.concatenate([every, *tables, x.airspeed_shifts], axis=1)
 
 
-def _even(columns: Floats) -> Floats:
-    """About their means, of size one; those that are not reported or do not vary are left out."""
+def _standardise(columns: Floats) -> Floats:
+    """Return columns with mean 0 and standard deviation 1; drop unreported or constant ones."""
     spread = columns.std(axis=0)
     varies = np.isfinite(spread) & (spread > 1e-9)
     return (columns[:, varies] - columns[:, varies].mean(axis=0)) / spread[varies]

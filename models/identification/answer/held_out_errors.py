@@ -1,5 +1,7 @@
-"""Errors on rows that an answer has not seen: held-out flights where there are some, else every
-row as it is predicted without its flight (of one flight, without its fifth).
+"""Errors on rows that an answer was not fitted on.
+
+These are held-out flights if there are any, else every row, predicted without its flight (of a
+single flight, without its fifth).
 """
 
 from __future__ import annotations
@@ -13,18 +15,19 @@ from thrustmargin.models.identification.rows.problem import Problem
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Errors:
-    """Errors of measured minus predicted rotor speed; the interval is from blocks of time."""
+    """Error measures of measured minus predicted rotor speed, with an interval from
+    blocks of time."""
 
     rmse_rpm: float
     bias_rpm: float
-    r2: float  # of all rotors together, each about its own mean
+    r2: float  # of all rotors together, each relative to its own mean
     per_rotor_rmse_rpm: tuple[float, ...]  # (R,)
     rmse_ci95_rpm: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Unseen:
-    """Residuals (T, R) rpm on the rows of `problem`, measured minus predicted."""
+class HeldOutResidual:
+    """Residuals (T, R), rpm, measured minus predicted, before and after identification."""
 
     problem: Problem
     before_rpm: Floats
@@ -34,7 +37,7 @@ class Unseen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorErrors:
-    """Errors before and after of one rotor, or of all together (`rotor` None)."""
+    """Errors before and after identification of one rotor, or of all rotors (`rotor` None)."""
 
     rotor: int | None  # 0-based
     before: Errors
@@ -42,7 +45,7 @@ class RotorErrors:
 
 
 def errors_of(problem: Problem, residual_rpm: Floats, rotor: int | None = None) -> Errors:
-    """Errors of a residual (T, R), of one rotor or of all; see `scores.by_block`."""
+    """Compute the errors of a residual (T, R), rpm, for one rotor (0-based) or all of them."""
     columns = slice(None) if rotor is None else slice(rotor, rotor + 1)
     measured, residual = problem.measured_rpm[:, columns], residual_rpm[:, columns]
     terms = scores.error_terms(measured, measured - residual)
@@ -58,8 +61,8 @@ def errors_of(problem: Problem, residual_rpm: Floats, rotor: int | None = None) 
     )
 
 
-def rotor_errors(unseen: Unseen) -> tuple[RotorErrors, ...]:
-    """All rotors together, then each; the intervals are from blocks of time within flights."""
+def rotor_errors(unseen: HeldOutResidual) -> tuple[RotorErrors, ...]:
+    """Compute errors of all rotors together, then of each rotor."""
     return tuple(
         RotorErrors(
             rotor=rotor,

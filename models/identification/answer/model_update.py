@@ -1,15 +1,13 @@
-"""The model update: the old model plus the effects that were found, as a new model.
+"""Build a new model from the old one and an identification, and predict how the margin changes.
 
-What belongs to one flight is not carried to others: a wind stays behind, and a rotor that went bad
-in flight is bad from now on. With enough flights the interval is calibrated anew, on every row's
-residual under values found without its flight; else the old one is kept.
+Effects of single flights do not enter the new model: a wind is dropped; a rotor that degraded
+during a flight is degraded from then on. With enough flights the prediction interval is
+recalibrated on residuals under values fitted without each flight; otherwise the old interval stays.
 
-What each effect does to the thrust margin: predicted margin before it and with it.
-
-Effects are put in one after the other, in the order in which they were accepted, with the values
-found at the end; the margin is that of the predicted rotor speeds under the ceiling of the
-battery's voltage, on rows in flight. The typical margin is the median row; the worst moments are
-the lowest 1 % of the rows, at their upper end.
+Margins are those of predicted rotor speeds under the ceiling at the battery's voltage, on the rows
+of the problem. Effects are added one after the other in the order of `Identification.found`, with
+their final values. The typical margin is that of the median row; the worst is that of the quantile
+WORST_SHARE.
 """
 
 from __future__ import annotations
@@ -43,19 +41,19 @@ from thrustmargin.models.network.validity import (
 )
 from thrustmargin.models.physics.margin import ceiling, utilisation
 
-COVERAGE = 0.9  # of an interval where the old model has none
+COVERAGE = 0.9  # coverage of a new interval if the old model has none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModelUpdate:
-    """The new model, and in words what did not carry over and which interval it has."""
+    """The new model, with sentences about omitted effects and the source of its interval."""
 
     model: RotorModel
     notes: tuple[str, ...]
 
 
 def with_effects(model: RotorModel, found: Identification, *, date: str = "") -> RotorModel:
-    """The model with the effects found on it; see `update_model`."""
+    """Return the model with the effects found on it; see `update_model`."""
     return update_model(model, found, date=date).model
 
 
@@ -72,7 +70,7 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
     names = found.problem.names
     unnamed = [one.found for one in found.open_causes]
     records = [record_of(f, names, date) for f in (*found.found, *unnamed)]
-    notes = [_left_behind(f, names) for f in found.found if f.term.effect.of_its_flights]
+    notes = [_omission_note(f, names) for f in found.found if f.term.effect.of_its_flights]
     interval, about = _interval(model, found)
     added = tuple(r for r in records if r is not None)
     return ModelUpdate(
@@ -87,12 +85,12 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
 
 
 def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRecord | None:
-    """The effect as a model file keeps it; None when it belongs to its flights alone."""
+    """Return the effect as stored in a model file; None if it applies to its own flights only."""
     effect = found.term.effect.afterwards or found.term.effect
     if effect.of_its_flights:
         return None
     if effect.kept_as is not None:
-        return _as_kept(found, effect.kept_as, names, date)
+        return _change_record(found, effect.kept_as, names, date)
     kept = {p.name for p in effect.parameters}
     row = found.flight
     return EffectRecord(
@@ -113,10 +111,13 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
     )
 
 
-def _as_kept(
+def _change_record(
     found: Found, kept_as: Callable[[Values], Values], names: tuple[str, ...], date: str
 ) -> EffectRecord:
-    """A change of what the model has as a second effect of that kind, beside the first."""
+    """Return the record of a change of an effect that the model already has.
+
+    The change is stored as a second effect of that kind, in the units of the first (`kept_as`).
+    """
     effect, at = BY_KEY[found.term.effect.name], found.flight
     value, lower, upper = (
         kept_as({p.name: v for p, v in zip(found.term.effect.parameters, of[at], strict=True)})
@@ -132,8 +133,8 @@ def _as_kept(
     )
 
 
-def _left_behind(found: Found, names: tuple[str, ...]) -> str:
-    """What of an effect with values of single flights does not reach the new model."""
+def _omission_note(found: Found, names: tuple[str, ...]) -> str:
+    """State which part of an effect of single flights does not enter the new model."""
     effect = found.term.effect
     if effect.afterwards is not None:
         return (
@@ -152,10 +153,11 @@ def _left_behind(found: Found, names: tuple[str, ...]) -> str:
 
 
 def _background(model: RotorModel, found: Identification) -> tuple[float, ...]:
-    """Spread over flights of the mean residual of each mode, rpm; the old with too few flights.
+    """Return the between-flight standard deviation of each mode's mean residual, rpm.
 
-    It is how much flights differ of which this model holds: an effect must stand out from it. Of
-    motor outputs a model that knows no sound flights learns nothing here: these may not be sound.
+    An effect must exceed it. For motor outputs it is `learnt_spread`, unless the model knows no
+    sound flights: these flights may not be sound. Return the old model's values in that case and
+    with too few flights.
     """
     problem = found.problem
     if problem.of_outputs and lacks_sound_flights(model):
@@ -171,7 +173,7 @@ def _background(model: RotorModel, found: Identification) -> tuple[float, ...]:
 
 
 def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None, str]:
-    """The new model's interval, and in words where it comes from."""
+    """Return the new model's prediction interval and a sentence about its source."""
     old = model.interval
     if model.network is None or model.training_domain is None:
         return old, "no interval: the model has no network to calibrate one for"
@@ -202,7 +204,7 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
     return replace(interval, measured=measured), words
 
 
-WORST_SHARE = 0.01  # of the rows
+WORST_SHARE = 0.01  # share of the rows that count as the worst
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,11 +220,11 @@ class MarginChange:
 
 
 def margin_changes(found: Identification) -> tuple[tuple[MarginChange, ...], MarginChange]:
-    """The change by each effect found, in order, and by all of them for the worst rotor, with what
-    has no name.
+    """Compute the margin change by each effect found, in order, and by everything for the worst
+    rotor.
 
-    Predicted for the held-out flights; for the fitted ones where there are none, or where an
-    effect has values of its flights that others do not have.
+    The second result includes unnamed causes. Margins are predicted for the held-out flights; for
+    the fitted flights if there are none, or if an effect has per-flight values.
     """
     own = any(p.per_flight for f in found.found for p in f.term.effect.parameters)
     fitted = own or found.held_out is None
@@ -230,25 +232,27 @@ def margin_changes(found: Identification) -> tuple[tuple[MarginChange, ...], Mar
     flights = "fit" if fitted else "held_out"
     limit = _ceiling(problem)
     stages = [
-        utilisation(_speeds(problem, found.found[:count], own), limit)
+        utilisation(_predicted_speeds(problem, found.found[:count], own), limit)
         for count in range(len(found.found) + 1)
     ]
     steps = tuple(
-        _change(stages[k], stages[k + 1], effect.term.rotor, flights)
+        _margin_change(stages[k], stages[k + 1], effect.term.rotor, flights)
         for k, effect in enumerate(found.found)
     )
     every = (*found.found, *(one.found for one in found.open_causes))
-    whole = utilisation(_speeds(problem, every, own), limit)
-    return steps, _change(stages[0], whole, None, flights)
+    whole = utilisation(_predicted_speeds(problem, every, own), limit)
+    return steps, _margin_change(stages[0], whole, None, flights)
 
 
 def _ceiling(problem: Problem) -> Floats:
+    """Return the highest rotor speed (T,), rpm, at each row's density and voltage."""
     x = problem.channels
     limits = ceiling(identified_airframe(problem.model), x.density, x.voltage)
     return limits.max_rotor_speed_rpm
 
 
-def _speeds(problem: Problem, effects: Sequence[Found], own: bool) -> Floats:
+def _predicted_speeds(problem: Problem, effects: Sequence[Found], own: bool) -> Floats:
+    """Return rotor speeds (T, R), rpm, with `effects`; `own` uses each flight's own values."""
     placed = [
         Placed(
             effect=f.term.effect,
@@ -264,8 +268,12 @@ def _speeds(problem: Problem, effects: Sequence[Found], own: bool) -> Floats:
     return rotor_speed_rpm(problem.base, every, problem.channels)
 
 
-def _change(before: Floats, after: Floats, rotor: int | None, flights: str) -> MarginChange:
+def _margin_change(before: Floats, after: Floats, rotor: int | None, flights: str) -> MarginChange:
+    """Compare two utilisations (T, R) as margins of one rotor, or of the worst rotor of
+    each row."""
+
     def figures(use: Floats) -> tuple[float, float]:
+        """Return the median and the worst margin of a utilisation (T, R)."""
         of_rotor = use.max(axis=1) if rotor is None else use[:, rotor]
         typical, worst = np.quantile(of_rotor, [0.5, 1.0 - WORST_SHARE])
         return 1.0 - float(typical), 1.0 - float(worst)

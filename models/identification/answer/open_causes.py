@@ -1,12 +1,11 @@
-"""What the likeliest set leaves and flights left out show again, taken into the new model as it was
-seen.
+"""Fit curves to the residual that recurs in every flight and that no effect explains.
 
-Slow noise may hide from a search what every flight repeats. Every mode may go with every channel
-(`effects.unnamed`). What is left is regressed on these curves one at a time, each the one with
-which flights left out are predicted best, as long as their error falls by what an effect must take
-to be worth a name. All this is done anew without each flight for the error on it, selection and
-all: where that is not lower by as much, the choice was one of chance, and nothing is taken in. One
-flight shows nothing again, and motor outputs show shares only.
+The search may attribute a recurring residual to slow noise. Here every mode is combined with every
+channel (`effects.unnamed`). Curves are added one at a time, each time the one with the lowest
+cross-validated error, as long as it lowers the RMS error by LEAST_FALL. Selection and fit are
+repeated without each fold; unless that lowers the error of the held-out folds by LEAST_FALL as
+well, the selection was chance and no curve is used. A single flight shows no recurrence, and motor
+outputs only show shares: neither has curves.
 """
 
 from __future__ import annotations
@@ -39,36 +38,38 @@ from thrustmargin.models.identification.rows.candidates import (
     candidate,
     derivatives,
 )
-from thrustmargin.models.identification.rows.problem import Problem, thinned
+from thrustmargin.models.identification.rows.problem import Problem, thin_rows
 
 MOST_CAUSES = 4
 
-Choice = tuple[int, ...]  # of the curves
+Choice = tuple[int, ...]  # indices of the chosen curves
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CausesFound:
-    """The causes of all flights, and what they change in each row, found without its flight."""
+class CausesFit:
+    """Unnamed causes from all flights, and the change in rotor speed that they predict."""
 
     causes: tuple[OpenCause, ...] = ()
-    change_rpm: Floats | float = 0.0  # (T, R) by the causes found on all flights
-    left_out_rpm: Floats | float = 0.0  # (T, R) by those found without the row's flight
+    change_rpm: Floats | float = 0.0  # (T, R) change by the causes fitted to all flights
+    left_out_rpm: Floats | float = 0.0  # (T, R) change by causes fitted without the row's flight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Curves:
-    """All curves on some rows: of each the columns that are its own, and sums by fold."""
+    """All curves on a subset of rows: each curve's columns, and sums of products by fold."""
 
     effects: tuple[tuple[str, str], ...]  # mode and channel of each curve
     ranges: tuple[tuple[float, float], ...]
     columns: tuple[slice, ...]
-    sums: Floats  # (folds, P + 1, P + 1) of all columns, then the residual
-    rows: Floats  # (folds,) numbers of them
+    sums: Floats  # (folds, P + 1, P + 1) products of all columns and the residual
+    rows: Floats  # (folds,) number of rows
     ridge: float
 
     def fit(self, which: Sequence[int], chosen: Choice) -> tuple[Floats, Floats]:
-        """Coefficients (n, k) of the chosen curves without each of the folds `which`, by the others
-        of them, and (n,) the mean square that is left of the one left out."""
+        """Fit the chosen curves without each fold in `which` and score them on that fold.
+
+        Return coefficients (n, k) and the mean squared residual (n,) of each fold held out.
+        """
         own = self.sums[list(which)]
         at = np.concatenate([np.arange(0), *(np.r_[self.columns[c]] for c in chosen)]).astype(int)
         rest = own.sum(axis=0) - own
@@ -79,9 +80,11 @@ class _Curves:
         left = np.einsum("fi,fij,fj->f", weights, own[:, kept[:, None], kept], weights)
         return found, left / self.rows[list(which)]
 
-    def choose(self, which: Sequence[int]) -> Choice:
-        """The curves with which the folds `which`, each left out, are predicted better; where a
-        constant does as well as a curve, the constant."""
+    def select_curves(self, which: Sequence[int]) -> Choice:
+        """Select curves by forward selection on the cross-validated error of the folds `which`.
+
+        A constant is preferred to a curve that is not better by LEAST_FALL. At most MOST_CAUSES.
+        """
         chosen: Choice = ()
         squares = self.fit(which, chosen)[1]
         while len(chosen) < MOST_CAUSES:
@@ -96,8 +99,11 @@ class _Curves:
             chosen, squares = (*chosen, rest[best]), tried[best]
         return chosen
 
-    def alike(self, which: Sequence[int], chosen: Choice, one: int) -> tuple[str, ...]:
-        """The channels along which the same mode would do as well as along that of `one`."""
+    def equivalent_channels(
+        self, which: Sequence[int], chosen: Choice, one: int
+    ) -> tuple[str, ...]:
+        """Return the channels along which the same mode would reduce the error as well as along
+        `one`."""
         rest = tuple(c for c in chosen if c != one)
         least = (1.0 + LEAST_FALL) ** 2 * self.fit(which, chosen)[1].mean()
         return tuple(
@@ -108,15 +114,16 @@ class _Curves:
             and self.fit(which, (*rest, c))[1].mean() <= least
         )
 
-    def whole(self, which: Sequence[int], chosen: Choice) -> Floats:
-        """(k,) coefficients by all of the folds `which` together."""
+    def fit_all(self, which: Sequence[int], chosen: Choice) -> Floats:
+        """Return the coefficients (k,) of the chosen curves, fitted to all folds
+        `which` together."""
         total = self.sums[list(which)].sum(axis=0)
         at = np.concatenate([np.arange(0), *(np.r_[self.columns[c]] for c in chosen)]).astype(int)
         system = total[at[:, None], at] + self.ridge * np.eye(at.size)
         return np.linalg.solve(system, total[at, -1])
 
-    def placed(self, chosen: Choice, found: Floats) -> list[Placed]:
-        """The effects of the chosen curves with their coefficients (k,)."""
+    def placed_effects(self, chosen: Choice, found: Floats) -> list[Placed]:
+        """Return the effects of the chosen curves with their coefficients (k,)."""
         out, start = [], 0
         for c in chosen:
             stop = start + (self.columns[c].stop - self.columns[c].start)
@@ -128,37 +135,42 @@ class _Curves:
         return out
 
 
-def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffect]) -> CausesFound:
-    """Causes of what a set leaves: `residual_rpm` (T, R), `held` the set with its values."""
+def open_causes(problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect]) -> CausesFit:
+    """Fit unnamed causes to the residual (T, R), rpm, that is left with the effects `trials`.
+
+    No causes for a single flight, for motor outputs, or if the selection does not hold in held-out
+    flights.
+    """
     if problem.flights < 2 or problem.of_outputs:
-        return CausesFound()
+        return CausesFit()
     fold = np.arange(problem.flights) % MOST_FOLDS
-    curves = _curves(problem, residual_rpm, held, fold)
+    curves = _curves(problem, residual_rpm, trials, fold)
     every = np.unique(fold).tolist()
     base = problem.speeds()
 
     def change(chosen: Choice, found: Floats) -> Floats:
-        return problem.speeds(curves.placed(chosen, found)) - base
+        """Return the change (T, R), rpm, by the chosen curves with coefficients `found`."""
+        return problem.speeds(curves.placed_effects(chosen, found)) - base
 
     left_out = np.zeros_like(residual_rpm)
     for out in every:
         rest = [f for f in every if f != out]
-        some = curves.choose(rest)
+        some = curves.select_curves(rest)
         if some:
             mine = fold[problem.flight] == out
-            left_out[mine] = change(some, curves.whole(rest, some))[mine]
-    chosen = curves.choose(every)
+            left_out[mine] = change(some, curves.fit_all(rest, some))[mine]
+    chosen = curves.select_curves(every)
     unseen = np.mean((residual_rpm - left_out) ** 2)
     if not chosen or np.mean(residual_rpm**2) < (1.0 + LEAST_FALL) ** 2 * unseen:
-        return CausesFound()
-    found = curves.whole(every, chosen)
+        return CausesFit()
+    found = curves.fit_all(every, chosen)
     without = curves.fit(every, chosen)[0]
     folds = len(every)
     error = np.sqrt((folds - 1) / folds * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
     half = stdtrit(folds - 1, 0.5 + SURE / 2) * error
-    ends = [curves.placed(chosen, found + side * half) for side in (-1.0, 1.0)]
+    ends = [curves.placed_effects(chosen, found + side * half) for side in (-1.0, 1.0)]
     causes = []
-    for c, item, *sides in zip(chosen, curves.placed(chosen, found), *ends, strict=True):
+    for c, item, *sides in zip(chosen, curves.placed_effects(chosen, found), *ends, strict=True):
         moved = problem.speeds([item]) - base
         value, lower, upper = (
             np.tile(list(of.values.values()), (problem.flights, 1)) for of in (item, *sides)
@@ -172,14 +184,14 @@ def open_causes(problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffe
             rmse_after_rpm=float(np.sqrt(np.mean((residual_rpm - moved) ** 2))),
         )
         rms = float(np.sqrt(np.mean(moved**2)))
-        causes.append(OpenCause(found=one, alike=curves.alike(every, chosen, c), rms_rpm=rms))
-    return CausesFound(
-        causes=tuple(causes), change_rpm=change(chosen, found), left_out_rpm=left_out
-    )
+        causes.append(
+            OpenCause(found=one, alike=curves.equivalent_channels(every, chosen, c), rms_rpm=rms)
+        )
+    return CausesFit(causes=tuple(causes), change_rpm=change(chosen, found), left_out_rpm=left_out)
 
 
-def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
-    """(T, R) rpm that causes change on other rows; 0 without any."""
+def change_by_causes(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
+    """Return the change (T, R), rpm, by causes on the rows of `problem`; 0 without causes."""
     if not causes:
         return 0.0
     placed = [
@@ -196,14 +208,20 @@ def change_on(problem: Problem, causes: Sequence[OpenCause]) -> Floats | float:
 
 
 def _curves(
-    problem: Problem, residual_rpm: Floats, held: Sequence[TrialEffect], fold: NDArray[np.intp]
+    problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect], fold: NDArray[np.intp]
 ) -> _Curves:
+    """Return all curves that the rows allow, with sums of products by `fold` (F,).
+
+    A channel needs finite values on every row and a range of at least its `least`.
+    """
     stride = problem.stride
-    rows = thinned(problem, stride)
-    left = rows.in_modes(residual_rpm[::stride])
+    rows = thin_rows(problem, stride)
+    left = rows.mode_amplitudes(residual_rpm[::stride])
     x, known = rows.channels, min(len(MODES), left.shape[1])
     slopes = {
-        mode: np.nan_to_num(derivatives(rows, [*held, _at_nothing(mode, rows.flights)], len(held)))
+        mode: np.nan_to_num(
+            derivatives(rows, [*trials, _absent_effect(mode, rows.flights)], len(trials))
+        )
         for mode in MODES[:known]
     }
     shapes: dict[str, tuple[tuple[float, float], Floats]] = {
@@ -242,6 +260,7 @@ def _curves(
     )
 
 
-def _at_nothing(mode: str, flights: int) -> TrialEffect:
+def _absent_effect(mode: str, flights: int) -> TrialEffect:
+    """Return the constant unnamed cause of a mode at its start, where it changes nothing."""
     one = candidate(Term(effect=UNNAMED[mode, CONSTANT]), flights)
-    return one.at_start
+    return one.initial_effect

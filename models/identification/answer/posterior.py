@@ -1,8 +1,9 @@
-"""From sets and their evidence to an answer: named, one of, not seen and excluded above.
+"""Summarise the posterior over sets of effects: what to report, to list as confounded, to exclude.
 
-An effect is named when nearly all the weight of all sets holds it. Where only together several do,
-it is one of them. Values and intervals are averaged over the sets that have weight,
-so that what cannot be distinguished is in them.
+An effect is reported if its inclusion probability is at least SURE and its interval excludes zero.
+If only several effects together reach SURE, they are listed as "one of". Values and intervals are
+averaged over all sets by their posterior probabilities, so they contain what cannot be
+distinguished.
 """
 
 from __future__ import annotations
@@ -22,27 +23,32 @@ from thrustmargin.models.identification.rows.candidates import (
     Term,
     TrialEffect,
     derivatives,
-    predicted,
+    predicted_modes,
 )
 from thrustmargin.models.identification.sets.discrepancy import FORM
-from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear
+from thrustmargin.models.identification.sets.linear_sets import FittedSet, LinearisedSets
 from thrustmargin.models.identification.sets.set_search import Search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EffectEstimate:
-    """One effect over all sets that hold it: (F, K) values and their standard errors."""
+    """Values (F, K) of one effect and their standard errors, averaged over the sets that contain
+    it."""
 
     candidate: int
     term: Term
     probability: float
     value: Floats
     error: Floats
-    steepness: float = 0.0  # standard error of what sets the size of all values, as a share
+    steepness: float = 0.0  # relative standard error of the scale of all values
 
     @property
     def half_width(self) -> Floats:
-        """(F, K) of intervals of 95 %, with what no number of rows gets them below."""
+        """Return the half widths (F, K) of 95 % intervals.
+
+        Resolution, relative accuracy and steepness are added to the statistical error: more rows do
+        not reduce them.
+        """
         parameters = self.term.effect.parameters
         finest = np.array([p.resolution for p in parameters])
         share = np.array([p.accuracy for p in parameters])
@@ -52,57 +58,67 @@ class EffectEstimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Posterior:
-    """All fitted sets with their weights, likeliest first."""
+    """All fitted sets with their posterior probabilities, most probable first."""
 
     search: Search
     sets: tuple[FittedSet, ...]
     weights: Floats  # (sets,)
-    steepness: float  # of the thrust curve of motor outputs: a standard error, as a share
+    steepness: float  # relative standard error of the slope of thrust over motor output
 
     @classmethod
-    def of(cls, search: Search, fitted: Iterable[FittedSet], steepness: float = 0.0) -> Posterior:
-        """Sets with their weights."""
+    def from_sets(
+        cls, search: Search, fitted: Iterable[FittedSet], steepness: float = 0.0
+    ) -> Posterior:
+        """Sort sets by log evidence and normalise their posterior probabilities."""
         sets = sorted(fitted, key=lambda f: -f.total)
         totals = np.array([s.total for s in sets])
         weights = np.exp(totals - np.logaddexp.reduce(totals))
         return cls(search=search, sets=tuple(sets), weights=weights, steepness=steepness)
 
-    def without(self, aside: Collection[frozenset[int]]) -> Posterior:
-        """The answer without some sets."""
-        kept = [s for s in self.sets if s.key not in aside]
-        return Posterior.of(self.search, kept, self.steepness)
+    def drop_sets(self, dropped: Collection[frozenset[int]]) -> Posterior:
+        """Return the posterior over all sets but those whose keys are in `dropped`."""
+        kept = [s for s in self.sets if s.key not in dropped]
+        return Posterior.from_sets(self.search, kept, self.steepness)
 
     @property
     def best(self) -> FittedSet:
+        """Return the most probable set."""
         return self.sets[0]
 
     def probability(self, members: Collection[int]) -> float:
-        """That at least one of some candidates is there."""
+        """Return the posterior probability that at least one of the candidates `members` is in the
+        set."""
         wanted = set(members)
-        held = [w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted]
-        return min(1.0, float(sum(held)))
+        trials = [w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted]
+        return min(1.0, float(sum(trials)))
 
-    def named(self) -> list[int]:
-        """Candidates that nearly all the weight holds, with an interval that excludes zero.
+    def named_candidates(self) -> list[int]:
+        """List the candidates to report: inclusion probability at least SURE, interval excluding
+        zero.
 
-        A rotor that is surely weak is named though it may be so from the start or from a moment on:
-        by the likeliest of these.
+        For a rotor that is certainly degraded, though since the start or since a step, the most
+        probable of these variants is listed.
         """
         seen = sorted({c for s in self.sets for c in s.key if not self._unnamed(c)})
         likely = [c for c in seen if self.probability([c]) >= SURE]
         for c in seen:
-            alike = self._alike(c)
+            alike = self._equivalent_candidates(c)
             names = [k for k in alike if not self._unnamed(k)]
             first = max(names, key=lambda c: self.probability([c]))
             if c == first and not {*likely} & alike and self.probability(alike) >= SURE:
                 likely.append(c)
-        return [c for c in sorted(likely) if _clear(self.estimate(c))]
+        return [c for c in sorted(likely) if _excludes_zero(self.estimate(c))]
 
     def _unnamed(self, candidate: int) -> bool:
+        """Return whether a candidate is an unnamed cause."""
         return self.search.candidates[candidate].unnamed
 
-    def _alike(self, candidate: int) -> set[int]:
-        """The candidate, of an effect on one rotor all that have it on that rotor."""
+    def _equivalent_candidates(self, candidate: int) -> set[int]:
+        """Return the candidates that count as evidence for the same effect.
+
+        For an effect on one rotor: all variants of it and all unnamed causes on that rotor.
+        Otherwise only the candidate itself.
+        """
         term = self.search.candidates[candidate].term
         if term.rotor is None:
             return {candidate}
@@ -115,65 +131,75 @@ class Posterior:
         }
 
     def estimate(self, candidate: int) -> EffectEstimate:
-        """Mean and standard error over sets of the values of one candidate."""
+        """Compute mean and standard error of a candidate's values, averaged over the
+        sets with it."""
         term = self.search.candidates[candidate].term
         total, mean, square = 0.0, 0.0, 0.0
         for one in self.sets:
             if candidate not in one.key:
                 continue
             of = sorted(one.key).index(candidate)
-            before = sum(len(h.candidate.free) for h in one.held[:of])
-            held = one.held[of]
+            before = sum(len(h.candidate.free) for h in one.trials[:of])
+            trial = one.trials[of]
             weight = float(np.exp(one.total - self.sets[0].total))
-            values, errors = held.values.copy(), np.zeros_like(held.values)
-            for k, (parameter, flight) in enumerate(held.candidate.free):
+            values, errors = trial.values.copy(), np.zeros_like(trial.values)
+            for k, (parameter, flight) in enumerate(trial.candidate.free):
                 rows = slice(None) if flight is None else flight
-                values[rows, parameter] += one.scored.step[before + k]
-                errors[rows, parameter] = one.scored.variance[before + k]
+                values[rows, parameter] += one.set_score.step[before + k]
+                errors[rows, parameter] = one.set_score.variance[before + k]
             total += weight
             mean = mean + weight * values
             square = square + weight * (errors + values**2)
         mean, square = np.asarray(mean) / total, np.asarray(square) / total
         error = np.sqrt(np.maximum(square - mean**2, 0.0))
         if self._unnamed(candidate):
-            mean = _held_at_edges(self.search.candidates[candidate], mean, error)
+            mean = _interpolate_unknown_knots(self.search.candidates[candidate], mean, error)
         return EffectEstimate(
             candidate=candidate,
             term=term,
-            probability=self.probability(self._alike(candidate)),
+            probability=self.probability(self._equivalent_candidates(candidate)),
             value=mean,
             error=error,
             steepness=self.steepness,
         )
 
     def estimates(self, kept: Sequence[int], either: Collection[int] = ()) -> list[EffectEstimate]:
-        """Of the kept names those whose own interval excludes zero. Values are those
-        of them alone, since that is what they predict with, but beside the likeliest of each
-        `either ... or`, and as uncertain as the absence of whatever else is likely moves them."""
+        """Return estimates of the effects of `kept` whose intervals exclude zero when fitted alone.
+
+        Values are those of a fit of these effects and the most probable of each `either ... or`,
+        because predictions use that set. Errors also contain the shift between this fit and the
+        average over all sets. Dropping an effect changes the fit, so this repeats until none is
+        dropped.
+        """
         kept, found = sorted(kept), []
         while kept:
-            alone = Posterior.of(self.search, [self.of_alone({*kept, *either})], self.steepness)
+            alone = Posterior.from_sets(
+                self.search, [self.fit_alone({*kept, *either})], self.steepness
+            )
             found, still_clear = [], []
             for c in kept:
                 among, own = self.estimate(c), alone.estimate(c)
                 error = np.hypot(own.error, among.value - own.value)
                 found.append(replace(among, value=own.value, error=np.maximum(error, among.error)))
-                # Of one value that is by its interval; of several another may stand out each time.
-                if _clear(own) and (_clear(found[-1]) or len(_main(own.term)) > 1):
+                # With several main values, others may exclude zero alone than among all sets.
+                if _excludes_zero(own) and (
+                    _excludes_zero(found[-1]) or len(_main_values(own.term)) > 1
+                ):
                     still_clear.append(c)
             if still_clear == kept:
                 break
             kept, found = still_clear, []
         return found
 
-    def of_alone(self, kept: Iterable[int]) -> FittedSet:
-        """The set of these effects and no other, fitted from where likely sets have them."""
+    def fit_alone(self, kept: Iterable[int]) -> FittedSet:
+        """Return the set of exactly the effects `kept`, fitted from their values in
+        probable sets."""
         key = frozenset(kept)
-        near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.held, strict=True)}
+        near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.trials, strict=True)}
         return self.search.fitted.get(key) or self.search.fit_near(key, near)
 
     def alternatives(self) -> tuple[SetWeight, ...]:
-        """Sets that have weight."""
+        """Return the sets with a posterior probability of at least DOUBT."""
         return tuple(
             SetWeight(
                 probability=float(w),
@@ -184,10 +210,11 @@ class Posterior:
         )
 
     def one_of(self, named: Sequence[int]) -> tuple[OneOf, ...]:
-        """The smallest groups of effects without a name of which nearly surely one is there.
+        """Return the smallest groups of unreported effects that contain at least one with
+        probability SURE.
 
-        An effect that is likely by itself, at a size that may be nothing, is no such group, nor are
-        effects that mostly come together: one stands in for another, else it is no choice.
+        A group needs two effects or more, which must mostly occur one at a time (probability CHOICE
+        or more): effects that occur together are no choice.
         """
         rest = {c for s in self.sets for c in s.key if not self._unnamed(c)} - set(named)
         by_weight = sorted(
@@ -218,7 +245,10 @@ class Posterior:
         return tuple(found)
 
     def mentioned(self, named: Sequence[int]) -> tuple[tuple[Mentioned, int], ...]:
-        """Rotors without a name that still have weight, each with its likeliest candidate."""
+        """List rotors that are neither reported nor cleared, each with its most probable candidate.
+
+        A rotor is listed if the probability of any effect or unnamed cause on it exceeds DOUBT.
+        """
         candidates = self.search.candidates
         safe = {candidates[c].term.rotor for c in named}
         rotors: dict[int, list[int]] = {}
@@ -244,8 +274,13 @@ class Posterior:
             found.append((one, likeliest))
         return tuple(found)
 
-    def excluded(self, linear: Linear, named: Sequence[int]) -> tuple[Excluded, ...]:
-        """Sizes above which effects of one main value are excluded, beside the best set."""
+    def excluded(self, linear: LinearisedSets, named: Sequence[int]) -> tuple[Excluded, ...]:
+        """Return the sizes above which single-value effects are excluded at SURE, added to the best
+        set.
+
+        Sizes beyond the effect's physical bound are left out, as are onsets and effects with a
+        probability above DOUBT.
+        """
         best, found = self.best, []
         for c, candidate in enumerate(self.search.candidates):
             main = [
@@ -261,12 +296,12 @@ class Posterior:
             scored = linear.score(key)
             at = sum(len(self.search.candidates[k].free) for k in sorted(key) if k < c) + main[0]
             p = candidate.parameters[main[0]]
-            value = linear.held[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
+            value = linear.trials[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
             error = float(np.hypot(np.sqrt(scored.variance[at]), linear.law_error(c, main[0])))
             above = float(abs(value) + ndtri(SURE) * error)
             absent = p.absent or 0.0
             if above >= max(p.upper - absent, absent - p.lower):
-                continue  # what cannot be is no size to exclude
+                continue  # an impossible size need not be excluded
             found.append(
                 Excluded(
                     term=candidate.term,
@@ -278,9 +313,13 @@ class Posterior:
         return tuple(found)
 
 
-def _held_at_edges(one: Candidate, value: Floats, error: Floats) -> Floats:
-    """The values (F, K) of a curve: a knot of which the flights say less than its prior, as one
-    that they do not reach, lies between those beside it, and beyond the last is as that."""
+def _interpolate_unknown_knots(one: Candidate, value: Floats, error: Floats) -> Floats:
+    """Return the values (F, K) of a curve with poorly determined knots interpolated from the
+    others.
+
+    A knot is poorly determined if its error is at least 1 / sqrt(2) of its prior scale, e.g. beyond
+    the flights' range.
+    """
     free = {k for k, _ in one.free}
     known = [
         k
@@ -292,33 +331,41 @@ def _held_at_edges(one: Candidate, value: Floats, error: Floats) -> Floats:
     return value
 
 
-def _main(term: Term) -> list[tuple[int, float]]:
-    """The values that make an effect, by their places, and where they are absent."""
+def _main_values(term: Term) -> list[tuple[int, float]]:
+    """List (index, absent value) of the parameters that make an effect, not those that only shape
+    it."""
     every = enumerate(term.effect.parameters)
     return [(k, p.absent) for k, p in every if p.absent is not None and not p.detail]
 
 
-def _clear(estimate: EffectEstimate) -> bool:
-    """True where the interval of a main value leaves out "absent"; effects without it are clear."""
+def _excludes_zero(estimate: EffectEstimate) -> bool:
+    """Return whether the interval of any main value excludes its absent value; True without any."""
     away = [
         np.abs(estimate.value[:, k] - absent) > ERRORS * estimate.error[:, k]
-        for k, absent in _main(estimate.term)
+        for k, absent in _main_values(estimate.term)
     ]
     return not away or bool(np.any(away))
 
 
 def posterior_of(search: Search, steepness: float = 0.0) -> Posterior:
-    """The sets that a search has fitted, with their weights."""
-    return Posterior.of(search, search.fitted.values(), steepness)
+    """Return the posterior over all sets that a search has fitted.
+
+    `steepness`: relative standard error of the thrust curve of motor outputs, 0 for measured
+    speeds.
+    """
+    return Posterior.from_sets(search, search.fitted.values(), steepness)
 
 
-def known_to_its_law(search: Search, estimate: EffectEstimate) -> EffectEstimate:
-    """The estimate with the error of its law beside its own: a law is good to FORM of what it
-    changes, so a value to what alone would have to differ for that."""
+def add_law_error(search: Search, estimate: EffectEstimate) -> EffectEstimate:
+    """Return the estimate with the error of the effect's law added.
+
+    A law is accurate to FORM of the change that it predicts. For each shared main value, that is
+    the shift that would change the prediction by as much (root mean square).
+    """
     reduced, one = search.reduced, search.candidates[estimate.candidate]
-    held = [TrialEffect(candidate=one, values=estimate.value)]
-    change = np.nan_to_num(predicted(reduced, held) - predicted(reduced, ()))
-    by_value = np.nan_to_num(derivatives(reduced, held, 0))
+    trials = [TrialEffect(candidate=one, values=estimate.value)]
+    change = np.nan_to_num(predicted_modes(reduced, trials) - predicted_modes(reduced, ()))
+    by_value = np.nan_to_num(derivatives(reduced, trials, 0))
     size, whole = np.sqrt(np.mean(by_value**2, axis=(0, 1))), np.sqrt(np.mean(change**2))
     of_law = np.zeros(estimate.value.shape[1])
     for (k, flight), per_value, p in zip(one.free, size, one.parameters, strict=True):

@@ -1,4 +1,4 @@
-"""What `identify` found, as numbers, and its JSON ("thrustmargin.identify/1")."""
+"""Result types of `identify`, and their JSON ("thrustmargin.identify/1")."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.held_out_errors import Errors, Unseen
+from thrustmargin.models.identification.answer.held_out_errors import Errors, HeldOutResidual
 from thrustmargin.models.identification.answer.standing_shares import StandingShares
 from thrustmargin.models.identification.certainty import CHOICE
 from thrustmargin.models.identification.rows.candidates import Term
@@ -22,7 +22,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetWeight:
-    """A set of effects that together explain the flights, and how likely it is."""
+    """A set of effects that together explain the flights, and its posterior probability."""
 
     probability: float
     terms: tuple[Term, ...]
@@ -30,7 +30,7 @@ class SetWeight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneOf:
-    """Effects of which nearly surely one is there, and how likely each is."""
+    """Confounded effects: at least one of them is present, each with its probability."""
 
     terms: tuple[Term, ...]
     probabilities: tuple[float, ...]
@@ -38,7 +38,7 @@ class OneOf:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Excluded:
-    """A size of an effect that was not seen, above which these flights exclude it at 95 %."""
+    """The size of an unseen effect above which these flights exclude it at 95 %."""
 
     term: Term
     parameter: str
@@ -48,7 +48,7 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mentioned:
-    """A rotor that is not named and that the flights do not clear."""
+    """A rotor that is not reported as degraded and that the flights do not clear."""
 
     rotor: int  # 0-based
     probability: float
@@ -58,21 +58,22 @@ class Mentioned:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unexplained:
-    """What no name explains: the mode that has most of it, and every mode that has some."""
+    """The unexplained residual: the mode with most of it, and all modes with some."""
 
     mode: int
     modes: tuple[int, ...]
     channel: str
-    channels: tuple[str, ...]  # this one first, then others along which it would go as well
-    share: float  # of the variance of what is left
+    channels: tuple[str, ...]  # `channel` first, then others that fit about as well
+    share: float  # share of the unexplained variance
     rms_rpm: float
-    wanders: bool = False  # within flights, along no channel but time
-    rotor: int | None = None  # of which the loss is not steady: all modes are its own
+    wanders: bool = False  # slow noise within flights, along no channel but time
+    rotor: int | None = None  # rotor (0-based) with an uneven loss, which acts in all modes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """One accepted effect; values of shape (F, parameters), alike in all F flights if shared."""
+    """One reported effect with values and 95 % limits (F, parameters); shared values
+    repeat over F."""
 
     term: Term
     value: Floats
@@ -93,12 +94,17 @@ class Found:
 
     @property
     def flight(self) -> int:
-        """The flight whose values stand for the effect: the one it shows most in."""
+        """Return the index of the flight whose values represent the effect: that with the largest
+        one."""
         own = [k for k, p in enumerate(self.term.effect.parameters) if p.per_flight]
         return int(np.argmax(np.abs(self.value[:, own[0]]))) if own else 0
 
     def parameters(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Parameters as JSON: value, unit, interval; values of one flight with each flight's."""
+        """Return parameters as JSON: value, unit, 95 % interval; per-flight values with every
+        flight's.
+
+        `names` are the flights' names.
+        """
         out: dict[str, Any] = {}
         for k, p in enumerate(self.term.effect.parameters):
             f = self.flight
@@ -116,7 +122,10 @@ class Found:
         return out
 
     def to_json(self, names: tuple[str, ...], *, followed: bool = False) -> dict[str, Any]:
-        """One of the JSON's effects; `followed` by a channel already, so that none is added."""
+        """Return the effect as JSON.
+
+        `followed`: a channel reports the effect to the model already, so it is not added.
+        """
         return {
             "name": self.term.effect.name,
             "variant": self.term.effect.variant,
@@ -132,29 +141,30 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenCause:
-    """What has no name and is in the new model: a cause without one, or an effect that is not sure
-    enough for it."""
+    """An unnamed cause that enters the new model: a curve along a channel, or an effect that is not
+    certain enough to be reported."""
 
     found: Found
-    alike: tuple[str, ...]  # of a curve, channels along which it would go as well in these flights
-    rms_rpm: float  # of what it changes in these flights
+    alike: tuple[str, ...]  # other channels along which a curve would fit about as well
+    rms_rpm: float  # RMS of the change in these flights
 
     @property
     def place(self) -> tuple[str, str] | None:
-        """Of a curve the control axis, or "rotor", and the channel."""
+        """Return (control axis or "rotor", channel) of a curve; None for an effect."""
         effect = self.found.term.effect
         return place_of(effect) if effect.name == NAME else None
 
     @property
     def range(self) -> tuple[float, float] | None:
-        """Of the channel of a curve, in which it was seen; None of what is alike all along."""
+        """Return the range of the curve's channel in which it was fitted; None for a constant or an
+        effect."""
         if self.place is None or self.place[1] == CONSTANT:
             return None
         low, high = self.found.value[0, KNOTS:]
         return float(low), float(high)
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """As an effect; of a curve with axis or rotor, channel and range too."""
+        """Return the cause as JSON: an effect's fields, then mode, channel and range of a curve."""
         mode, channel = self.place or (None, None)
         of_curve = {"mode": mode, "channel": channel, "alike": list(self.alike)}
         of_curve["range"] = self.range and list(self.range)
@@ -163,34 +173,35 @@ class OpenCause:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
-    """Everything that a search found, with the rows it was found on."""
+    """Everything that an identification found, with the rows it was found on."""
 
     model: RotorModel
     problem: Problem
     found: tuple[Found, ...]
-    left: Unexplained | None  # what no effect explains, in the mode that has most of it
-    closest: tuple[Term, ...]  # effects that come closest to it, which are no names
-    unseen: tuple[Unseen, ...]  # of the fitted flights, then of held-out ones if there are any
-    before: Errors  # of the last of them
+    left: Unexplained | None  # unexplained residual, in the mode with most of it
+    closest: tuple[Term, ...]  # effects that resemble it, which are not reported
+    unseen: tuple[HeldOutResidual, ...]  # of the fitted flights, then of held-out flights if any
+    before: Errors  # of the last of `unseen`
     after: Errors
     residual_after_rpm: Floats  # (T, R) on the rows of `problem`
-    residual_carried_rpm: Floats  # (T, R) as flights to come see it: values found without each
+    #: (T, R) with effects of later flights only, values fitted without each row's flight
+    residual_carried_rpm: Floats
     floor_rpm: float
     sensor_noise_rpm: float
-    alternatives: tuple[SetWeight, ...] = ()  # likeliest first
+    alternatives: tuple[SetWeight, ...] = ()  # most probable first
     one_of: tuple[OneOf, ...] = ()
     excluded: tuple[Excluded, ...] = ()
     mentioned: tuple[Mentioned, ...] = ()
-    open_causes: tuple[OpenCause, ...] = ()  # without a name, in the new model as they were seen
-    followed: tuple[Found, ...] = ()  # what the flights have and a channel reports to the model
-    standing: StandingShares | None = None  # of motor outputs, whose cause nothing shows
-    untried: Mapping[str, tuple[str, ...]] = field(
-        default_factory=dict
-    )  # effect -> lacking channels
+    open_causes: tuple[OpenCause, ...] = ()  # unnamed causes that enter the new model
+    followed: tuple[Found, ...] = ()  # effects that a channel reports to the model already
+    #: constant differences of motor outputs, of unknown cause
+    standing: StandingShares | None = None
+    #: effect -> lacking channels
+    untried: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def held_out(self) -> Problem | None:
-        """The rows of flights that no step has used."""
+        """Return the rows of the held-out flights; None without any."""
         return self.unseen[-1].problem if len(self.unseen) > 1 else None
 
     def __repr__(self) -> str:
@@ -212,6 +223,7 @@ class Identification:
         )
 
     def _unexplained_words(self) -> list[str]:
+        """Return the line that describes the unexplained residual, or no line."""
         what = self.unexplained()
         if not what["mode"]:
             return []
@@ -225,7 +237,7 @@ class Identification:
 
     @property
     def nothing_probability(self) -> float:
-        """That no effect is there, of those sets that have weight; 1 where none was weighed."""
+        """Return the probability of no effect at all; 1 where no set was scored."""
         weighed = bool(self.alternatives)
         return sum(
             (w.probability for w in self.alternatives if not w.terms), 0.0 if weighed else 1.0
@@ -233,9 +245,10 @@ class Identification:
 
     @property
     def likeliest(self) -> tuple[Term, float] | None:
-        """The effect that is likelier than not, of those of no rotor and not said above.
+        """Return the most probable effect that is not reported, with its probability, or None.
 
-        With its probability. Flights left out did not bear it out, so that it asks for nothing.
+        It acts on no single rotor and has a probability above CHOICE. Cross-validation did not
+        confirm it, so it asks for no action.
         """
         sets = self.alternatives
         terms = [t for one in sets for t in one.terms if t.rotor is None and t.effect.name != NAME]
@@ -250,11 +263,11 @@ class Identification:
 
     @property
     def reported(self) -> tuple[Found, ...]:
-        """The effects found, then those that are followed already."""
+        """Return the effects found, then those that a channel reports to the model already."""
         return (*self.found, *self.followed)
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
-        """The JSON of the identify command; NaN as null."""
+        """Return the JSON of the identify command; NaN becomes null."""
         rows = np.bincount(self.problem.flight)
         flights = [
             {"log": n, "role": "fit", "samples": int(s)}
@@ -278,21 +291,27 @@ class Identification:
                 "after": self.after,
                 "effects": effects,
                 "alternatives": [
-                    {"probability": w.probability, "effects": [_named(t) for t in w.terms]}
+                    {"probability": w.probability, "effects": [_term_json(t) for t in w.terms]}
                     for w in self.alternatives
                 ],
                 "one_of": [
-                    {"effects": [_named(t) for t in o.terms], "probabilities": o.probabilities}
+                    {"effects": [_term_json(t) for t in o.terms], "probabilities": o.probabilities}
                     for o in self.one_of
                 ],
                 "excluded": [
-                    {**_named(e.term), "parameter": e.parameter, "unit": e.unit, "above": e.above}
+                    {
+                        **_term_json(e.term),
+                        "parameter": e.parameter,
+                        "unit": e.unit,
+                        "above": e.above,
+                    }
                     for e in self.excluded
                 ],
                 "likeliest": self.likeliest
-                and {**_named(self.likeliest[0]), "probability": self.likeliest[1]},
-                "mentioned": [_of_rotor(m) for m in self.mentioned],
-                "standing_shares": self.standing and _standing(self.standing, self.problem.names),
+                and {**_term_json(self.likeliest[0]), "probability": self.likeliest[1]},
+                "mentioned": [_mention_json(m) for m in self.mentioned],
+                "standing_shares": self.standing
+                and _shares_json(self.standing, self.problem.names),
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
@@ -303,7 +322,8 @@ class Identification:
         )
 
     def unexplained(self) -> dict[str, Any]:
-        """What no effect explains: its share of what is left, mode, channel and closest effects."""
+        """Return the unexplained residual as JSON: fraction of variance, mode, channels, closest
+        effects."""
         left = self.left
         return {
             "fraction_of_variance": left.share if left else 0.0,
@@ -317,19 +337,20 @@ class Identification:
         }
 
 
-def _named(term: Term) -> dict[str, Any]:
-    """An effect by its name, the variant and the rotor, which is counted from 1."""
+def _term_json(term: Term) -> dict[str, Any]:
+    """Return name, variant and rotor (1-based) of an effect as JSON."""
     rotor = None if term.rotor is None else term.rotor + 1
     return {"name": term.effect.name, "variant": term.effect.variant, "rotor": rotor}
 
 
-def _standing(shares: StandingShares, names: tuple[str, ...]) -> dict[str, Any]:
+def _shares_json(shares: StandingShares, names: tuple[str, ...]) -> dict[str, Any]:
     """Return the shares as JSON, rotors counted from 1 and the flight by its name."""
     rotors = [{**to_json_values(one), "rotor": (one.rotor or 0) + 1} for one in shares.weak_rotors]
     flight = None if shares.flight is None else names[shares.flight]
     return {**to_json_values(shares), "flight": flight, "weak_rotors": rotors}
 
 
-def _of_rotor(loss: Mentioned) -> dict[str, Any]:
-    """With the name of the effect, and the rotor counted from 1, as everywhere outside arrays."""
+def _mention_json(loss: Mentioned) -> dict[str, Any]:
+    """Return a mentioned rotor as JSON, with the name of the effect and the rotor
+    counted from 1."""
     return {"name": ROTOR_DEGRADATION.name} | to_json_values(loss) | {"rotor": loss.rotor + 1}

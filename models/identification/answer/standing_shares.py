@@ -1,10 +1,10 @@
-"""What stands all the time between motor outputs and a model that knows no sound flight.
+"""Report constant differences between motor outputs and a model without known sound flights.
 
-A weak rotor, a centre of gravity off the middle, a tilted motor and unequal motors all make the
-autopilot hold a constant roll, pitch and yaw, for its mixer has nothing else. Four outputs in hover
-have four unknowns, and more rotors have no more: the outputs stay in the mixer's span. So none of
-these causes is named. The difference is reported rotor by rotor, with the size that each cause
-would have if it were the one.
+A weak rotor, an offset centre of gravity, a tilted motor and unequal motors all make the autopilot
+hold a constant roll, pitch and yaw, because its mixer has nothing else. Four outputs in hover have
+four unknowns, and more rotors add none: outputs stay in the mixer's span. So none of these causes
+is reported as the one. The difference is reported rotor by rotor, with the size that each cause
+would have if it acted alone.
 """
 
 from __future__ import annotations
@@ -19,53 +19,55 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
 from thrustmargin.models.effects.thrust_effects import LOSS, ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import TrialEffect, placed
+from thrustmargin.models.identification.rows.candidates import TrialEffect, placed_effects
 from thrustmargin.models.identification.rows.output_shares import lacks_sound_flights
-from thrustmargin.models.identification.rows.problem import Problem, thinned
+from thrustmargin.models.identification.rows.problem import Problem, thin_rows
 
-#: of the mean speed, root mean square over rotors, from which a difference is reported: twice the
+#: RMS difference over rotors, relative to the mean speed, from which it is reported: twice the
 #: scatter of sound propellers, motors and ESCs, as 2 % of thrust
 REPORTED = 0.01
-IN_COMMON = 0.5  # of the largest difference of a flight, that the mean of all must have
-ROWS = 200  # that sizes are worked out on: a constant needs few
-LEAST_LOSS = 0.02  # that a rotor must lack to be one of the causes
-MATCHED = 0.1  # of the difference, that a cause may leave
+IN_COMMON = 0.5  # share of a flight's largest difference that the mean of all flights must reach
+ROWS = 200  # rows that sizes are solved on: a constant needs few
+LEAST_LOSS = 0.02  # least loss of a rotor that is listed as a cause
+MATCHED = 0.1  # share of the difference that a cause may leave
 AXES = slice(1, 4)  # roll, pitch and yaw among the modes
-#: Of effects, the change (3,) rpm of these axes.
+#: Returns the change (3,) rpm of AXES by effects.
 Change = Callable[[Sequence[Placed]], Floats]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandingCause:
-    """One of the causes that would hold the same constant outputs, with its sizes."""
+    """One cause that would produce the same constant outputs, with its sizes."""
 
-    cg_x: float  # m, forward of where the model has it
+    cg_x: float  # m, forward of the model's
     cg_y: float  # m, to the right
-    yaw_moment: float = 0.0  # N m, of a hover with half a tank
-    rotor: int | None = None  # 0-based, that lacks thrust
-    loss: float = 0.0  # of its thrust, with as much less torque
-    #: of the loss, by the least and the most torque that a bad rotor usually keeps
+    yaw_moment: float = 0.0  # N m, in hover with half a tank
+    rotor: int | None = None  # 0-based rotor with less thrust
+    loss: float = 0.0  # share of its thrust, with the usual share of its torque
+    #: range of the loss, for torque shares one standard deviation from the usual
     loss_range: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandingShares:
-    """Measured minus predicted speed of each of R rotors, constant, and what may cause it."""
+    """The constant measured minus predicted speed of each of R rotors, and its possible causes."""
 
-    rotor_rpm: tuple[float, ...]  # R, mean of all flights, or of the one that differs most
-    flight: int | None  # that one, where flights differ more than they have in common
+    rotor_rpm: tuple[float, ...]  # (R,) mean of all flights, or of `flight`
+    #: the flight with the largest difference if flights differ too much, else None
+    flight: int | None
     per_flight_rpm: tuple[tuple[float, ...], ...]  # (F, R)
     trim: StandingCause | None  # centre of gravity and yaw moment; None where no size fits
-    weak_rotors: tuple[StandingCause, ...]  # one rotor with the weight moved, largest loss first
+    #: one rotor with a centre of gravity offset, largest loss first
+    weak_rotors: tuple[StandingCause, ...]
 
 
 def standing_shares(
-    problem: Problem, held: Sequence[TrialEffect], residual_rpm: Floats
+    problem: Problem, trials: Sequence[TrialEffect], residual_rpm: Floats
 ) -> StandingShares | None:
-    """Return what stands between outputs and the model with the effects `held`, which leave
-    `residual_rpm` (T, R).
+    """Return the constant difference between motor outputs and the model with the effects `trials`.
 
-    None for measured speeds, for a model that knows sound flights, and where it is too small.
+    `residual_rpm` (T, R) is measured minus predicted with these effects. None for measured speeds,
+    for a model that knows sound flights, and for a difference below REPORTED.
     """
     if not problem.of_outputs or not lacks_sound_flights(problem.model):
         return None
@@ -79,33 +81,36 @@ def standing_shares(
     if np.sqrt(np.mean(mean**2)) < IN_COMMON * sizes.max():
         flight = int(np.argmax(sizes))
         mean = flights[flight]
-    few = thinned(problem, max(1, problem.measured_rpm.shape[0] // ROWS))
-    wanted = problem.in_modes(mean)[AXES]
-    beside = placed(few, held)
+    few = thin_rows(problem, max(1, problem.measured_rpm.shape[0] // ROWS))
+    wanted = problem.mode_amplitudes(mean)[AXES]
+    beside = placed_effects(few, trials)
     still = few.speeds(beside)
 
     def moved(effects: Sequence[Placed]) -> Floats:
+        """Return the mean change (3,) rpm of roll, pitch and yaw modes by additional effects."""
         change = few.speeds([*beside, *effects]) - still
-        return few.in_modes(change.mean(axis=0))[AXES]
+        return few.mode_amplitudes(change.mean(axis=0))[AXES]
 
     rotors = [
         one
         for rotor in range(problem.measured_rpm.shape[1])
-        if (one := _weak_rotor(moved, wanted, rotor)) is not None
+        if (one := _weak_rotor_cause(moved, wanted, rotor)) is not None
     ]
     return StandingShares(
         rotor_rpm=tuple(mean.tolist()),
         flight=flight,
         per_flight_rpm=tuple(tuple(one.tolist()) for one in flights),
-        trim=_trim(moved, wanted),
+        trim=_trim_cause(moved, wanted),
         weak_rotors=tuple(sorted(rotors, key=lambda one: -one.loss)),
     )
 
 
-def _trim(moved: Change, wanted: Floats) -> StandingCause | None:
+def _trim_cause(moved: Change, wanted: Floats) -> StandingCause | None:
+    """Return the centre of gravity and yaw moment that produce `wanted` (3,) rpm; None
+    if none do."""
     yaw = BY_KEY["yaw_trim"].parameters[0]
-    found = _solved(
-        lambda v: moved([_cg(v[0], v[1]), _placed("yaw_trim", {yaw.name: v[2]})]),
+    found = _solve_sizes(
+        lambda v: moved([_cg_offset(v[0], v[1]), _placed_effect("yaw_trim", {yaw.name: v[2]})]),
         wanted,
         scale=(CG.scale, CG.scale, yaw.scale),
         most=(CG.upper, CG.upper, yaw.upper),
@@ -115,25 +120,27 @@ def _trim(moved: Change, wanted: Floats) -> StandingCause | None:
     )
 
 
-def _weak_rotor(moved: Change, wanted: Floats, rotor: int) -> StandingCause | None:
-    """Return the rotor's loss with the centre of gravity that makes the rest of the change; None
-    where it would have to gain.
+def _weak_rotor_cause(moved: Change, wanted: Floats, rotor: int) -> StandingCause | None:
+    """Return the rotor's loss and the centre of gravity that together produce `wanted` (3,) rpm.
 
-    Yaw shows the loss, by the torque that the rotor keeps, known to one standard deviation.
+    Yaw determines the loss through the torque share that the rotor keeps, known to one standard
+    deviation; `loss_range` covers that. None if the loss is below LEAST_LOSS or no size fits.
     """
     tries = [
-        _solved(
+        _solve_sizes(
             lambda v, share=share: moved(
                 [
-                    _cg(v[0], v[1]),
-                    _placed(ROTOR_DEGRADATION.key, {"loss": v[2], TORQUE_SHARE.name: share}, rotor),
+                    _cg_offset(v[0], v[1]),
+                    _placed_effect(
+                        ROTOR_DEGRADATION.key, {"loss": v[2], TORQUE_SHARE.name: share}, rotor
+                    ),
                 ]
             ),
             wanted,
             scale=(CG.scale, CG.scale, LOSS.scale),
             most=(CG.upper, CG.upper, LOSS.upper),
         )
-        for share in (TORQUE_SHARE.start, *_ends())
+        for share in (TORQUE_SHARE.start, *_torque_share_limits())
     ]
     first, *others = tries
     if first is None or first[2] < LEAST_LOSS:
@@ -148,33 +155,37 @@ def _weak_rotor(moved: Change, wanted: Floats, rotor: int) -> StandingCause | No
     )
 
 
-def _ends() -> tuple[float, float]:
+def _torque_share_limits() -> tuple[float, float]:
+    """Return a degraded rotor's usual torque share minus and plus one standard deviation."""
     return TORQUE_SHARE.start - TORQUE_SHARE.scale, TORQUE_SHARE.start + TORQUE_SHARE.scale
 
 
 CG = BY_KEY["cg_offset"].parameters[0]
 
 
-def _cg(x: float, y: float) -> Placed:
-    return _placed("cg_offset", {"x": x, "y": y})
+def _cg_offset(x: float, y: float) -> Placed:
+    """Return a centre of gravity offset (m forward, m right) as a placed effect."""
+    return _placed_effect("cg_offset", {"x": x, "y": y})
 
 
-def _placed(key: str, values: Mapping[str, float], rotor: int | None = None) -> Placed:
+def _placed_effect(key: str, values: Mapping[str, float], rotor: int | None = None) -> Placed:
+    """Return the effect `key` with the given values, the others at their starts."""
     effect = BY_KEY[key]
     whole = {p.name: p.start for p in effect.parameters} | dict(values)
     return Placed(effect=effect, values=whole, rotor=rotor)
 
 
-def _solved(
+def _solve_sizes(
     change: Callable[[Floats], Floats],
     wanted: Floats,
     *,
     scale: tuple[float, float, float],
     most: tuple[float, float, float],
 ) -> list[float] | None:
-    """Return values (3,) that make the `wanted` change (3,) rpm of the axes, or None.
+    """Return values (3,) that produce the `wanted` change (3,) rpm of the axes, or None.
 
-    Each lies within `most` of nothing, and is sought in steps of its `scale`.
+    Each value lies within its `most` of zero and is searched in steps of its `scale`. None if more
+    than MATCHED of the change remains.
     """
     sizes, bounds = np.array(scale), np.array(most) / np.array(scale)
     found = least_squares(

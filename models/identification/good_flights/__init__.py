@@ -1,1 +1,1 @@
-"""An aircraft's own good flights: the model fit for use, and how they differ."""
+"""Build a model from an aircraft's own good flights and measure how those flights differ."""

@@ -1,10 +1,10 @@
-"""A model fit for use from good flights: the base, the standard effects, interval and scatter.
+"""Build a model fit for use from good flights: base, standard effects, interval and scatter.
 
-All that the new model claims is measured by the whole chain on flights left out in turn: a base
-made without them (the network included), the standard effects chosen and fitted without them, then
-the prediction that `report` would print for them. Two bases stand to choose: the network, and
-weight and thrust curve, which need no learning. The network is kept unless flights left out are
-predicted worse with it, by more than the standard error.
+All figures of the new model are cross-validated with the whole chain: a base made without the
+held-out flights (the network included), standard effects selected and fitted without them, then the
+prediction that `report` would print for them. Two bases compete: the network, and weight and thrust
+curve, which need no training. The network is used unless its cross-validated error is larger by
+more than the standard error.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.good_flights.flight_scatter import (
-    LeftOutFlights,
+    HeldOutFlights,
     good_flights,
 )
 from thrustmargin.models.identification.good_flights.standard_effects import (
@@ -44,28 +44,29 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.flight_phases import training_rows
 
-FOLDS = 5  # of the flights for a base that is not learnt
+FOLDS = 5  # folds of a base without training
 
-#: called with what is being done.
+#: Called with a description of the present step.
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chain:
-    """One way to a model, and what it says of each flight when made without it."""
+    """One way to build a model, and its predictions of each flight when built without
+    that flight."""
 
     base: RotorModel
-    folds: tuple[Fold, ...]  # closed: with their standard effects
+    folds: tuple[Fold, ...]  # each model with its standard effects
     samples: Samples
     predicted_rpm: Floats  # (N, R) of the rows of `samples`
 
     @property
     def residual_rpm(self) -> Floats:
-        """(N, R) measured minus predicted."""
+        """Return the residual (N, R), rpm, measured minus predicted."""
         return self.samples.rotor_speed_rpm - self.predicted_rpm
 
 
-@threadpool_limits.wrap(limits=1)  # as of `identify`
+@threadpool_limits.wrap(limits=1)  # small matrices: threads would only wait for each other
 def commission(
     trained: Trained | None,
     tracks: Sequence[FlightTrack],
@@ -76,10 +77,10 @@ def commission(
     coverage: float = 0.9,
     progress: Progress | None = None,
 ) -> RotorModel:
-    """The model of an aircraft from good flights, at least 3, with what they show of themselves.
+    """Build an aircraft's model from at least 3 good flights, with their between-flight variation.
 
-    `trained` is what `training.train` made of the same tracks; None where they allow no network.
-    Raises DataError when there are fewer than 3 flights or one has too few rows.
+    `trained` is the result of `training.train` on the same tracks, or None without a network.
+    Raises DataError when there are fewer than 3 usable flights or one has too few rows.
     """
     announce = progress or (lambda _: None)
     curve = physics_model(airframe)
@@ -92,9 +93,10 @@ def commission(
         bases.insert(0, (trained.model, trained.folds))
     samples = gather(tracks, inputs)
     chains = [
-        chain_of(base, folds, tracks, used, samples, inputs, announce) for base, folds in bases
+        validated_chain(base, folds, tracks, used, samples, inputs, announce)
+        for base, folds in bases
     ]
-    best = chains[-1] if trained is not None and worse(*chains) else chains[0]
+    best = chains[-1] if trained is not None and network_is_worse(*chains) else chains[0]
     announce("effects of all flights")
     model = with_standard_effects(best.base, [tracks[i] for i in used], date=date)
     spread = np.zeros_like(best.predicted_rpm)
@@ -106,7 +108,7 @@ def commission(
     )
     announce("how flights differ")
     left_out = [
-        LeftOutFlights(model=fold.model, tracks=tuple(tracks[i] for i in fold.flights))
+        HeldOutFlights(model=fold.model, tracks=tuple(tracks[i] for i in fold.flights))
         for fold in best.folds
     ]
     shown = replace(
@@ -131,8 +133,11 @@ def commission(
 
 
 def with_delays(shown: GoodFlights, delays: Floats) -> GoodFlights:
-    """With how late rotor speeds come in the good flights, by delays (F, 2) s of each and their
-    errors: the mean, and the scatter of at least 2 flights that show one."""
+    """Add mean and scatter of the delay of rotor speeds in good flights.
+
+    `delays` (F, 2), s, are each flight's delay and error. Unchanged with fewer than 2 finite
+    errors.
+    """
     values, errors = delays[np.isfinite(delays[:, 1])].T
     if values.size < 2:
         return shown
@@ -142,12 +147,12 @@ def with_delays(shown: GoodFlights, delays: Floats) -> GoodFlights:
 
 
 def _folds(base: RotorModel, flights: Sequence[int]) -> tuple[Fold, ...]:
-    """Folds of a base that learns nothing: of few flights each by itself."""
+    """Return folds of a base without training: FOLDS groups, or each flight by itself if fewer."""
     parts = np.array_split(np.array(flights), min(FOLDS, len(flights)))
     return tuple(Fold(model=base, flights=tuple(part.tolist())) for part in parts)
 
 
-def chain_of(
+def validated_chain(
     base: RotorModel,
     folds: Sequence[Fold],
     tracks: Sequence[FlightTrack],
@@ -156,7 +161,8 @@ def chain_of(
     inputs: Sequence[str],
     announce: Progress,
 ) -> Chain:
-    """The base with the standard effects chosen and fitted anew without each fold's flights."""
+    """Return the base's chain, with standard effects selected and fitted again without each fold's
+    flights."""
     what = "weight and thrust curve" if base.network is None else "network"
     predicted = np.empty_like(samples.rotor_speed_rpm)
     shares = of_outputs([tracks[i] for i in used])
@@ -179,12 +185,12 @@ def chain_of(
 
 
 def _mean_squares(chain: Chain) -> Floats:
-    """(F,) rpm², mean square error of each flight."""
+    """Return the mean squared error (F,), rpm², of each flight."""
     flight = chain.samples.flight
     return np.bincount(flight, np.mean(chain.residual_rpm**2, axis=1)) / np.bincount(flight)
 
 
-def worse(network: Chain, curve: Chain) -> bool:
-    """True when flights left out are predicted worse by the network, beyond the standard error."""
+def network_is_worse(network: Chain, curve: Chain) -> bool:
+    """Return whether the network's held-out error is larger by more than its standard error."""
     gain, error = gain_and_error(_mean_squares(network), _mean_squares(curve))
     return gain > error

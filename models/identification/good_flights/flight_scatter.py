@@ -1,8 +1,8 @@
-"""How the good flights of an aircraft differ, measured on flights that their model has not seen.
+"""Measure how good flights of an aircraft differ, on flights that their model was not fitted to.
 
 Each flight gives its own estimate of every effect of the catalogue, one linear step from the model,
-with an error from its blocks of time. What flights scatter beyond those errors is what a new sound
-flight may show. The same is asked of each mode's mean, and of smooth curves over slow channels.
+with an error from its blocks of time. Scatter beyond these errors is the variation to expect of a
+new sound flight. Each mode's mean, and smooth curves over slow channels, are measured likewise.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from thrustmargin.models.identification.rows.candidates import (
     Term,
     TrialEffect,
     candidate,
-    predicted,
+    predicted_modes,
     slopes,
 )
-from thrustmargin.models.identification.rows.noise import Whitening, plain
+from thrustmargin.models.identification.rows.noise import Whitening, unfiltered_whitening
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
 from thrustmargin.models.identification.rows.problem import Problem, assemble
 from thrustmargin.models.identification.rows.row_fit import block_sums
@@ -35,21 +35,21 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.records import GoodFlights, scatter_between
 
 SLOW_CHANNELS = ("airspeed", "tank_kg", "time_s", "voltage", "heading", "spraying")
-KNOTS = 8  # pieces of a curve; how smooth it is, flights left out decide
-HARMONICS = 3  # of a curve over heading
+KNOTS = 8  # pieces of a curve; held-out flights determine its smoothness
+HARMONICS = 3  # orders of a curve over heading
 SMOOTHNESS = 10.0 ** np.arange(-4.0, 5.0)  # weights of the penalty, per row
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LeftOutFlights:
+class HeldOutFlights:
     """Flights, and a model that was made without them."""
 
     model: RotorModel
     tracks: tuple[FlightTrack, ...]
 
 
-def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
-    """What the flights show of how they differ; each flight is in one of `left_out`."""
+def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
+    """Measure the between-flight variation; each flight is in exactly one of `left_out`."""
     estimates: dict[tuple[str, int | None], list[Floats]] = {}
     means: list[Floats] = []
     amplitudes: list[Floats] = []
@@ -61,9 +61,9 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
         effects = effects_for(fold.model.airframe)
         catalogue = effects_on_shares(effects) if problem.of_outputs else effects
         catalogues.append(catalogue)
-        modes = problem.in_modes(problem.measured_rpm - problem.speeds())
-        filter_ = plain(modes, problem.flight, problem.of_outputs)
-        for key, found in _own_estimates(problem, filter_, catalogue).items():
+        modes = problem.mode_amplitudes(problem.measured_rpm - problem.speeds())
+        filter_ = unfiltered_whitening(modes, problem.flight, problem.of_outputs)
+        for key, found in _flight_estimates(problem, filter_, catalogue).items():
             estimates.setdefault(key, []).append(found)
         flight.append(problem.flight + len(means))
         means += [
@@ -80,7 +80,7 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     by_mode = np.array(means)  # (F, 2, R)
     return GoodFlights(
         flights=len(means),
-        scatter=_pooled(estimates),
+        scatter=_pool_scatter(estimates),
         mode_scatter_rpm=tuple(
             float(np.nan_to_num(scatter_between(*by_mode[:, :, k].T))) for k in range(len(names))
         ),
@@ -97,30 +97,32 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
 
 
 def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.bool_]) -> Floats:
-    """(2, R) mean of the values (T, R) of one flight, and its error from that of its blocks."""
+    """Return mean and error (2, R) of one flight's values (T, R), from its blocks; `mine` (T,)
+    marks its rows."""
     blocks = np.stack([values[mine & (block == b)].mean(axis=0) for b in np.unique(block[mine])])
     if len(blocks) < 2:
         return np.stack([blocks[0], np.full(values.shape[1], np.inf)])
     return np.stack([blocks.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(len(blocks))])
 
 
-def _own_estimates(
+def _flight_estimates(
     problem: Problem, filter_: Whitening, catalogue: Sequence[Effect]
 ) -> dict[tuple[str, int | None], Floats]:
-    """(F, 2) value and error of each flight, by parameter ("effect_key.parameter") and rotor."""
+    """Return each flight's value and error (F, 2), by parameter
+    ("effect_key.parameter") and rotor."""
     model, found = problem.model, {}
     for effect in catalogue:
         if effect.begins or problem.lacks(effect):
             continue
-        rest, values = _at_the_model(model, effect)
+        rest, values = _separate_effect(model, effect)
         at = replace(problem, model=rest)
         start = np.array([values] * problem.flights)
         for rotor in range(model.airframe.rotor_count) if effect.of_one_rotor else (None,):
             one = candidate(Term(effect=effect, rotor=rotor), problem.flights)
-            held = [TrialEffect(candidate=one, values=start)]
+            trials = [TrialEffect(candidate=one, values=start)]
             main = [k for k, p in enumerate(effect.parameters) if not p.detail]
-            columns = slopes(at, held, 0)[:, :, main]
-            residual = problem.in_modes(problem.measured_rpm) - predicted(at, held)
+            columns = slopes(at, trials, 0)[:, :, main]
+            residual = problem.mode_amplitudes(problem.measured_rpm) - predicted_modes(at, trials)
             whole = np.concatenate([columns, residual[:, :, None]], axis=2)
             sums = block_sums(filter_, whole, problem.block)
             own = np.stack(
@@ -132,8 +134,9 @@ def _own_estimates(
     return found
 
 
-def _at_the_model(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
-    """The model without the effect, and the effect's values in it, those of no effect if none."""
+def _separate_effect(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
+    """Return the model without an effect, and the effect's values there; absent values if it has
+    none."""
     for k, (record, placed) in enumerate(zip(model.effects, model.placed, strict=True)):
         if placed.effect.key == effect.key and record.rotor is None:
             rest = replace(model, effects=(*model.effects[:k], *model.effects[k + 1 :]))
@@ -142,10 +145,10 @@ def _at_the_model(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[f
 
 
 def own_estimate(sums: Floats) -> Floats:
-    """(2, M) move of M parameters that one flight asks for, and its error, by the sums (B, M + 1,
-    M + 1) over its blocks of derivatives and residual.
+    """Return the step and error (2, M) of M parameters from one flight's block sums (B, M + 1, M +
+    1).
 
-    The error is infinite where the flight has too few blocks or does not show the parameter.
+    The error is infinite if the flight has too few blocks or does not determine the parameters.
     """
     hessian, gradient = sums[:, :-1, :-1], sums[:, :-1, -1]
     total = hessian.sum(axis=0)
@@ -159,8 +162,8 @@ def own_estimate(sums: Floats) -> Floats:
     return np.stack([move, np.sqrt(variance)])
 
 
-def _pooled(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
-    """Scatter between flights of each parameter; of effects on one rotor, of a rotor of them."""
+def _pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
+    """Return the between-flight scatter of each parameter, root mean square over rotors."""
     scatter: dict[str, list[float]] = {}
     for (key, _), parts in estimates.items():
         own = np.concatenate(parts)
@@ -177,11 +180,12 @@ def _pooled(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, 
 def confirmed_curve_rms(
     values: Floats, channel: Floats, flight: NDArray[np.intp], *, periodic: bool = False
 ) -> float:
-    """RMS of what a smooth curve of `values` (T,) over a channel (T,) explains of flights left out.
+    """Return the RMS that a smooth curve of `values` (T,) over a channel explains in held-out
+    flights.
 
-    0 where it does not beat their mean by more than the standard error over flights. Penalised
-    B-splines with a second-difference penalty (Eilers and Marx, Stat. Sci. 11, 89 (1996)), over an
-    angle in rad its harmonics; the smoothness is the best of SMOOTHNESS on flights left out.
+    0 where it is not better than the mean by more than the standard error over flights. Penalised
+    B-splines with a second-difference penalty (Eilers and Marx, Stat. Sci. 11, 89 (1996));
+    harmonics for a `periodic` angle in rad. SMOOTHNESS is selected on the held-out flights.
     """
     if not periodic and np.ptp(channel) <= 0.0:
         return 0.0
@@ -210,7 +214,7 @@ def confirmed_curve_rms(
 
 
 def _splines(channel: Floats) -> tuple[Floats, Floats]:
-    """Cubic B-splines (T, P) over the range of a channel, and their penalty (P, P)."""
+    """Return cubic B-splines (T, P) over the range of a channel, and their penalty (P, P)."""
     inner = np.linspace(channel.min(), channel.max(), KNOTS + 1)
     step = inner[1] - inner[0]
     knots = inner[0] + step * np.arange(-3, KNOTS + 4)
@@ -221,7 +225,8 @@ def _splines(channel: Floats) -> tuple[Floats, Floats]:
 
 
 def _harmonics(angle: Floats) -> tuple[Floats, Floats]:
-    """A constant and HARMONICS of an angle (T,) rad, and their penalty: of the fourth power."""
+    """Return a Fourier basis (T, 1 + 2 HARMONICS) of an angle, rad, and its diagonal penalty,
+    order**4."""
     waves = [np.ones_like(angle)]
     weights = [0.0]
     for k in range(1, HARMONICS + 1):

@@ -1,12 +1,11 @@
-"""What belongs to every aircraft, fitted to its good flights: no search, and nothing is named.
+"""Fit the effects that every aircraft has to its good flights, without a search.
 
-Moments of turning and of the flow, thrust of turns and gusts, drag and lift of forward flight
-beyond what the base model has, inflow in climb, where the centre of gravity stands, the trim of
-yaw, the density of the air and how late telemetry comes are part of every aircraft. All of them are
-fitted together. An effect stays if flights left out in turn are predicted better with it, by more
-than the standard error of that gain; the least needed goes first. A gain is the logarithm of a
-flight's cost without over that with, so that a flight with many sharp turns has no more to say than
-a quiet one.
+Standard effects are moments of turning and flow, thrust in turns and gusts, drag and lift of
+forward flight beyond the base model, inflow in climb, centre of gravity, yaw trim, air density and
+the delay of telemetry. All are fitted together. An effect is kept if it improves the prediction of
+held-out flights by more than the standard error of the gain; the least needed effect is dropped
+first. A flight's gain is the logarithm of its cost without the effect over that with it, so that a
+flight with many sharp turns does not count more than a quiet one.
 """
 
 from __future__ import annotations
@@ -27,32 +26,33 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.noise import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
-from thrustmargin.models.identification.rows.problem import Problem, assemble, thinned
+from thrustmargin.models.identification.rows.problem import Problem, assemble, thin_rows
 from thrustmargin.models.identification.rows.row_fit import (
     RowFit,
     RowSums,
-    costs_by,
     fit_rows,
     half_widths,
+    held_out_costs_with,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: Late telemetry is no part of an aircraft: it is kept where it takes more than WORTH of the square
-#: error, and by a fit without it, for a straight line from a delay to none says too little.
+#: A delay is a property of telemetry, not of the aircraft: it is kept if it removes more than WORTH
+#: of the squared error, by a fit without it: linearising from a delay to none is too inaccurate.
 DELAYS = ("sensor_lag", "sensor_lag:rotor speed")
 WORTH = 0.01
-ROWS_TO_BEGIN = 2_000  # of all flights: enough to see where a fit begins and what is late
-#: Without a network the base follows the air of each row (Eq. 6), so its density is no choice.
-BY_NATURE = "air_density"
+ROWS_TO_BEGIN = 2_000  # of all flights: enough for start values and delays
+#: Without a network the base uses the air density of each row (Eq. 6), so it is always kept.
+ALWAYS_KEPT = "air_density"
 STANDARD = (
     *DELAYS,
-    BY_NATURE,
+    ALWAYS_KEPT,
     *(key for key, effect in BY_KEY.items() if effect.of_every_aircraft),
 )
 
 
 def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
-    """The effects of STANDARD for which every row has its channels."""
+    """Return the effects of STANDARD that the airframe can have and whose channels
+    every row has."""
     effects = [BY_KEY[key].scaled(model.airframe) for key in STANDARD]
     if problem.of_outputs:
         effects = list(effects_on_shares(effects))
@@ -63,34 +63,37 @@ def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
 def with_standard_effects(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:
-    """The model with the standard effects that its flights show, fitted together on `tracks`.
+    """Return the model with the standard effects that its flights show, fitted together to
+    `tracks`.
 
     At least 2 flights. Raises DataError when one has too few rows to fit.
     """
     problem = assemble(model, tracks)
-    uncertainty = problem.in_modes(base_uncertainty_rpm(model, problem.base, problem.channels))
+    uncertainty = problem.mode_amplitudes(
+        base_uncertainty_rpm(model, problem.base, problem.channels)
+    )
     known = np.sqrt(np.sum(uncertainty**2, axis=0).mean(axis=0))
     terms = standard_effects(model, problem)
-    some = thinned(problem, max(1, problem.measured_rpm.shape[0] // ROWS_TO_BEGIN))
+    some = thin_rows(problem, max(1, problem.measured_rpm.shape[0] // ROWS_TO_BEGIN))
     fit = _fit_from_start(some, terms, known)
     for key in DELAYS:
-        fit = _without_if_unneeded(some, fit, key, known, worth=WORTH)
+        fit = _drop_if_unneeded(some, fit, key, known, worth=WORTH)
     if model.network is not None:
-        fit = _without_if_unneeded(some, fit, BY_NATURE, known)
-    fit = fit_rows(problem, fit.held, known_rpm=known)
-    kept = _needed(fit)
-    while kept != fit.held:  # a value may shrink when those that opposed it are gone
+        fit = _drop_if_unneeded(some, fit, ALWAYS_KEPT, known)
+    fit = fit_rows(problem, fit.trials, known_rpm=known)
+    kept = _needed_effects(fit)
+    while kept != fit.trials:  # a value may shrink once an opposing effect is dropped
         fit = fit_rows(problem, kept, known_rpm=known)
-        kept = tuple(h for h in fit.held if _of_note(h))
+        kept = tuple(h for h in fit.trials if _is_worth_storing(h))
     half = iter(_half_widths(fit, uncertainty))
     records = []
-    for held in fit.held:
+    for trial in fit.trials:
         parameters = {}
-        for p, value in zip(held.candidate.parameters, held.free_values, strict=True):
+        for p, value in zip(trial.candidate.parameters, trial.free_values, strict=True):
             width = next(half) + p.resolution + p.accuracy * abs(value)
             ci95 = (float(value - width), float(value + width))
             parameters[p.name] = Identified(value=float(value), unit=p.unit, ci95=ci95)
-        effect = held.candidate.term.effect
+        effect = trial.candidate.term.effect
         records.append(
             EffectRecord(
                 name=effect.name,
@@ -105,27 +108,29 @@ def with_standard_effects(
 
 
 def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> RowFit:
-    """All terms together: first what makes them, then their shapes too.
+    """Fit all terms together: first their main values, then their shapes too.
 
-    A lag, a derivative correction and the rotors' own inertia can stand for each other in sharp
-    turns, and all moved at once from nothing they end where none is what it is.
+    A lag, a derivative correction and rotor inertia imitate each other in sharp turns; fitted at
+    once from zero, they would converge to a wrong combination.
     """
     whole = [candidate(t, problem.flights) for t in terms]
-    made = [TrialEffect(candidate=_without_shapes(one), values=one.start) for one in whole]
-    first = fit_rows(problem, made, known_rpm=known).held
+    made = [TrialEffect(candidate=_fix_shapes(one), values=one.start) for one in whole]
+    first = fit_rows(problem, made, known_rpm=known).trials
     from_there = [replace(h, candidate=one) for h, one in zip(first, whole, strict=True)]
     return fit_rows(problem, from_there, known_rpm=known)
 
 
-def _without_shapes(one: Candidate) -> Candidate:
+def _fix_shapes(one: Candidate) -> Candidate:
+    """Return the candidate with only its main values free."""
     parameters = one.term.effect.parameters
     return replace(one, free=tuple(of for of in one.free if parameters[of[0]].absent is not None))
 
 
 def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
-    """(P,) of the values of a fit, with what the base model does not know in them, (D, T, R).
+    """Return the half widths (P,) of a fit's values, with base model `uncertainty` (D, T, R), rpm
+    in modes.
 
-    How these flights differ shows in the fit itself: before it, wind and balance are in there.
+    Between-flight variation is in the fit's block sums already.
     """
     z = fit.filter.apply(np.concatenate([fit.columns, np.moveaxis(uncertainty, 0, 2)], axis=2))
     count = fit.columns.shape[2]
@@ -133,58 +138,63 @@ def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
     return half_widths(fit.sums, shared)[0]
 
 
-def _without_if_unneeded(
+def _drop_if_unneeded(
     problem: Problem, fit: RowFit, key: str, known: Floats, *, worth: float = 0.0
 ) -> RowFit:
-    """The fit, without one of its effects if flights left out do not ask for it by more than the
-    standard error and what it has to be worth."""
-    rest = [h for h in fit.held if h.candidate.key != key]
-    if len(rest) == len(fit.held):
+    """Drop one effect unless it improves held-out flights by more than the standard error and
+    `worth`."""
+    rest = [h for h in fit.trials if h.candidate.key != key]
+    if len(rest) == len(fit.trials):
         return fit
     without = fit_rows(problem, rest, known_rpm=known)
-    costs = costs_by(problem, without, fit.filter)
-    gain, error = gain_and_error(costs, fit.sums.left_out_costs())
+    costs = held_out_costs_with(problem, without, fit.filter)
+    gain, error = gain_and_error(costs, fit.sums.held_out_costs())
     return fit if gain > max(error, worth) else without
 
 
-def _needed(fit: RowFit) -> tuple[TrialEffect, ...]:
-    """What stays, by the sums of the fit with all of it.
+def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
+    """Return the effects to keep, by backward elimination on the sums of the full fit.
 
-    An effect with a value at a bound is not what happens, one of less than its least worth naming
-    is not worth a line: they go first.
+    Effects at a bound or below their least reportable size are dropped first.
     """
-    kept = tuple(h for h in fit.held if _of_note(h))
+    kept = tuple(h for h in fit.trials if _is_worth_storing(h))
     while True:
-        whole = held_at_absent(fit, kept).left_out_costs()
+        whole = sums_without_effects(fit, kept).held_out_costs()
         gains = []
         for one in kept:
-            if one.candidate.key not in (BY_NATURE, *DELAYS):
+            if one.candidate.key not in (ALWAYS_KEPT, *DELAYS):
                 rest = tuple(h for h in kept if h is not one)
-                gain, error = gain_and_error(held_at_absent(fit, rest).left_out_costs(), whole)
+                gain, error = gain_and_error(
+                    sums_without_effects(fit, rest).held_out_costs(), whole
+                )
                 gains.append((gain - error, rest))
         if not gains or min(gains, key=lambda g: g[0])[0] > 0.0:
             return kept
         kept = min(gains, key=lambda g: g[0])[1]
 
 
-def held_at_absent(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
-    """The sums of a fit with the other effects held at nothing, the rest free."""
+def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
+    """Return the sums of a fit with effects outside `kept` fixed at absent values, the
+    rest free."""
     free, move = [], []
-    for held in fit.held:
-        for p, value in zip(held.candidate.parameters, held.free_values, strict=True):
-            stays = any(held is h for h in kept)
+    for trial in fit.trials:
+        for p, value in zip(trial.candidate.parameters, trial.free_values, strict=True):
+            stays = any(trial is h for h in kept)
             if stays:
                 free.append(len(move))
             move.append(0.0 if stays or p.absent is None else p.absent - value)
-    return fit.sums.held_at(free, np.array(move))
+    return fit.sums.fix_values(free, np.array(move))
 
 
-def _of_note(held: TrialEffect) -> bool:
-    """True when all values that make the effect are inside their bounds and one is worth naming;
-    always of an effect that is no choice."""
-    if held.candidate.key == BY_NATURE:
+def _is_worth_storing(trial: TrialEffect) -> bool:
+    """Return whether all main values are within bounds and one has at least its least reportable
+    size.
+
+    Always True for ALWAYS_KEPT.
+    """
+    if trial.candidate.key == ALWAYS_KEPT:
         return True
-    pairs = zip(held.candidate.parameters, held.free_values, strict=True)
+    pairs = zip(trial.candidate.parameters, trial.free_values, strict=True)
     main = [(p, value) for p, value in pairs if not p.detail]
     return all(p.lower < value < p.upper for p, value in main) and any(
         abs(value - (p.absent or 0.0)) >= p.smallest for p, value in main
@@ -192,9 +202,9 @@ def _of_note(held: TrialEffect) -> bool:
 
 
 def gain_and_error(without: Floats, having: Floats) -> tuple[float, float]:
-    """Mean over flights of log(cost without / cost with), and its standard error.
+    """Return mean and standard error over flights of log(cost without / cost with).
 
-    Costs (F,) above 0 of at least 2 flights, the same in both.
+    Costs (F,) are positive, of at least 2 flights, in the same order.
     """
     gains = np.log(without / having)
     return float(gains.mean()), float(np.std(gains, ddof=1) / np.sqrt(gains.size))

@@ -1,1 +1,1 @@
-"""The next flight: of a small library of manoeuvres the one that would distinguish most."""
+"""Choose the manoeuvre that best distinguishes the explanations that remain after `identify`."""

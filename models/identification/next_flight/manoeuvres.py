@@ -1,7 +1,7 @@
-"""A small library of manoeuvres, and the flight that each would make: simple kinematics at 10 Hz.
+"""A library of manoeuvres, and the flight that each would produce: simple kinematics at 10 Hz.
 
-Frames: `_ned` from the origin of the flights; speeds are over ground, along the heading. All that
-is flown stays within the heights, speeds, distances and fills of flights that were flown.
+Frames: `_ned` from the origin of the flights; speeds are over ground, along the heading. Heights,
+speeds, distances and fills stay within those of flights that were flown.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ STEP_S = 0.1
 ACCELERATION = 2.0  # m/s², as gentle as an autopilot flies a mission
 SMOOTH_ROWS = 10  # over which a change of speed or of turn rate begins and ends
 HOVER_S, LEG_S = 30.0, 20.0
-LEAST_LEG_S, LEAST_SPEED = 6.0, 0.3  # below these a leg or a climb says nothing; m/s
+#: s and m/s: a shorter leg or a slower climb carries no information
+LEAST_LEG_S, LEAST_SPEED = 6.0, 0.3
 SIDE_S = 4.0  # of a square, between its corners
 TURN_RATE = np.radians(45.0)  # rad/s at most
 LOW_FILL = 0.1  # of the largest fill flown: "nearly empty"
 OF_THE_AIR = ("pressure", "temperature", "altitude")
-#: channels that say what was flown
+#: channels that describe the flight
 FLOWN = (
     *("velocity_ned", "position_ned", "wind_ned", "angular_rate_frd"),
     *("tank_kg", "height_agl", "voltage", *OF_THE_AIR),
@@ -38,7 +39,8 @@ FLOWN = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlownLimits:
-    """What the flights showed that this aircraft flies, and the air and battery that it flew in."""
+    """The ranges in which this aircraft has flown, with the air and the battery of
+    those flights."""
 
     origin: Origin | None
     place_ne: tuple[float, float]  # m, the middle of where it flew
@@ -54,11 +56,11 @@ class FlownLimits:
     typical: dict[str, float]  # pressure Pa, temperature K, altitude m AMSL; NaN unknown
 
     @classmethod
-    def of(cls, tracks: Sequence[FlightTrack]) -> Self:
-        """From the rows in flight. Raises DataError when none are."""
+    def from_tracks(cls, tracks: Sequence[FlightTrack]) -> Self:
+        """Measure the limits on rows in flight. Raises DataError if there are none."""
         origins, durations = [], []
         flown: dict[str, list[Floats]] = {name: [] for name in FLOWN}
-        for track in tracks:  # one at a time: a season need not be held
+        for track in tracks:  # one at a time: the tracks of a season need not fit in memory
             if track.flying.any():
                 track = track.rows(track.flying)
                 origins.append(track.origin)
@@ -69,9 +71,11 @@ class FlownLimits:
             raise DataError("no row of the flights is in flight, so no manoeuvre can be bounded")
 
         def every(channel: str) -> Floats:
+            """Return a channel of all flights."""
             return np.concatenate(flown[channel])
 
         def ends(values: Floats, low: float, high: float) -> tuple[float, float]:
+            """Return two quantiles of the finite values; NaN without any."""
             known = values[np.isfinite(values)]
             if not known.size:
                 return np.nan, np.nan
@@ -98,7 +102,7 @@ class FlownLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """A stretch of flight with one order: go ahead, climb, turn, or (all 0) hover."""
+    """A part of a manoeuvre with one command: fly ahead, climb, turn, or hover (all 0)."""
 
     seconds: float
     speed: float = 0.0  # m/s over ground, along the heading
@@ -108,10 +112,10 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manoeuvre:
-    """What to fly, in words and in pieces, at each of the fills: one flight a fill."""
+    """A manoeuvre in words and in pieces, to be flown once at each of its fills."""
 
     name: str
-    words: str  # an order to the pilot, without a full stop
+    words: str  # an instruction to the pilot, without a full stop
     pieces: tuple[Piece, ...]
     height: float  # m above the ground at which it begins
     heading: float  # rad from north at which it begins
@@ -119,12 +123,12 @@ class Manoeuvre:
 
     @property
     def minutes(self) -> float:
-        """Time of the manoeuvre itself, once at each fill."""
+        """Return the duration of the manoeuvre, flown once at each fill."""
         return len(self.fills_kg) * sum(piece.seconds for piece in self.pieces) / 60.0
 
 
 def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
-    """The library for one aircraft: each manoeuvre full, nearly empty, and at both fills."""
+    """Return the library for one aircraft: each manoeuvre full, nearly empty, and at both fills."""
     low, high = limits.height
     middle = (low + high) / 2
     upwind = float(np.arctan2(-limits.wind_ne[1], -limits.wind_ne[0]))
@@ -137,7 +141,7 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
             f", once with {largest:.3g} and once with {least:.2g} kg in the tank": (largest, least),
         }
     made = []
-    for name, words, height, pieces in _flown(limits, low, middle):
+    for name, words, height, pieces in _library(limits, low, middle):
         for load, kg in fills.items():
             made.append(
                 Manoeuvre(
@@ -152,17 +156,19 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
     return tuple(made)
 
 
-def lightest(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
-    """Those with the least fill alone, and without quick changes of speed: what may be asked of an
-    aircraft that may have a bad rotor."""
+def lightest_manoeuvres(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
+    """Return the manoeuvres with the least fill alone and without quick changes of speed.
+
+    These are acceptable for an aircraft that may have a bad rotor.
+    """
     least = min((kg for one in every for kg in one.fills_kg), default=0.0)
     return tuple(one for one in every if set(one.fills_kg) == {least} and one.name != "speed steps")
 
 
-def _flown(
+def _library(
     limits: FlownLimits, low: float, middle: float
 ) -> list[tuple[str, str, float, tuple[Piece, ...]]]:
-    """Name, words, first height and pieces; what the flights never did is left out."""
+    """List name, words, first height (m) and pieces of each manoeuvre within the limits."""
     rate = float(np.clip(np.nan_to_num(limits.turn_rate), 0.1, TURN_RATE))
     around = Piece(seconds=np.pi / rate, turn=rate)
     made: list[tuple[str, str, float, tuple[Piece, ...]]] = [
@@ -173,19 +179,20 @@ def _flown(
         pieces: list[Piece] = []
         for pace in (speed / 2, speed):
             leg = Piece(seconds=min(LEG_S, 2.0 * limits.reach / pace), speed=pace)
-            pieces += [leg, _stop(pace), around, leg, _stop(pace), around]
+            pieces += [leg, _stop_piece(pace), around, leg, _stop_piece(pace), around]
         legs = f"fly a leg into the wind and back at {speed / 2:.1f} and at {speed:.1f} m/s"
         made.append(("legs", legs, middle, tuple(pieces)))
         short = min(LEG_S, 2.0 * limits.reach / speed) / 3
         steps = [Piece(seconds=short, speed=s * speed) for s in (0.5, 1.0, 0.5)]
-        back = (*steps, _stop(speed), around)
+        back = (*steps, _stop_piece(speed), around)
         words = f"change speed in steps between 0, {speed / 2:.1f} and {speed:.1f} m/s"
         made.append(("speed steps", words, middle, (*back, *back)))
         pace, corner = speed / 2, np.pi / 2 / rate
         sides = [
             piece
             for way in (1.0, -1.0)
-            for piece in 4 * [Piece(seconds=SIDE_S, speed=pace), _stop(pace), _corner(corner, way)]
+            for piece in 4
+            * [Piece(seconds=SIDE_S, speed=pace), _stop_piece(pace), _corner_piece(corner, way)]
         ]
         words = "fly a small square to the right, then one to the left, nose ahead"
         made.append(("squares", words, middle, tuple(sides)))
@@ -199,18 +206,21 @@ def _flown(
     return made
 
 
-def _stop(speed: float) -> Piece:
+def _stop_piece(speed: float) -> Piece:
+    """Return a piece in which the aircraft decelerates from `speed` to a stop."""
     return Piece(seconds=speed / ACCELERATION)
 
 
-def _corner(seconds: float, way: float) -> Piece:
+def _corner_piece(seconds: float, way: float) -> Piece:
+    """Return a quarter turn, to the right for `way` 1, to the left for -1."""
     return Piece(seconds=seconds, turn=way * np.pi / 2 / seconds)
 
 
 def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
-    """(pieces + 1, 3) m: where each piece begins, and the last one ends, about `place_ne`.
+    """Return the start of each piece and the end of the last (pieces + 1, 3), m, centred on
+    `place_ne`.
 
-    Down is below the ground under the origin, which is taken as level.
+    Down is counted from the ground under the origin, taken as level.
     """
     heading, at = manoeuvre.heading, np.array([0.0, 0.0, -manoeuvre.height])
     corners = [at]
@@ -228,13 +238,14 @@ def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
 def flown_track(
     manoeuvre: Manoeuvre, model: RotorModel, limits: FlownLimits, fill_kg: float
 ) -> FlightTrack:
-    """The manoeuvre as a flight in the flights' usual air, with all channels but rotor speeds."""
+    """Simulate the manoeuvre in the flights' usual air, with all channels but rotor speeds."""
     pieces = manoeuvre.pieces
     ends = np.cumsum([p.seconds for p in pieces])
     time_s = np.arange(0.0, ends[-1], STEP_S)
     which = np.minimum(np.searchsorted(ends, time_s, side="right"), len(pieces) - 1)
 
     def ordered(name: str, rate: float) -> Floats:
+        """Return a commanded rate (T,), limited in slope by `rate` and smoothed."""
         wanted = np.array([getattr(p, name) for p in pieces])[which]
         reached, now = np.empty_like(wanted), 0.0
         for k, value in enumerate(wanted):
@@ -255,7 +266,7 @@ def flown_track(
             model.forward_flight, airspeed, np.full_like(airspeed, mass), model.reference_density
         )
     force = np.gradient(velocity, STEP_S, axis=0) - np.array([0.0, 0.0, G0])
-    attitude = _upright(force, through_air, slowing, heading)
+    attitude = _attitude(force, through_air, slowing, heading)
     position = np.cumsum(velocity, axis=0) * STEP_S
     position += corners_ned(manoeuvre, limits)[0]
     body = Rotation.from_euler("ZYX", attitude[:, ::-1])
@@ -284,8 +295,9 @@ def flown_track(
     )
 
 
-def _upright(force: Floats, through_air: Floats, slowing: Floats, heading: Floats) -> Floats:
-    """(T, 3) roll, pitch, yaw at which the rotors carry `force` per mass and level drag."""
+def _attitude(force: Floats, through_air: Floats, slowing: Floats, heading: Floats) -> Floats:
+    """Return roll, pitch, yaw (T, 3), rad, at which the rotors balance `force` per mass and level
+    drag."""
     way = through_air / np.maximum(np.linalg.norm(through_air, axis=1, keepdims=True), 1e-3)
     lift = force + np.column_stack([slowing[:, None] * way, np.zeros_like(slowing)])
     down = -lift / np.linalg.norm(lift, axis=1, keepdims=True)

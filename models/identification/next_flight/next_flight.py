@@ -1,18 +1,14 @@
-"""Explanations of the same flights: sets of effects, each fitted to the flown rows.
+"""Choose the next flight: the manoeuvre that best distinguishes two explanations.
 
-Works in mode amplitudes, weighed by the noise of a row.
-
-The next flight: the manoeuvre that best distinguishes two explanations.
-
-Each explanation is fitted to the flown rows. Over the rows of a manoeuvre the two then predict mode
-amplitudes m_A and m_B (in units of the noise), with
+An explanation is a set of effects, fitted to the rows flown so far. Over the rows of a manoeuvre
+two explanations predict mode amplitudes m_A and m_B (in units of the noise), with
 
     d = m_A - m_B,  S = I + J_A C_A J_A' + J_B C_B J_B' + N N'
 
-C what the flown rows leave open of the values of each, N how effects scatter from flight to flight
-and by how much the base model is off. Kullback-Leibler divergence: d' S^-1 d / 2 nats; a choice
-between the two by these rows is right with probability Phi(sqrt(d' S^-1 d) / 2).
-S^-1 by Woodbury, so that only the Gram matrix of the columns is needed.
+C is the covariance of each one's values given the rows flown, N the between-flight scatter and the
+base model's error. Kullback-Leibler divergence: d' S^-1 d / 2 nats; a choice between the two by
+these rows is right with probability Phi(sqrt(d' S^-1 d) / 2). S^-1 by Woodbury, so that only the
+Gram matrix of the columns is needed.
 """
 
 from __future__ import annotations
@@ -38,7 +34,7 @@ from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     Manoeuvre,
     flown_track,
-    lightest,
+    lightest_manoeuvres,
     manoeuvres,
 )
 from thrustmargin.models.identification.rows.candidates import (
@@ -46,7 +42,7 @@ from thrustmargin.models.identification.rows.candidates import (
     TrialEffect,
     candidate,
     derivatives,
-    predicted,
+    predicted_modes,
     slopes,
     unnamed_candidates,
 )
@@ -55,65 +51,67 @@ from thrustmargin.models.identification.rows.problem import (
     BLOCK_SECONDS,
     Problem,
     RowsToFit,
-    thinned,
+    thin_rows,
 )
-from thrustmargin.models.identification.rows.row_fit import fit_rows, moved_by
+from thrustmargin.models.identification.rows.row_fit import fit_rows, move_values
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Explanation:
-    """Effects with values that all flights share, and the covariance of all values in their
-    order."""
+    """Effects with values that all flights share, and the covariance of these values."""
 
-    held: tuple[TrialEffect, ...]
+    trials: tuple[TrialEffect, ...]
     covariance: Floats  # (P, P)
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        return tuple(one.candidate.term for one in self.held)
+        """Return the terms of the effects."""
+        return tuple(one.candidate.term for one in self.trials)
 
 
 def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Floats) -> Explanation:
-    """The terms with their likeliest values given the flown rows, alike in all flights; a step
-    within a flight counts as it is afterwards.
+    """Fit the terms to the flown rows, with values shared by all flights.
 
-    `noise_rpm` (R,) is that of a mean over one second. Values have their usual sizes as prior,
-    their covariance the scatter of a sound aircraft in it.
+    A step within a flight counts with its state afterwards. `noise_rpm` (R,) is that of a mean over
+    one second. Values have their usual sizes as prior; their covariance includes the scatter of a
+    sound aircraft.
     """
-    rows = thinned(problem, problem.stride)
-    fit = fit_rows(rows, [_shared(term, rows) for term in terms])
+    rows = thin_rows(problem, problem.stride)
+    fit = fit_rows(rows, [_shared_effect(term, rows) for term in terms])
     noise = noise_rpm / np.sqrt(float(np.sum(problem.durations)) / rows.measured_rpm.shape[0])
-    every = [p for one in fit.held for p in one.candidate.parameters]
+    every = [p for one in fit.trials for p in one.candidate.parameters]
     size = np.array([p.scale for p in every])
-    values = np.concatenate([np.zeros(0), *(one.free_values for one in fit.held)])
-    own = over_noise(fit.columns * size, noise)
-    left = np.nan_to_num(rows.in_modes(rows.measured_rpm) - predicted(rows, fit.held))
-    pull = own.T @ over_noise(left[:, :, None], noise)[:, 0]
-    pull += (np.array([_absent(p) for p in every]) - values) / size
+    values = np.concatenate([np.zeros(0), *(one.free_values for one in fit.trials)])
+    own = scale_by_noise(fit.columns * size, noise)
+    left = np.nan_to_num(
+        rows.mode_amplitudes(rows.measured_rpm) - predicted_modes(rows, fit.trials)
+    )
+    pull = own.T @ scale_by_noise(left[:, :, None], noise)[:, 0]
+    pull += (np.array([_absent_value(p) for p in every]) - values) / size
     step = np.asarray(np.linalg.solve(own.T @ own + np.eye(size.size), pull), dtype=np.float64)
-    likeliest = moved_by(fit.held, size * step)
-    whole = np.hstack([own, over_noise(scatter(rows, problem.background_rpm), noise)])
+    likeliest = move_values(fit.trials, size * step)
+    whole = np.hstack([own, scale_by_noise(scatter_columns(rows, problem.background_rpm), noise)])
     inverse = np.linalg.inv(whole.T @ whole + np.eye(whole.shape[1]))[: size.size, : size.size]
     of_values: Floats = np.asarray(inverse, dtype=np.float64) * np.outer(size, size)
     return Explanation(
-        held=tuple(replace(one, values=one.values[:1]) for one in likeliest),
+        trials=tuple(replace(one, values=one.values[:1]) for one in likeliest),
         covariance=of_values,
     )
 
 
-def over_noise(columns: Floats, noise_rpm: Floats) -> Floats:
-    """(T R, K) of columns (T, R, K) rpm in modes, in units of the noise (R,) of a row."""
+def scale_by_noise(columns: Floats, noise_rpm: Floats) -> Floats:
+    """Return columns (T, R, K), rpm in modes, as (T R, K) in units of the noise (R,) of a row."""
     rows, modes, count = columns.shape
     return (columns / noise_rpm[:, None]).reshape(rows * modes, count)
 
 
-def scatter(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
-    """(T, R, N) rpm in modes by which a sound aircraft's flight may be off: one deviation a column.
+def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
+    """Return between-flight deviations (T, R, N), rpm in modes, one standard deviation a column.
 
-    Each mode's mean by `background_rpm` (R,), and every effect by its scatter from flight to
-    flight, as the model file has it from good flights, else the usual one.
+    These are each mode's mean by `background_rpm` (R,), and every effect by its scatter from good
+    flights in the model, else its usual scatter.
     """
     shape = rows.measured_rpm.shape
     means = np.diag(np.broadcast_to(background_rpm, shape[1:]))
@@ -125,7 +123,7 @@ def scatter(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
             continue
         own = [shown.get(f"{effect.key}.{p.name}", p.smallest) for p in effect.parameters]
         moving = [k for k, size in enumerate(own) if size > 0.0]
-        absent = np.array([[_absent(p) for p in effect.parameters]] * rows.flights)
+        absent = np.array([[_absent_value(p) for p in effect.parameters]] * rows.flights)
         for rotor in range(shape[1]) if effect.of_one_rotor else (None,):
             one = candidate(Term(effect=effect, rotor=rotor), rows.flights)
             by_value = slopes(rows, [TrialEffect(candidate=one, values=absent)], 0, moving)
@@ -134,12 +132,13 @@ def scatter(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
 
 
 def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
-    """(R,) rpm: noise of a mean over one second in each mode, from means over blocks of time.
+    """Return the noise (R,), rpm, of a mean over one second in each mode, from means over blocks of
+    time.
 
-    `residual_rpm` (T, R) is what the effects found leave on the rows of the problem. Means over
-    BLOCK_SECONDS about that of their flight have what lasts for seconds in them.
+    `residual_rpm` (T, R) is the residual after identification. Means over BLOCK_SECONDS, relative
+    to their flight's, include variation that lasts for seconds.
     """
-    amplitudes = problem.in_modes(residual_rpm)
+    amplitudes = problem.mode_amplitudes(residual_rpm)
     count = np.bincount(problem.block).astype(float)[:, None]
     blocks = np.stack([np.bincount(problem.block, a) for a in amplitudes.T], axis=1) / count
     flights = np.bincount(problem.block_flight).astype(float)[:, None]
@@ -149,53 +148,55 @@ def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
     return np.sqrt(np.sum(about**2, axis=0) / free * BLOCK_SECONDS) + 1e-3
 
 
-def _shared(term: Term, rows: RowsToFit) -> TrialEffect:
-    """A term, of a step what it is afterwards, all of whose values flights share."""
+def _shared_effect(term: Term, rows: RowsToFit) -> TrialEffect:
+    """Return a term, a step as its state afterwards, with values shared by all flights."""
     lasting = Term(effect=term.effect.afterwards or term.effect, rotor=term.rotor)
     free = tuple((k, None) for k in range(len(lasting.effect.parameters)))
     one = replace(candidate(lasting, rows.flights), free=free)
-    if one.unnamed:  # its curve lies where these flights have its channel
+    if one.unnamed:  # its curve covers the range of its channel in these flights
         one = next(known for known in unnamed_candidates(rows) if known.key == term.key)
-    return one.at_start
+    return one.initial_effect
 
 
-def _absent(parameter: Parameter) -> float:
+def _absent_value(parameter: Parameter) -> float:
+    """Return a parameter's absent value, or its start if it has none."""
     return parameter.start if parameter.absent is None else parameter.absent
 
 
 Terms = tuple[Term, ...]
 
-CHANCE = 0.6  # at or below which no manoeuvre is worth flying for it
-ROW_S = 0.2  # between rows of a manoeuvre
+CHANCE = 0.6  # probability of a right choice, at or below which no manoeuvre is recommended
+ROW_S = 0.2  # s between rows of a manoeuvre
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NextFlight:
-    """What to fly next, and how well it would distinguish the explanations."""
+    """The flight recommended next, and how well it would distinguish two explanations."""
 
     separates: tuple[Terms, Terms]
     manoeuvre: Manoeuvre
-    repeats: int  # of the manoeuvre, in the flight at each fill
-    nats: float  # expected Kullback-Leibler divergence of it all
-    certainty: float  # probability of a right choice by it alone
+    repeats: int  # of the manoeuvre in the flight at each fill
+    nats: float  # expected Kullback-Leibler divergence of all repeats at all fills
+    #: probability of a right choice between the explanations from this flight alone
+    certainty: float
 
     @property
     def minutes(self) -> float:
-        """All repeats at all fills, without take-off and landing."""
+        """Return the duration of all repeats at all fills, without take-off and landing."""
         return self.repeats * self.manoeuvre.minutes
 
 
-def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> NextFlight | None:
-    """What to fly next after an identification; `tracks` are the flights it was given.
+def plan_next_flight(found: Identification, tracks: Sequence[FlightTrack]) -> NextFlight | None:
+    """Choose the next flight after an identification; `tracks` are its flights.
 
-    None when it left nothing open, or when no manoeuvre of the library would tell.
+    None if nothing is left open, or no manoeuvre would distinguish with a probability above CHANCE.
     """
     pair = explanations_of(found)
     if pair is None:
         return None
     noise = second_noise_rpm(found.problem, found.residual_after_rpm)
     try:
-        limits = FlownLimits.of(tracks)
+        limits = FlownLimits.from_tracks(tracks)
     except DataError:
         return None
     best = next_flight(
@@ -213,10 +214,10 @@ def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> Ne
 
 
 def explanations_of(found: Identification) -> tuple[Terms, Terms] | None:
-    """The two likeliest explanations that an identification could not distinguish.
+    """Return the two most probable explanations that an identification could not distinguish.
 
-    In this order: one of several effects, two sets of effects, a rotor that is not cleared. None
-    when it left nothing open.
+    In order of preference: two effects of a "one of", two sets of effects, a rotor that is not
+    cleared. None if nothing is left open.
     """
     named = tuple(f.term for f in found.found)
     for one in found.one_of:
@@ -240,21 +241,22 @@ def next_flight(
     background_rpm: Floats | float = 0.0,
     of_outputs: bool = False,
 ) -> NextFlight:
-    """The shortest flight that distinguishes two explanations, else the one that does most.
+    """Return the shortest flight that distinguishes two explanations, else the most efficient one.
 
-    Where one of them has a bad rotor, only what is flown with the least fill counts.
-    `noise_rpm` (R,) is that of a mean over one second, of each mode; `background_rpm` (R,) that of
-    a flight's mean. With `of_outputs` only each rotor's share is seen.
+    If an explanation has a bad rotor, only manoeuvres with the least fill are used. `noise_rpm`
+    (R,) is that of a mean over one second in each mode; `background_rpm` (R,) that of a flight's
+    mean. With `of_outputs` only each rotor's share counts.
     """
 
     @cache
-    def flown_at(name: str, fill_kg: float) -> _Flown:
+    def flown_at(name: str, fill_kg: float) -> _FlownManoeuvre:
+        """Predict both explanations over a manoeuvre at one fill."""
         track = flown_track(library[name], model, limits, fill_kg)
-        return _flown_once(model, explanations, track, noise_rpm, background_rpm, of_outputs)
+        return _fly_once(model, explanations, track, noise_rpm, background_rpm, of_outputs)
 
     every = manoeuvres(limits)
     if any(t.rotor is not None for one in explanations for t in one.terms):
-        every = lightest(every)
+        every = lightest_manoeuvres(every)
     library = {manoeuvre.name: manoeuvre for manoeuvre in every}
     made: list[NextFlight] = []
     for manoeuvre in every:
@@ -277,48 +279,52 @@ def next_flight(
 
 
 def _preference(made: NextFlight) -> tuple[bool, float]:
+    """Return the sort key: distinguishing flights first, by least duration, others by nats a
+    minute."""
     distinguished = made.certainty >= SURE
     return distinguished, -made.minutes if distinguished else made.nats / made.minutes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Flown:
+class _FlownManoeuvre:
     """A manoeuvre at one fill, N rows of all modes: columns of S, and d."""
 
-    shared: Floats  # (N, P) what is open of their values, which all fills share
-    apart: Floats  # (N, K) scatter of one flight
+    shared: Floats  # (N, P) uncertainty of the explanations' values, shared by all fills
+    scatter: Floats  # (N, K) between-flight scatter, separate for each fill
     difference: Floats  # (N,)
 
 
-def _flown_once(
+def _fly_once(
     model: RotorModel,
     explanations: tuple[Explanation, Explanation],
     track: FlightTrack,
     noise_rpm: Floats,
     background_rpm: Floats | float,
     of_outputs: bool,
-) -> _Flown:
+) -> _FlownManoeuvre:
+    """Predict the difference of two explanations over a simulated track, and its uncertainty."""
     rows = rows_of(model, track, [t.effect for one in explanations for t in one.terms], of_outputs)
     noise = noise_rpm / np.sqrt(ROW_S)
-    ours, theirs = (np.nan_to_num(predicted(rows, one.held)) for one in explanations)
+    ours, theirs = (np.nan_to_num(predicted_modes(rows, one.trials)) for one in explanations)
     columns = [
-        np.nan_to_num(derivatives(rows, one.held, k))
+        np.nan_to_num(derivatives(rows, one.trials, k))
         for one in explanations
-        for k in range(len(one.held))
+        for k in range(len(one.trials))
     ]
     open_ = np.concatenate([np.zeros((*ours.shape, 0)), *columns], axis=2)
     covariance = np.asarray(block_diag(*(one.covariance for one in explanations)))
-    return _Flown(
-        shared=over_noise(open_, noise) @ _root(covariance),
-        apart=over_noise(scatter(rows, background_rpm), noise),
-        difference=over_noise((ours - theirs)[:, :, None], noise)[:, 0],
+    return _FlownManoeuvre(
+        shared=scale_by_noise(open_, noise) @ _covariance_root(covariance),
+        scatter=scale_by_noise(scatter_columns(rows, background_rpm), noise),
+        difference=scale_by_noise((ours - theirs)[:, :, None], noise)[:, 0],
     )
 
 
 def rows_of(
     model: RotorModel, track: FlightTrack, effects: Sequence[Effect], of_outputs: bool
 ) -> RowsToFit:
-    """A manoeuvre's rows, each ROW_S; of motor outputs shares of what the model predicts."""
+    """Return a track's rows, ROW_S apart; with `of_outputs`, only shares of predicted speeds are
+    used."""
     used = [*(p.effect for p in model.placed), *effects_for(model.airframe), *effects]
     every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
     which = np.arange(0, track.time_s.size, every)
@@ -339,12 +345,13 @@ def rows_of(
     return replace(rows, measured_rpm=rows.speeds(), of_outputs=of_outputs)
 
 
-def _gram(flown: Sequence[_Flown]) -> Floats:
-    """Gram matrix of the columns of S, with d last, of a manoeuvre flown once at each fill."""
+def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
+    """Return the Gram matrix of the columns of S, with d last, of a manoeuvre flown once at each
+    fill."""
     table = np.column_stack(
         [
             np.concatenate([one.shared for one in flown]),
-            np.asarray(block_diag(*(one.apart for one in flown))),
+            np.asarray(block_diag(*(one.scatter for one in flown))),
             np.concatenate([one.difference for one in flown]),
         ]
     )
@@ -352,13 +359,14 @@ def _gram(flown: Sequence[_Flown]) -> Floats:
 
 
 def _distance_square(gram: Floats, repeats: int) -> float:
-    """d' S^-1 d when the rows come so many times, in the same flights."""
+    """Return d' S^-1 d if the rows are repeated `repeats` times within the same flights."""
     whole = repeats * gram
     inner, along = whole[:-1, :-1], whole[:-1, -1]
     explained = along @ np.linalg.solve(np.eye(inner.shape[0]) + inner, along)
     return float(max(0.0, whole[-1, -1] - explained))
 
 
-def _root(covariance: Floats) -> Floats:
+def _covariance_root(covariance: Floats) -> Floats:
+    """Return a matrix root A of a covariance A A', negative eigenvalues set to 0."""
     sizes, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(sizes, 0.0))

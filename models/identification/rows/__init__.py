@@ -1,1 +1,2 @@
-"""Flights as rows and means: what is fitted, its candidates, least squares of a given set."""
+"""Prepare the data of a fit: rows and short means of flights, candidate effects, noise,
+row fits."""

@@ -1,4 +1,4 @@
-"""Effects that a search may put into a set, and what they do to the predicted speeds."""
+"""Candidate effects of a search, and the change in predicted speeds that their values cause."""
 
 from __future__ import annotations
 
@@ -36,89 +36,94 @@ from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 
-#: that an effect is there, or that a given rotor is bad; that another one is bad beside it: damage
-#: is mostly of one, and two imitate a centre of gravity and a yaw moment
+#: prior odds of an effect or of a first bad rotor; and of each further bad rotor: damage
+#: is mostly to one, and two imitate a centre of gravity and a yaw moment
 EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005
-EVEN = 1.0  # odds of what every aircraft has, where no flight of this one has taught the model
-#: a propeller of the next size: 5 % of diameter more makes (1.05)^4, a fifth more thrust at a speed
+EVEN = 1.0  # prior odds of an effect of every aircraft if no flight has taught the model
+#: a propeller of the next size: 5 % more diameter gives (1.05)^4, a fifth more thrust
 MOST_GAIN = 0.15
-RANGE = (0.02, 0.98)  # quantiles of a channel, between which a cause without a name was seen
-STEP = 1e-3  # of a parameter's usual size, of the central difference
+RANGE = (0.02, 0.98)  # quantiles of a channel that limit the knots of an unnamed cause
+STEP = 1e-3  # step of central differences, in usual sizes of the parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
-    """An effect that is being fitted, on one rotor (0-based) where it is of one."""
+    """An effect that is being fitted, on one rotor (0-based) if it acts on a single rotor."""
 
     effect: Effect
     rotor: int | None = None
 
     @property
     def key(self) -> str:
+        """Return the effect's key, with @ and the rotor (1-based) if it has one."""
         suffix = "" if self.rotor is None else f"@{self.rotor + 1}"
         return self.effect.key + suffix
 
     @property
     def words(self) -> str:
-        """Name, and the rotor counted from 1."""
+        """Return the effect's name, with the rotor (1-based) if it has one."""
         return self.effect.name + ("" if self.rotor is None else f" of rotor {self.rotor + 1}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """A term with K parameters, the values it starts from and which of them are free."""
+    """A term with K parameters, their start values and which of them are free."""
 
     term: Term
     start: Floats  # (F, K)
-    free: tuple[tuple[int, int | None], ...]  # (parameter, flight or None where all share it)
+    #: (parameter, flight; None if all flights share the value)
+    free: tuple[tuple[int, int | None], ...]
     log_prior: float
     reading: Reading | None = None
 
     @property
     def key(self) -> str:
+        """Return the key of the term."""
         return self.term.key
 
     @property
     def unnamed(self) -> bool:
-        """True for a cause without a name."""
+        """Return whether this is an unnamed cause: a curve of a mode or rotor along a channel."""
         return self.term.effect.name == NAME
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """(P,) the parameter of each free value."""
+        """Return the parameter of each of the P free values."""
         every = self.term.effect.parameters
         return tuple(every[k] for k, _ in self.free)
 
     @cached_property
     def places(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """(P,) flight, the first where all share it, and parameter of each free value."""
+        """Return the flight (P,) and the parameter (P,) of each free value; flight 0 if shared by
+        all."""
         flights, which = [f or 0 for _, f in self.free], [k for k, _ in self.free]
         return np.array(flights, dtype=np.intp), np.array(which, dtype=np.intp)
 
     @property
-    def at_start(self) -> TrialEffect:
+    def initial_effect(self) -> TrialEffect:
+        """Return the candidate with its start values."""
         return TrialEffect(candidate=self, values=self.start)
 
     @property
     def start_values(self) -> list[float]:
-        """(P,) where the free values start."""
+        """Return the start values of the P free values."""
         return self.start[self.places].tolist()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrialEffect:
-    """A candidate with values."""
+    """A candidate with values (F, K)."""
 
     candidate: Candidate
     values: Floats  # (F, K)
 
     @property
     def free_values(self) -> Floats:
-        """(P,) the values that are free."""
+        """Return the free values (P,)."""
         return self.values[self.candidate.places]
 
     def moved(self, by: Floats) -> TrialEffect:
-        """With the free values (P,) moved, kept within their bounds."""
+        """Return the effect with its free values moved by `by` (P,), clipped to their bounds."""
         values = self.values.copy()
         for (k, flight), step in zip(self.candidate.free, by, strict=True):
             p = self.candidate.term.effect.parameters[k]
@@ -128,21 +133,25 @@ class TrialEffect:
 
 
 def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candidate]:
-    """Every effect whose channels the flights report, on each rotor where it is of one; not those
-    that begin in a flight, which `onsets` finds."""
+    """Return a candidate for every catalogue effect that the flights can show, on each rotor if
+    rotor-specific.
+
+    Effects that begin in flight are left to `onsets`. Bounds of rotor losses and drag are narrowed
+    to values with which the flights could have been flown.
+    """
     rotors = reduced.measured_rpm.shape[1]
     most, taught = _flyable_loss(reduced), reduced.model.taught
     found = []
-    for effect in (e for known in catalogue if (e := _beside(reduced, known)) is not None):
+    for effect in (e for known in catalogue if (e := _possible_change(reduced, known)) is not None):
         if effect.begins or (effect.by_flights and reduced.flights == 1):
             continue
         if effect.of_one_rotor:
-            effect = _bounded(effect, most)
+            effect = _bound_loss(effect, most)
         if effect.key == PARASITE_DRAG.key:
-            effect = _of_no_less_than_none(reduced, effect)
+            effect = _bound_drag(reduced, effect)
         for rotor in range(rotors) if effect.of_one_rotor else (None,):
             term = Term(effect=effect, rotor=rotor)
-            if not reduced.lacks(effect) and _would_show(reduced, effect):
+            if not reduced.lacks(effect) and _is_observable(reduced, effect):
                 one = candidate(term, reduced.flights, taught=taught)
                 good, delay_s = reduced.model.good_flights, reduced.delay_s
                 if effect.delays:
@@ -153,13 +162,12 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
 
 
 def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
-    """Causes without a name: each mode, and the loss of each rotor, along each channel that the
-    flights report and that varies.
+    """Return unnamed causes: each mode, and the loss of each rotor, along each varying channel.
 
-    That something without a name acts in a mode, or bends the loss of a rotor, is as likely as that
-    an effect is there, along any channel as along another. What stands all the time has a name in
-    every mode, so a curve is nothing at the knot nearest to where its channel is 0, or, of a
-    channel without such a place, where it mostly is. One flight shows nothing again.
+    The prior probability of an effect is divided evenly among the channels of a mode, or of a
+    rotor. Constants are catalogue effects in every mode, so a curve is fixed to zero at one knot:
+    the one nearest to channel value 0 or, for a channel without such a rest, the one with most
+    rows. No candidate for a single flight, which cannot show that a curve recurs.
     """
     if reduced.flights < 2:
         return []
@@ -172,7 +180,7 @@ def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
             if high - low > along.least:
                 ranges[name] = low, high
     of_modes = [name for name in ranges if name not in ONLY_ROTORS]
-    # How a motor output goes with thrust is known no better than a loss would bend.
+    # The curve of thrust over output is less accurate than the bend of a loss.
     of_rotors = [name for name in OF_ROTOR if name in ranges and not reduced.of_outputs]
     places = [(mode, name, None) for mode in MODES[:rotors] for name in of_modes]
     places += [(ROTOR, name, r) for r in range(rotors) for name in of_rotors]
@@ -190,10 +198,11 @@ def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
     return found
 
 
-def _beside(reduced: Reduced, effect: Effect) -> Effect | None:
-    """The effect, or what of it may have changed where the model has it; None where nothing may.
+def _possible_change(reduced: Reduced, effect: Effect) -> Effect | None:
+    """Return the effect, or its possible change if the model has it already; None if none is
+    possible.
 
-    Outputs answer gusts as they do turns: they show no change of what turning takes.
+    Motor outputs respond to gusts as to turns, so they show no change of a model's own effect.
     """
     model = reduced.model
     has = [item.values for item in model.placed if item.effect.key == effect.key]
@@ -203,8 +212,8 @@ def _beside(reduced: Reduced, effect: Effect) -> Effect | None:
     return None if reduced.of_outputs else effect.change(effect, has, scatter)
 
 
-def _would_show(reduced: Reduced, effect: Effect) -> bool:
-    """False for an effect that even at its usual size these flights could hardly show."""
+def _is_observable(reduced: Reduced, effect: Effect) -> bool:
+    """Return False for an effect that these flights could hardly show even at its usual size."""
     if effect.weight is None:
         return True
     values = {p.name: p.start + (0.0 if p.detail else p.scale) for p in effect.parameters}
@@ -212,7 +221,8 @@ def _would_show(reduced: Reduced, effect: Effect) -> bool:
 
 
 def _flyable_loss(reduced: Reduced) -> float:
-    """The largest loss of one rotor with which the flights' weight could be held level."""
+    """Return the largest loss of one rotor's thrust with which the flights' weight can be trimmed,
+    yaw uncontrolled."""
     x, airframe = reduced.channels, identified_airframe(reduced.model)
     voltage = np.nanmedian(x.voltage) if np.isfinite(x.voltage).any() else np.nan
     limits = ceiling(airframe, np.nanmedian(x.density), voltage)
@@ -221,8 +231,8 @@ def _flyable_loss(reduced: Reduced) -> float:
     return most if np.isfinite(most) else 1.0
 
 
-def _bounded(effect: Effect, most: float) -> Effect:
-    """A rotor's loss that nobody could have flown with is none, nor is a rotor that gains."""
+def _bound_loss(effect: Effect, most: float) -> Effect:
+    """Bound a rotor's loss to -MOST_GAIN below and to the flyable loss `most` above."""
     kept = tuple(
         replace(p, lower=-MOST_GAIN, upper=min(p.upper, max(most, p.scale)))
         if p.name == LOSS.name
@@ -232,11 +242,12 @@ def _bounded(effect: Effect, most: float) -> Effect:
     return replace(effect, parameters=kept)
 
 
-def _of_no_less_than_none(reduced: Reduced, effect: Effect) -> Effect:
-    """Drag that is missing, bounded by what the model has of it: less than none there is not.
+def _bound_drag(reduced: Reduced, effect: Effect) -> Effect:
+    """Bound missing drag area below by minus the model's own drag, so that total drag stays
+    positive.
 
-    As an area at the airspeed up to which the model knows: what rotors and body slow it down by
-    there, and drag areas among its effects. Of a network without forward flight that is not known.
+    The model's drag is converted to an area at its highest known airspeed. Return the effect
+    unchanged for a network without forward flight physics, whose drag is unknown.
     """
     model, x = reduced.model, reduced.channels
     flight, known = model.forward_flight, model.known_airspeed
@@ -254,8 +265,10 @@ def _of_no_less_than_none(reduced: Reduced, effect: Effect) -> Effect:
 
 
 def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:
-    """A term at its own start, with every value free; of a model that no flight has taught, what
-    every aircraft has is as likely there as not."""
+    """Return a candidate for a term with start values, every value free.
+
+    With a model that no flight has `taught`, effects of every aircraft have prior odds EVEN.
+    """
     start = np.array([[p.start for p in term.effect.parameters]] * flights)
     free: list[tuple[int, int | None]] = []
     for k, p in enumerate(term.effect.parameters):
@@ -265,10 +278,11 @@ def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:
     return Candidate(term=term, start=start, free=tuple(free), log_prior=float(np.log(prior)))
 
 
-def placed(rows: RowsToFit, held: Sequence[TrialEffect]) -> list[Placed]:
-    """Effects with their values, an array of N where flights have their own."""
+def placed_effects(rows: RowsToFit, trials: Sequence[TrialEffect]) -> list[Placed]:
+    """Return the effects with their values: scalars if shared, else arrays (N,) by each row's
+    flight."""
     out = []
-    for one in held:
+    for one in trials:
         values: dict[str, Any] = {}
         columns = zip(*one.values.tolist(), strict=True)
         for k, (p, (first, *others)) in enumerate(
@@ -281,61 +295,64 @@ def placed(rows: RowsToFit, held: Sequence[TrialEffect]) -> list[Placed]:
     return out
 
 
-def predicted(rows: RowsToFit, held: Sequence[TrialEffect]) -> Floats:
-    """(N, R) rpm in modes."""
-    return rows.in_modes(rows.speeds(placed(rows, held)))
+def predicted_modes(rows: RowsToFit, trials: Sequence[TrialEffect]) -> Floats:
+    """Predict speeds (N, R), rpm in modes, by the model with the effects `trials`."""
+    return rows.mode_amplitudes(rows.speeds(placed_effects(rows, trials)))
 
 
-def derivatives(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> Floats:
-    """(T, R, P) rpm in modes by the free values of one of the candidates."""
-    return value_columns(rows, held, of).wide(rows.flight)
+def derivatives(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> Floats:
+    """Return derivatives (T, R, P), rpm in modes, by the free values of effect `index`
+    of `trials`."""
+    return value_columns(rows, trials, index).dense(rows.flight)
 
 
-def value_columns(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> ValueColumns:
-    """The same, those of one flight's own values without the zeros of all others."""
-    free = held[of].candidate.free
+def value_columns(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> ValueColumns:
+    """Like `derivatives`, but per-flight values of one parameter share a column."""
+    free = trials[index].candidate.free
     wanted = sorted({k for k, _ in free})
     return ValueColumns.with_source(
-        slopes(rows, held, of, wanted),
+        slopes(rows, trials, index, wanted),
         np.array([wanted.index(k) for k, _ in free], dtype=np.intp),
         np.array([ALL_FLIGHTS if f is None else f for _, f in free], dtype=np.intp),
     )
 
 
 def slopes(
-    rows: RowsToFit, held: Sequence[TrialEffect], of: int, wanted: Sequence[int] | None = None
+    rows: RowsToFit, trials: Sequence[TrialEffect], index: int, wanted: Sequence[int] | None = None
 ) -> Floats:
-    """(T, R, K) rpm in modes by the parameters of one of the candidates, or those `wanted`, by
-    central differences.
+    """Compute derivatives (T, R, K), rpm in modes, by the parameters of effect `index` of `trials`.
 
-    A value at its bound is moved to one side only, one beyond its bounds not at all.
+    `wanted` selects parameters. Central differences; one-sided at a bound, 0 for a value beyond
+    both.
     """
-    one = held[of]
+    one = trials[index]
     parameters = one.candidate.term.effect.parameters
     if one.candidate.unnamed and place_of(one.candidate.term.effect)[1] != CONSTANT:
-        knots = _of_curve(rows, held, of)
+        knots = _curve_slopes(rows, trials, index)
         return knots if wanted is None else knots[:, :, list(wanted)]
     columns = [np.zeros((*rows.measured_rpm.shape, 0))]
-    still = placed(rows, held)
+    still = placed_effects(rows, trials)
     for k in range(len(parameters)) if wanted is None else wanted:
         p = parameters[k]
         ends = []
         for sign in (1.0, -1.0):
             values = one.values.copy()
             values[:, k] = np.clip(values[:, k] + sign * STEP * p.scale, p.lower, p.upper)
-            moved = placed(rows, [replace(one, values=values)])
-            speeds = rows.speeds([*still[:of], *moved, *still[of + 1 :]])
-            ends.append((rows.in_modes(speeds), values[:, k]))
+            moved = placed_effects(rows, [replace(one, values=values)])
+            speeds = rows.speeds([*still[:index], *moved, *still[index + 1 :]])
+            ends.append((rows.mode_amplitudes(speeds), values[:, k]))
         (above, up), (below, down) = ends
         width = np.where(up == down, np.inf, up - down)[rows.flight]
         columns.append(((above - below) / width[:, None])[:, :, None])
     return np.concatenate(columns, axis=2)
 
 
-def _of_curve(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> Floats:
-    """(T, R, K) rpm in modes by the knots of a cause without a name: what the same all the time
-    would do, in the proportion in which each row has the knot."""
-    one, rest = held[of], [*held[:of], *held[of + 1 :]]
+def _curve_slopes(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> Floats:
+    """Return derivatives (T, R, K), rpm in modes, by the knots of an unnamed curve.
+
+    Each is the derivative by a constant cause, times the knot's share in each row.
+    """
+    one, rest = trials[index], [*trials[:index], *trials[index + 1 :]]
     mode, channel = place_of(one.candidate.term.effect)
     term = Term(effect=UNNAMED[mode, CONSTANT], rotor=one.candidate.term.rotor)
     flat = candidate(term, rows.flights)
@@ -343,7 +360,7 @@ def _of_curve(rows: RowsToFit, held: Sequence[TrialEffect], of: int) -> Floats:
     ends = []
     for sign in (1.0, -1.0):
         values = flat.start + sign * STEP * p.scale
-        ends.append(predicted(rows, [*rest, TrialEffect(candidate=flat, values=values)]))
+        ends.append(predicted_modes(rows, [*rest, TrialEffect(candidate=flat, values=values)]))
     slope = (ends[0] - ends[1]) / (2.0 * STEP * p.scale)
     shape = curve_columns(np.asarray(ALONG[channel].read(rows.channels)), *one.values[0, -2:])
     return slope[:, :, None] * shape[:, None, :]

@@ -1,8 +1,9 @@
-"""How late all rotor speeds come, by what the means of a search hide.
+"""Estimate how late rotor speeds are, from variation that the means of a search average out.
 
-A delay shorter than a mean moves it little; inside it, rows show that turns and gusts come late. So
-what measured and predicted rows differ from their own mean by is held against what a delay would
-do there. What lasts, as effects do, is in the means and not in here: the two say nothing twice.
+A delay shorter than a bin hardly moves its mean. Within a bin, rows show that turns and gusts
+arrive late. So the deviations of measured and predicted rows from their bin means are compared with
+the changes that a delay would cause. Lasting effects are in the means and not in these deviations,
+so no information is used twice.
 """
 
 from __future__ import annotations
@@ -21,38 +22,40 @@ from thrustmargin.models.identification.rows.noise import whitening_of
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.network.records import GoodFlights, scatter_between
 
-ENOUGH = 1_500  # rows: they show a delay to 2 ms, and telemetry repeats to no better than 10
-STEPS = 3  # of Gauss and Newton
+ENOUGH = 1_500  # rows: they determine a delay to 2 ms; telemetry itself repeats to 10 ms at best
+STEPS = 3  # Gauss-Newton steps
 UNKNOWN = np.array([0.0, np.inf])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reading:
-    """What F flights say of a candidate's only value beside their means."""
+    """Estimates of a candidate's only value from F flights, independent of the flights' means."""
 
     values: Floats  # (F,)
-    errors: Floats  # (F,) standard deviations, infinite where a flight says nothing
-    shared: float  # the same of what all flights have in common
+    errors: Floats  # (F,) standard deviations, infinite where a flight does not determine the value
+    shared: float  # standard deviation of the error that all flights share
 
     @property
     def pooled(self) -> tuple[float, float]:
-        """Value of all flights and its standard error."""
+        """Return the weighted mean of all flights' values and its standard error."""
         weight = self.errors**-2.0
         value = float(np.average(self.values, weights=weight))
         return value, float(np.hypot(weight.sum() ** -0.5, self.shared))
 
     def without(self, flights: Collection[int]) -> Reading | None:
-        """Of the other flights; None where these say nothing."""
+        """Return the reading without some flights; None if no other flight shows the value."""
         errors = self.errors.copy()
         errors[list(flights)] = np.inf
         return replace(self, errors=errors) if np.isfinite(errors).any() else None
 
 
 def delay_reading(delay_s: Floats, good: GoodFlights | None, resolution: float) -> Reading | None:
-    """Delays (F, 2) of flights and their errors, beyond what the good flights show. Flights scatter
-    as the good ones do, or by as much more as these show.
+    """Return the delays beyond those of the good flights, as a reading; `delay_s` (F, 2) value and
+    error.
 
-    None where no good flight has shown its own: the laws of quick turns may be all that is late.
+    Errors include the between-flight scatter: the good flights', or these flights' if larger. None
+    without a delay in the good flights (the laws of quick turns may be late themselves) or in
+    these.
     """
     values, errors = delay_s.T
     shown = np.isfinite(errors)
@@ -67,21 +70,24 @@ def delay_reading(delay_s: Floats, good: GoodFlights | None, resolution: float) 
 
 
 def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
-    """(2,) s: delay of the rotor speeds of one flight, and its standard error.
+    """Estimate the delay of one flight's rotor speeds and its standard error (2,), s.
 
-    `bins` (T,) says which mean each row is of. The error is infinite for motor outputs and where
-    nothing quick happens. It is no smaller than makes no delay as unlikely as it is.
+    `bins` (T,) is each row's bin. The error is infinite for motor outputs and without quick motion.
+    It is at least the delay over the square root of twice its log likelihood ratio against no
+    delay.
     """
     if flight.of_outputs or flight.lacks(ROTOR_SPEED_LAG):
         return UNKNOWN
     flight, bins = flight.rows(np.arange(min(ENOUGH, bins.size))), bins[:ENOUGH]
-    measured = flight.in_modes(flight.measured_rpm)
+    measured = flight.mode_amplitudes(flight.measured_rpm)
 
     def left(delay: float) -> Floats:
-        return _within(measured - _predicted(flight, delay), bins)
+        """Return the residual (T, R), rpm in modes, less its bin means, with a delay in s."""
+        return _subtract_bin_means(measured - _predict_delayed(flight, delay), bins)
 
     (lag,) = ROTOR_SPEED_LAG.parameters
-    tried = np.arange(lag.lower, lag.upper, lag.scale)  # from nothing, steps may end anywhere
+    # from zero, steps may end at another maximum
+    tried = np.arange(lag.lower, lag.upper, lag.scale)
     at, shown = float(max(tried, key=lambda delay: _log_likelihood(left(delay)))), 0.0
     for _ in range(STEPS):
         residual = left(at)
@@ -90,7 +96,7 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
         filter_ = whitening_of(
             residual, flight.flight, flight.follows, still, float(flight.measured_rpm.mean())
         )
-        if filter_.unfiltered.any():  # rows that rarely follow each other show nothing quick
+        if filter_.unfiltered.any():  # rows that rarely follow each other do not show quick motion
             return UNKNOWN
         z, d = filter_.apply(residual), filter_.apply(slope)
         shown = float(np.sum(d * d))
@@ -102,17 +108,19 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
 
 
 def _log_likelihood(residual: Floats) -> float:
-    """Of a residual (T, R) in modes, each with the noise that fits it best."""
+    """Return the log likelihood of a residual (T, R) in modes, each mode's noise at its
+    best size."""
     return -0.5 * len(residual) * float(np.log(np.sum(residual**2, axis=0)).sum())
 
 
-def _predicted(flight: Problem, delay: float) -> Floats:
+def _predict_delayed(flight: Problem, delay: float) -> Floats:
+    """Return predicted mode amplitudes (T, R), rpm, with a delay in s."""
     placed = Placed(effect=ROTOR_SPEED_LAG, rotor=None, values={"lag": delay})
-    return flight.in_modes(flight.speeds([placed]))
+    return flight.mode_amplitudes(flight.speeds([placed]))
 
 
-def _within(values: Floats, bins: NDArray[np.intp]) -> Floats:
-    """(T, R) less the mean over each bin."""
+def _subtract_bin_means(values: Floats, bins: NDArray[np.intp]) -> Floats:
+    """Return values (T, R) less the mean over each bin."""
     _, start, of = np.unique(bins, return_index=True, return_inverse=True)
     mean = np.add.reduceat(values, start, axis=0) / np.bincount(of)[:, None]
     return values - mean[of]

@@ -1,9 +1,9 @@
-"""The residual: measured minus predicted rotor speed, in physical modes and against channels.
+"""Modal components of the residual, measured minus predicted rotor speed, and its noise.
 
-Modes are the orthonormal directions of rotor speed that change the collective, the roll, the pitch
-and the yaw moment of a layout near hover, and what is left ("rest") where there are more rotors
-than four. A residual r (T, R) rpm has mode amplitudes r @ modes (T, R) rpm with the same sum of
-squares, so a share of variance by mode adds up to one.
+Modes are orthonormal directions of rotor speed: those that change the collective, roll, pitch and
+yaw moment of a layout near hover, and "rest" for the remaining directions of more than four rotors.
+A residual r (T, R) rpm has mode amplitudes r @ directions (T, R) rpm with the same sum of squares,
+so the shares of variance by mode add up to one.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ class Modes:
 
 
 def modes(airframe: Airframe) -> Modes:
-    """Collective, roll, pitch, yaw and the rest of an airframe, by QR of its mixer's rows."""
+    """Compute collective, roll, pitch, yaw and rest modes of an airframe by QR of its
+    mixer's rows."""
     rows = mixer(airframe) / np.linalg.norm(mixer(airframe), axis=1, keepdims=True)
     rotors = airframe.rotor_count
     basis = np.linalg.qr(np.concatenate([rows.T, np.eye(rotors)], axis=1))[0][:, :rotors]
@@ -40,16 +41,18 @@ def modes(airframe: Airframe) -> Modes:
 
 
 def robust_scale(values: Floats) -> float:
-    """Standard deviation by the median absolute value, for residuals about zero."""
+    """Estimate the standard deviation of residuals about zero by their median absolute value; NaN
+    if none is finite."""
     finite = values[np.isfinite(values)]
     return float(1.4826 * np.median(np.abs(finite))) if finite.size else float("nan")
 
 
 def sensor_noise_rpm(residual: Floats, step: Bools) -> float:
-    """White noise of a rotor speed sensor, rpm, from the quietest mode's second differences.
+    """Estimate the white noise of a rotor speed sensor, rpm, from second differences.
 
-    `residual` (T, R) in modes; `step` (T,) marks rows that follow their predecessor directly. The
-    second difference of white noise of variance s² has variance 6 s², of smooth motion about none.
+    `residual` (T, R) in modes; `step` (T,) marks rows that directly follow the row before. The
+    second difference of white noise of variance s² has variance 6 s², that of smooth motion nearly
+    none. The quietest mode counts. NaN with fewer than 10 second differences.
     """
     second = residual[2:] - 2 * residual[1:-1] + residual[:-2]
     second = second[step[2:] & step[1:-1]]

@@ -1,19 +1,19 @@
-"""Noise of the mode residuals: autoregressive of second order, its size that of each flight.
+"""Noise of the mode residuals, and directions in which the base model itself is uncertain.
+
+Noise is autoregressive of second order, with one pair of coefficients for each mode:
 
     e_t = a1 e_(t-1) + a2 e_(t-2) + w_t
 
-The coefficients are a mode's; the size of w is a mode's, of each flight in calm and in manoeuvres,
-by the median absolute value. Filtering residuals and derivatives alike with 1 - a1 L - a2 L² leaves
-noise that is independent and of size one, on which least squares has its honest standard errors
-(generalised least squares, Cochrane and Orcutt 1949). Single wild means count linearly (Huber
-1964). A flight with slow or interrupted reports has few means with two right before them: all its
-means count, unfiltered, and their noise is taken as larger by what they share with the mean before.
+The size of w is estimated for each mode, flight and state (calm, manoeuvre) by the median absolute
+deviation. Filtering residuals and derivatives with 1 - a1 L - a2 L² makes the noise independent and
+of size one, so that least squares has correct standard errors (generalised least squares, Cochrane
+and Orcutt 1949). Outliers count linearly (Huber 1964). A flight with slow or interrupted reports
+has few means with two directly before them; its means stay unfiltered, with the noise enlarged by
+their autocorrelation.
 
-What the base model itself does not know, as directions of rotor speed that it may be off by.
-
-A network is one of many that its flights allow: its members differ. An effect identified before has
-its interval. Neither is cured by more rows of new flights, so intervals and chance must hold both.
-Beyond its airspeeds the network is extrapolated by physics, whose forms are good for a part only.
+Base model uncertainty: members of a network ensemble differ; an identified effect has an interval;
+beyond the known airspeeds lift and drag laws are accurate to FORM. More rows of new flights reduce
+none of these, so intervals and evidence must contain them.
 """
 
 from __future__ import annotations
@@ -33,27 +33,30 @@ from thrustmargin.models.network.ensemble import member_speeds
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 
 ORDER = 2
-HUBER = 3.0  # sizes of w beyond which a mean counts linearly
-FEWEST = 15  # means from which a size is taken: it is then good to a fifth
-LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is better
-SPREAD = 3.0  # largest ratio of the sizes of two modes, of rows without a filter
-MOST_MEMORY = 0.98  # of a1 + a2: a constant must not vanish
-LEAST_FOLLOWED = 0.5  # of a flight's means, with two right before them, for the filter to serve
+HUBER = 3.0  # standard deviations of w beyond which a mean counts linearly
+FEWEST = 15  # least means for a noise size, which is then accurate to a fifth
+LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is more accurate
+SPREAD = 3.0  # largest ratio of two modes' noise sizes without a filter
+MOST_MEMORY = 0.98  # largest a1 + a2: filtering must not remove a constant
+#: share of a flight's means that need two means directly before them, else no filter
+LEAST_FOLLOWED = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Whitening:
-    """A filter of N means in R modes; n of them have their predecessors or need none."""
+    """A filter of N means in R modes; n means have their ORDER predecessors or need no filter."""
 
-    rows: NDArray[np.intp]  # (n,) means that have ORDER means right before them, or are unfiltered
+    #: (n,) indices of means with ORDER means directly before them, or of unfiltered flights
+    rows: NDArray[np.intp]
     flight: NDArray[np.intp]  # (n,)
-    unfiltered: Bools  # (n,) of a flight whose means rarely follow each other
+    unfiltered: Bools  # (n,) True in a flight whose means rarely follow each other
     coefficients: Floats  # (R, 2)
     scale: Floats  # (n, R) rpm
     weight: Floats  # (n, R) root of the Huber weight
 
     def apply(self, values: Floats) -> Floats:
-        """(n, R, ...) of (N, R, ...) rpm in modes: filtered, weighted, in units of the noise."""
+        """Filter and weight values (N, R, ...), rpm in modes; return (n, R, ...) in units of the
+        noise."""
         if self.coefficients.any():
             first, second = (c[:, *[None] * (values.ndim - 2)] for c in self.coefficients.T)
             filtered = values[2:] - first * values[1:-1]
@@ -66,8 +69,8 @@ class Whitening:
         out *= (self.weight / self.scale)[:, :, *[None] * (values.ndim - 2)]
         return out
 
-    def of_means(self, kept: Bools) -> Whitening:
-        """Of some of the n means only."""
+    def select_means(self, kept: Bools) -> Whitening:
+        """Return the filter for the means with `kept` (n,) True."""
         return replace(
             self,
             rows=self.rows[kept],
@@ -78,17 +81,18 @@ class Whitening:
         )
 
 
-def plain(
+def unfiltered_whitening(
     residual: Floats,
     flight: NDArray[np.intp],
     of_outputs: bool = False,
     known_rpm: Floats | float = 0.0,
 ) -> Whitening:
-    """No filter, for rows that do not follow each other: each mode of a residual (T, R) rpm over
-    its size, no mode's beyond SPREAD times that of the quietest, single wild rows linearly.
+    """Return a whitening without filter, for rows that do not follow each other.
 
-    A mode in which much is missing is large for that reason; it must not lose its say for it. What
-    motor outputs have in common is as measured. `known_rpm` (R,) adds to the sizes in squares.
+    Each mode of `residual` (T, R), rpm, is divided by its robust size, at most SPREAD times that of
+    the quietest mode: a mode with a large missing effect must keep its weight. Outliers count
+    linearly. For motor outputs the collective takes the size of the quietest other mode.
+    `known_rpm` (R,) is added to the sizes in squares.
     """
     scale = 1.4826 * np.median(np.abs(residual), axis=0)
     if of_outputs:
@@ -113,9 +117,11 @@ def whitening_of(
     busy: Bools,
     mean_speed_rpm: float,
 ) -> Whitening:
-    """The filter of a residual (N, R) in modes of which all that can be explained is taken off.
+    """Estimate the noise filter from a residual (N, R), rpm in modes, with all explanations
+    removed.
 
-    `busy` (N,) marks manoeuvres; a flight with fewer than FEWEST of either has one size for both.
+    `follows` (N,) marks means directly after the mean before; `busy` (N,) marks manoeuvres. A
+    flight with fewer than FEWEST means of either state has one noise size for both.
     """
     followed = follows & np.roll(follows, 1)
     followed[:ORDER] = False
@@ -126,24 +132,24 @@ def whitening_of(
     unfiltered = slow[rows]
     filtered = rows[~unfiltered]
     coefficients, scale = np.zeros((modes, ORDER)), np.ones((rows.size, modes))
-    states = [_states(busy[rows], flight[rows] == f) for f in range(flights)]
+    states = [_state_masks(busy[rows], flight[rows] == f) for f in range(flights)]
     least = LEAST_NOISE * mean_speed_rpm
     for mode in range(modes):
         e = residual[:, mode]
-        size = np.array([_size(e[flight == f]) for f in range(flights)])[flight]
+        size = np.array([_robust_size(e[flight == f]) for f in range(flights)])[flight]
         e = e / np.maximum(size, least)
         past = np.stack([e[filtered - 1], e[filtered - 2]], axis=1)
         kept = np.abs(np.column_stack([e[filtered], past])).max(axis=1) < HUBER
-        gram = past[kept].T @ past[kept] + np.eye(ORDER)  # as uncertain as one mean
+        gram = past[kept].T @ past[kept] + np.eye(ORDER)  # prior worth one mean
         found = np.linalg.solve(gram, past[kept].T @ e[filtered][kept])
         coefficients[mode] = found * min(1.0, MOST_MEMORY / max(float(found.sum()), 1e-9))
         e = residual[:, mode]
         left = e[rows] - np.stack([e[rows - 1], e[rows - 2]], axis=1) @ coefficients[mode]
         left[unfiltered] = e[rows[unfiltered]]
         for state in (s for of_flight in states for s in of_flight):
-            scale[state, mode] = _size(left[state])
+            scale[state, mode] = _robust_size(left[state])
         for f in np.unique(flight[rows[unfiltered]]):
-            scale[unfiltered & (flight[rows] == f), mode] *= _shared(e[flight == f])
+            scale[unfiltered & (flight[rows] == f), mode] *= _correlation_factor(e[flight == f])
     scale = np.maximum(scale, least)
     plain = Whitening(
         rows=rows,
@@ -164,16 +170,18 @@ def whitening_of(
     )
 
 
-def _states(busy: Bools, mine: Bools) -> list[Bools]:
-    """The means of one flight in calm and in manoeuvres; in one where either are too few."""
+def _state_masks(busy: Bools, mine: Bools) -> list[Bools]:
+    """Return masks of one flight's means in calm and in manoeuvres; one mask if either has fewer
+    than FEWEST."""
     parts = [mine & ~busy, mine & busy]
     return parts if min(int(p.sum()) for p in parts) >= FEWEST else [mine]
 
 
-def _shared(values: Floats) -> float:
-    """Return by how much correlation r of successive values (N,) widens the error of their mean.
+def _correlation_factor(values: Floats) -> float:
+    """Return the factor by which autocorrelation r of values (N,) widens the error of their mean.
 
-    That is sqrt((1 + r) / (1 - r)) of a first-order process (Bartlett 1946), 1 for too few values.
+    That is sqrt((1 + r) / (1 - r)) of a first-order process (Bartlett 1946), 1 for fewer than
+    FEWEST values.
     """
     if values.size < FEWEST:
         return 1.0
@@ -183,25 +191,34 @@ def _shared(values: Floats) -> float:
     return float(np.sqrt((1.0 + r) / (1.0 - r)))
 
 
-def _size(values: Floats) -> float:
-    """Standard deviation by the median absolute deviation from the median."""
+def _robust_size(values: Floats) -> float:
+    """Estimate the standard deviation by the median absolute deviation; 0 for fewer
+    than 2 values."""
     if values.size < 2:
         return 0.0
     return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 
-FORM = 0.25  # of lift and of drag, that their forms may be off by beyond the known airspeeds
+FORM = 0.25  # relative error of lift and of drag laws beyond the known airspeeds
 
 
 def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:
-    """(D, T, R) rpm: independent directions, each of the size of one standard deviation."""
-    parts = [*_of_members(model, x), *_beyond(model, base, x), *_of_effects(model, base, x)]
+    """Return independent error directions of the base model (D, T, R), rpm, one standard deviation
+    each."""
+    parts = [
+        *_member_deviations(model, x),
+        *_extrapolation_errors(model, base, x),
+        *_effect_errors(model, base, x),
+    ]
     return np.stack(parts) if parts else np.zeros((0, x.time_s.size, base.effectiveness.size))
 
 
-def _of_members(model: RotorModel, x: Channels) -> list[Floats]:
-    """How each member of the ensemble differs from their mean, at the edge of the training beyond
-    it; scaled so that the squares add up to the members' variance."""
+def _member_deviations(model: RotorModel, x: Channels) -> list[Floats]:
+    """Compute each ensemble member's deviation from their mean rotor speed, over sqrt(M - 1).
+
+    The squares then sum to the variance. Airspeed and tank mass are clipped to the training domain.
+    Empty without a network, a training domain or a second member.
+    """
     network, domain = model.network, model.training_domain
     if network is None or domain is None or network.members < 2:
         return []
@@ -213,14 +230,16 @@ def _of_members(model: RotorModel, x: Channels) -> list[Floats]:
     return list((speeds - speeds.mean(axis=0)) / np.sqrt(network.members - 1.0))
 
 
-def _beyond(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
-    """What a part of the lift, and of the drag, changes beyond the airspeeds that are known."""
+def _extrapolation_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
+    """Return the changes in speed (T, R), rpm, by FORM more lift, and more drag, beyond known
+    airspeeds."""
     flight, known = model.forward_flight, model.known_airspeed
     if flight is None or not np.any(x.airspeed > known):
         return []
     now = rotor_speed_rpm(base, model.placed, x)
 
     def growth(of: ForwardFlight) -> Floats:
+        """Return the factor (T, 1) on rotor speed from the known airspeed to the flown one."""
         fast, slow = (
             thrust_ratio(of, v, x.total_mass, model.reference_density, model.airframe)
             for v in (x.airspeed, np.minimum(x.airspeed, known))
@@ -235,8 +254,9 @@ def _beyond(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
     return [np.nan_to_num(now * (growth(other) / growth(flight) - 1.0)) for other in others]
 
 
-def _of_effects(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
-    """What one standard deviation of each identified value changes."""
+def _effect_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
+    """Return the change in speed (T, R), rpm, by one standard error of each identified value of the
+    model."""
     placed = model.placed
     if not placed:
         return []
@@ -250,11 +270,12 @@ def _of_effects(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]
             error = (found.ci95[1] - found.ci95[0]) / 2 / ERRORS
             if not error > 0.0:
                 continue
-            moved = _moved(item, parameter.name, error)
+            moved = _move_value(item, parameter.name, error)
             other = rotor_speed_rpm(base, (*placed[:k], moved, *placed[k + 1 :]), x)
             parts.append(np.nan_to_num(other - now))
     return parts
 
 
-def _moved(item: Placed, name: str, by: float) -> Placed:
+def _move_value(item: Placed, name: str, by: float) -> Placed:
+    """Return the placed effect with the value `name` moved by `by`."""
     return replace(item, values={**item.values, name: item.values[name] + by})

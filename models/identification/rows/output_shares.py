@@ -1,16 +1,16 @@
-"""Flights without rotor speeds: each rotor's share of the motor outputs, and nothing else.
+"""Flights without measured rotor speeds: only each rotor's share of the motor outputs is used.
 
-Where only outputs are reported, the equivalent speeds of `model.output_speed` are set by the
-weight, and battery, air and load move all outputs together. What they have in common says nothing
-of the model, so a prediction is scaled, row by row, to the sum of squares that was measured:
+Equivalent speeds from outputs (`model.output_speed`) are set by the weight, and battery, air and
+load move all outputs together. Their common part carries no information about the model, so each
+row of a prediction is scaled to the measured sum of squares:
 
     N_i' = N_i sqrt(sum N_meas² / sum N²)
 
-and only effects that change how the rotors share the thrust are looked for. A constant share also
-differs from flight to flight, by wind and by how the battery was put in. Above all it differs from
-the model by the centre of gravity, tilted motors and unequal motors and ESCs of a sound aircraft:
-the autopilot's mixer has roll, pitch and yaw for all of them, and answers a weak rotor with the
-same three. Only sound flights of the aircraft, in the model, make a constant share tell something.
+and only effects on the distribution of thrust among rotors are searched. Constant shares also
+differ between flights by wind and battery position, and from the model by centre of gravity, tilted
+motors, unequal motors and ESCs of a sound aircraft. The autopilot's mixer answers all of them, and
+a weak rotor, with roll, pitch and yaw. So a constant share is evidence only if the model knows
+sound flights of the same aircraft.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
 from thrustmargin.models.provenance import Meaning
 
-FEWEST_FLIGHTS = 3  # that show by how much flights differ
-#: of an effect's change, root mean square, that is not constant in a flight: with less of it the
-#: effect is a constant share and nothing else
+FEWEST_FLIGHTS = 3  # flights from which between-flight variation is estimated
+#: RMS share of an effect's change that varies within flights, at or below which the
+#: effect counts as a constant share
 MOST_CONSTANT = 0.3
 
 
 def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
-    """True when the speeds of all rotors are from motor outputs in all flights.
+    """Return whether the speeds of all rotors are from motor outputs in all flights.
 
     Raises DataError when flights are of both kinds, or when a flight has only some rotors' speeds.
     """
@@ -44,7 +44,7 @@ def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
     for track in tracks:
         source = track.source("rotor_speed_rpm")
         by_outputs = source.meaning is Meaning.MOTOR_OUTPUTS
-        if by_outputs and source.parts:  # of the rotors whose speed was measured
+        if by_outputs and source.parts:  # some rotors' speeds were measured
             raise DataError(
                 f"{track.name}: only some rotors report their speed; leave this log out, for what "
                 "the others do cannot be distinguished from what their ESC does"
@@ -59,35 +59,39 @@ def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
 
 
 def effects_on_shares(catalogue: Sequence[Effect]) -> tuple[Effect, ...]:
-    """The effects that change how rotors share the thrust and that do not begin in a flight."""
+    """Return the effects that change thrust shares of rotors and do not begin in flight."""
     return tuple(
         e for e in catalogue if (e.kind is Kind.MOMENTS or e.of_one_rotor) and not e.begins
     )
 
 
 def steepness_of(tracks: Sequence[FlightTrack]) -> float:
-    """Standard error, as a share, of how steeply thrust goes with output: of every size that is
-    read off shares. A flight's own fit of it is no surer, for thrust of forward flight is in it."""
+    """Return the relative standard error of the slope of thrust over motor output.
+
+    It limits every size that is derived from shares. A fit to the flight itself is no better, as it
+    contains forward flight.
+    """
     assumed = any(track.source("rotor_speed_rpm").assumed for track in tracks)
     return STEEPNESS_ASSUMED if assumed else STEEPNESS_SET
 
 
 def scaled_to(total: Any, speed: Any) -> Any:
-    """Speeds (T, R) in rpm, arrays or tensors, with the sum of squares `total` (T,)."""
+    """Scale speeds (T, R), rpm, arrays or tensors, to the row sums of squares `total` (T,)."""
     return speed * ((total / (speed**2).sum(1)) ** 0.5)[:, None]
 
 
 def lacks_sound_flights(model: RotorModel) -> bool:
-    """Return whether the model knows nothing of how sound flights of its aircraft differ."""
+    """Return whether the model has no between-flight variation from sound flights of
+    its aircraft."""
     return not any(model.background_rpm)
 
 
 def is_constant_share(change: Floats, flight: NDArray[np.intp]) -> bool:
-    """Return whether the change (T, R, P) rpm in modes of every one of P values is mostly constant
-    in each flight.
+    """Return whether each of P values' change (T, R, P), rpm in modes, is mostly constant in a
+    flight.
 
-    On outputs alone such an effect cannot be distinguished from any other that shifts the balance:
-    the mixer answers all of them with the same constant roll, pitch and yaw.
+    Outputs alone cannot distinguish such an effect from any other shift of the balance: the mixer
+    answers all of them with the same constant roll, pitch and yaw.
     """
     rest = change.copy()
     for f in np.unique(flight):
@@ -97,10 +101,10 @@ def is_constant_share(change: Floats, flight: NDArray[np.intp]) -> bool:
 
 
 def spread_of_flights(residual: Floats, flight: NDArray[np.intp], learnt: Floats) -> Floats:
-    """(R,) rpm by which the mean of each mode differs from flight to flight.
+    """Return the between-flight standard deviation (R,), rpm, of each mode's mean.
 
-    From the `residual` (T, R) rpm in modes and from what the model has `learnt` (R,) of sound
-    flights; the larger. Where it has learnt nothing, zeros, as large as it takes to name nothing.
+    The larger of that of the `residual` (T, R), rpm in modes, and of sound flights, `learnt` (R,).
+    If `learnt` is all zero, return a value so large that no constant share can be reported.
     """
     if not learnt.any():
         return np.full_like(learnt, 1e3 * np.abs(residual).max())
@@ -112,9 +116,10 @@ def spread_of_flights(residual: Floats, flight: NDArray[np.intp], learnt: Floats
 
 
 def learnt_spread(residual: Floats, flight: NDArray[np.intp]) -> Floats:
-    """(R,) rpm that the mean of each mode may have in a new flight, as one standard deviation.
+    """Return the standard deviation (R,), rpm, expected of each mode's mean in a new flight.
 
-    From `residual` (T, R) rpm in modes of good flights; wider for few flights, by Student's t.
+    Root mean square over the good flights of `residual` (T, R), rpm in modes, widened for few
+    flights by Student's t.
     """
     count = int(flight.max()) + 1
     means = np.stack([residual[flight == f].mean(axis=0) for f in range(count)])

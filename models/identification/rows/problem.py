@@ -1,8 +1,8 @@
-"""A fitting problem: the rows of several flights, with channels, measured speeds and blocks.
+"""A fitting problem: rows of several flights with channels, measured speeds and blocks of time.
 
-Rows that say nothing about the model are left out: on the ground, within take-off and landing, or
-with a rotor speed, airspeed or tank level missing. The unit of everything statistical is the block
-(BLOCK_SECONDS of one flight) and the flight; rows within one are correlated.
+Rows without information about the model are dropped: on the ground, within take-off and landing, or
+with a rotor speed, airspeed or tank level missing. Statistics use blocks (BLOCK_SECONDS of one
+flight) and flights as units, because rows within one are correlated.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ from thrustmargin.models.provenance import Meaning
 BLOCK_SECONDS = 10.0
 LEAST_ROWS = 100
 MOST_ROWS = 9_000
-ENOUGH_ROWS = 3_000  # for values that are found on rows again: as many as the search has means
-WINDOW_SHARE = 0.5  # rows beside an end or a gap lack what lies around them, most in short flights
-MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
+ENOUGH_ROWS = 3_000  # rows enough to refit values: about as many as the search has means
+#: a window channel is optional if more of the rows lack it (ends and gaps of short flights)
+WINDOW_SHARE = 0.5
+MISSING_SHARE = 0.02  # a channel with a larger share of missing rows counts as unreported
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,27 +51,32 @@ class RowsToFit:
     modes: Modes
     channels: Channels  # numpy
     measured_rpm: Floats  # (T, R)
-    flight: NDArray[np.intp]  # (T,) which flight
-    follows: Bools  # (T,) the row comes right after the one before it
+    flight: NDArray[np.intp]  # (T,) flight of each row, 0-based
+    follows: Bools  # (T,) the row directly follows the row before it
     names: tuple[str, ...]  # of the flights
     of_outputs: bool  # speeds are from motor outputs: only each rotor's share counts
 
     @property
     def flights(self) -> int:
+        """Return the number of flights F."""
         return len(self.names)
 
     @property
     def placed(self) -> tuple[Placed, ...]:
-        """Effects that the model already has."""
+        """Return the effects that the model already has."""
         return self.model.placed
 
     def lacks(self, effect: Effect) -> tuple[str, ...]:
-        """The channels that the effect needs or reads and that not every row has."""
+        """Return the channels that the effect needs or reads and that are missing on any row."""
         read = dict.fromkeys((*effect.needs, *effect.neutral))
-        return tuple(name for name in read if not _reported(self.channels.read(name)))
+        return tuple(name for name in read if not _is_complete(self.channels.read(name)))
 
     def speeds(self, placed: Sequence[Placed] = (), *, without: int | None = None) -> Floats:
-        """(T, R) rpm with effects besides those that the model has, or all of those but one."""
+        """Predict rotor speeds (T, R), rpm, by the model with the additional effects `placed`.
+
+        `without` removes the model's own effect of that index. For motor outputs, speeds are scaled
+        to the measured sum of squares of each row.
+        """
         own = [item for k, item in enumerate(self.placed) if k != without]
         with np.errstate(invalid="ignore", over="ignore"):
             speed = rotor_speed_rpm(self.base, (*own, *placed), self.channels)
@@ -78,38 +84,41 @@ class RowsToFit:
                 speed = scaled_to(np.sum(self.measured_rpm**2, axis=1), speed)
         return speed
 
-    def in_modes(self, speed_rpm: Floats) -> Floats:
-        """Amplitudes (..., R) rpm of the modes of speeds or their differences."""
+    def mode_amplitudes(self, speed_rpm: Floats) -> Floats:
+        """Return the mode amplitudes (..., R), rpm, of speeds or speed differences (..., R)."""
         return speed_rpm @ self.modes.directions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem(RowsToFit):
-    """Rows in B blocks of time."""
+    """Rows of flights, divided into B blocks of time."""
 
-    block: NDArray[np.intp]  # (T,) which block, increasing
+    block: NDArray[np.intp]  # (T,) block of each row, increasing
     block_flight: NDArray[np.intp]  # (B,) flight of each block
-    durations: Floats  # (F,) s
-    background_rpm: Floats  # (R,) by which each mode differs from flight to flight, whatever is new
+    durations: Floats  # (F,) s from first to last row
+    background_rpm: Floats  # (R,) between-flight standard deviation of each mode's mean
 
     @property
     def stride(self) -> int:
-        """Every so many rows are enough to find values on again."""
+        """Return the stride that leaves about ENOUGH_ROWS rows, enough to refit values."""
         return max(1, self.measured_rpm.shape[0] // ENOUGH_ROWS)
 
     @property
     def flight_start_unix_s(self) -> Floats:
-        """(F,) Unix time of the first row of each flight, NaN where the log does not tell it."""
+        """Return the Unix time (F,) of each flight's first row, NaN where the log has no clock."""
         first = np.unique(self.flight, return_index=True)[1]
         return self.channels.clock_s[first]
 
     @property
     def first_row_s(self) -> Floats:
-        """(F,) time of the first row of each flight since its start."""
+        """Return the time (F,) s of each flight's first row since the flight's start."""
         return self.channels.time_s[np.unique(self.flight, return_index=True)[1]]
 
     def rows(self, which: NDArray[np.intp]) -> Problem:
-        """Some of the rows, in their order, of the flights and blocks that they are of."""
+        """Return the rows with the increasing indices `which`.
+
+        Flights and blocks without such a row are dropped and the others renumbered.
+        """
         flights, flight = np.unique(self.flight[which], return_inverse=True)
         blocks, block = np.unique(self.block[which], return_inverse=True)
         return replace(
@@ -126,40 +135,42 @@ class Problem(RowsToFit):
 
 
 def airspeed_is_ground_speed(track: FlightTrack) -> bool:
-    """True when the airspeed is the speed over ground for want of a sensor and of a wind."""
+    """Return whether the airspeed is ground speed, for lack of a sensor and of a wind."""
     return track.source("airspeed").meaning is Meaning.GROUND_SPEED
 
 
-def _reported(channel: Any) -> bool:
+def _is_complete(channel: Any) -> bool:
+    """Return whether a channel, or each of a tuple of channels, is finite on every row."""
     if isinstance(channel, tuple):
-        return all(_reported(c) for c in channel)
+        return all(_is_complete(c) for c in channel)
     return isinstance(channel, np.ndarray) and bool(np.isfinite(channel).all())
 
 
 def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
-    """Rows of the flights that can be fitted, thinned alike to about MOST_ROWS.
+    """Assemble the rows of the flights that can be fitted, thinned to about MOST_ROWS.
 
-    Raises AirframeError for a wrong rotor count and DataError when a flight has too few rows.
+    Raises AirframeError for a wrong rotor count, and DataError when a flight has too few rows or
+    when measured speeds and motor outputs are mixed.
     """
-    of_outputs(tracks)  # raises where flights are of both kinds
-    stride = stride_of(model, tracks)
-    return joined([thinned(assemble_flight(model, track), stride) for track in tracks])
+    of_outputs(tracks)  # raises if measured speeds and outputs are mixed
+    stride = row_stride(model, tracks)
+    return join_flights([thin_rows(assemble_flight(model, track), stride) for track in tracks])
 
 
-def stride_of(model: RotorModel, tracks: Sequence[FlightTrack]) -> int:
-    """Every how many rows of flights are kept, so that about MOST_ROWS are."""
+def row_stride(model: RotorModel, tracks: Sequence[FlightTrack]) -> int:
+    """Return the stride that leaves about MOST_ROWS rows of all flights together."""
     rows = sum(int(training_rows(track, model.inputs).sum()) for track in tracks)
     return max(1, -(-rows // MOST_ROWS))
 
 
-def flown_s(model: RotorModel, track: FlightTrack) -> float:
-    """How long a flight is that can be fitted."""
+def usable_seconds(model: RotorModel, track: FlightTrack) -> float:
+    """Return the time, s, that the fittable rows of a flight cover."""
     rows = training_rows(track, model.inputs)
     return float(rows.sum() * np.median(np.diff(track.time_s))) if rows.any() else 0.0
 
 
 def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
-    """All rows of one flight that can be fitted; raises as `assemble`."""
+    """Assemble all fittable rows of one flight; raises like `assemble`."""
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:
         raise AirframeError(
@@ -169,7 +180,7 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
     if model.network is None and airspeed_is_ground_speed(track):
         track = replace(track, airspeed=np.full_like(track.airspeed, np.nan))
     track = with_air_temperature(track, model.thermometer)
-    track = replace(track, voltage=_without_noise(track))
+    track = replace(track, voltage=_smooth_voltage(track))
     channels = model_channels(model, track, effects=effects_for(airframe))
     keep = training_rows(track, model.inputs)
     if "airspeed" in model.inputs:
@@ -216,24 +227,28 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
     )
 
 
-def _without_noise(track: FlightTrack) -> Floats:
-    """(T,) V in flight, without the sensor's noise, beside which an exponent comes out too small.
+def _smooth_voltage(track: FlightTrack) -> Floats:
+    """Return the voltage (T,), V, averaged over STEADY_SPAN in flight, NaN where unreported.
 
-    Source: Fuller 1987, Measurement Error Models, chapter 1 (attenuation).
+    Noise in a regressor biases an exponent towards zero. Source: Fuller 1987, Measurement Error
+    Models, chapter 1 (attenuation).
     """
     in_flight = np.where(track.flying, track.voltage, np.nan)
     mean = moving_mean(track.time_s, in_flight, STEADY_SPAN)
     return np.where(np.isfinite(track.voltage), mean, np.nan)
 
 
-def thinned(problem: Problem, stride: int) -> Problem:
-    """Every so many rows."""
+def thin_rows(problem: Problem, stride: int) -> Problem:
+    """Return every `stride`-th row."""
     which = np.arange(0, problem.measured_rpm.shape[0], stride)
     return problem if stride == 1 else problem.rows(which)
 
 
-def joined(parts: Sequence[Problem]) -> Problem:
-    """Flights of one aircraft under each other; of motor outputs, with how flights differ."""
+def join_flights(parts: Sequence[Problem]) -> Problem:
+    """Concatenate the problems of single flights of one aircraft.
+
+    For motor outputs, `background_rpm` becomes the larger of the model's and these flights' spread.
+    """
     counts = np.cumsum([0, *(p.block_flight.size for p in parts)])
     problem = replace(
         parts[0],
@@ -248,6 +263,6 @@ def joined(parts: Sequence[Problem]) -> Problem:
     )
     if not problem.of_outputs:
         return problem
-    residual = problem.in_modes(problem.measured_rpm - problem.speeds())
+    residual = problem.mode_amplitudes(problem.measured_rpm - problem.speeds())
     spread = spread_of_flights(residual, problem.flight, problem.background_rpm)
     return replace(problem, background_rpm=spread)

@@ -1,8 +1,8 @@
-"""Flights as short means: what the search works on.
+"""Average flights over short bins of time: the means that the search works on.
 
-A rotor's inertia, a gust and a late message move a residual within tenths of a second; an effect
-lasts. So rows are averaged over BIN seconds, channels and measured speeds alike, and effects are
-worked out on the means: seven times fewer rows at 10 Hz, and noise that is nearly independent.
+Rotor inertia, gusts and late messages move a residual for tenths of a second; an effect lasts. So
+channels and measured speeds are averaged over bins of BIN seconds and effects are evaluated on the
+means: seven times fewer rows at 10 Hz, with nearly independent noise.
 """
 
 from __future__ import annotations
@@ -22,57 +22,62 @@ from thrustmargin.models.identification.rows.problem import (
     Problem,
     RowsToFit,
     assemble_flight,
-    flown_s,
-    joined,
-    stride_of,
-    thinned,
+    join_flights,
+    row_stride,
+    thin_rows,
+    usable_seconds,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: s of an aircraft of the F16's size: longer than the rotors' lag and most gusts, shorter than what
-#: a manoeuvre does; times go with the root of the size (Froude)
+#: s, for an aircraft of the F16's size: longer than rotor lag and most gusts, shorter than a
+#: manoeuvre; times scale with the root of the size (Froude)
 BIN = 0.7
-#: of all flights: of a season each flight keeps stretches, one flight's here, the next one's there
+#: means of all flights together; in a season each flight keeps stretches at shifted times
 MOST_MEANS, STRETCH = 5_000, 30
-LEAST_STRETCH = 17  # however many flights: of fewer, a flight's noise could not be measured
-LEAST_FILL = 0.5  # of the usual rows of a bin, for it to count
+LEAST_STRETCH = 17  # means for any number of flights: fewer do not determine a flight's noise
+LEAST_FILL = 0.5  # share of the usual rows that a bin needs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reduced(RowsToFit):
     """N means of F flights."""
 
-    uncertainty_rpm: Floats  # (D, N, R) by which the base model may be off, one deviation each
-    delay_s: Floats  # (F, 2) of the rotor speeds of each flight, and its error: what means hide
+    #: (D, N, R) error directions of the base model, one standard deviation each
+    uncertainty_rpm: Floats
+    delay_s: Floats  # (F, 2) delay of each flight's rotor speeds and its error
 
     @property
     def scored_modes(self) -> Bools:
-        """(R,) modes that say something: of motor outputs the collective does not."""
+        """Return which modes (R,) carry information: all, but not the collective of
+        motor outputs."""
         return np.arange(self.measured_rpm.shape[1]) >= int(self.of_outputs)
 
 
 def reduce_flights(
     model: RotorModel, tracks: Sequence[FlightTrack], *, delays: bool = True
 ) -> Reduced:
-    """Means of the rows that can be fitted; raises as `problem.assemble`, flight by flight."""
+    """Return the means of the rows that can be fitted; raises like `problem.assemble`."""
     return rows_and_means(model, tracks, delays=delays)[1]
 
 
 def rows_and_means(
     model: RotorModel, tracks: Sequence[FlightTrack], *, delays: bool = True
 ) -> tuple[Problem, Reduced]:
-    """The rows as `problem.assemble` thins them, and the means of all rows, with `delays` those of
-    the rotor speeds; one flight at a time is held in full."""
-    of_outputs(tracks)  # raises where flights are of both kinds
-    stride = stride_of(model, tracks)
-    seconds = sum(flown_s(model, track) for track in tracks)
+    """Return the rows, thinned like `problem.assemble`, and the means of all rows.
+
+    With `delays`, the delay of the rotor speeds of each flight is estimated too. Only one flight is
+    in memory at its full rate at a time.
+    """
+    of_outputs(tracks)  # raises if measured speeds and outputs are mixed
+    stride = row_stride(model, tracks)
+    seconds = sum(usable_seconds(model, track) for track in tracks)
     every = -(-int(seconds / (BIN * froude_time_scale(model.airframe))) // MOST_MEANS)
     length = min(STRETCH, max(LEAST_STRETCH, MOST_MEANS // len(tracks)))
     rows, parts, late = [], [], []
     for index, track in enumerate(tracks):
         whole = assemble_flight(model, track)
-        rows.append(thinned(whole, stride))
-        parts.append(_stretches(_means(whole, index), index, every, length))
+        rows.append(thin_rows(whole, stride))
+        parts.append(_select_stretches(_bin_means(whole, index), index, every, length))
         late.append(delay_of(whole) if delays else UNKNOWN)
     first = parts[0]
     channels = concatenate([p.channels for p in parts])
@@ -86,23 +91,26 @@ def rows_and_means(
         delay_s=np.array(late),
         names=tuple(name for p in parts for name in p.names),
     )
-    return joined(rows), means
+    return join_flights(rows), means
 
 
 def delay_of(flight: Problem) -> Floats:
-    """(2,) s of all rows of one flight; `delay_of_rows`."""
-    return delay_of_rows(flight, _bins(flight))
+    """Return the delay (2,) s of one flight's rotor speeds and its error; see `delay_of_rows`."""
+    return delay_of_rows(flight, _bin_numbers(flight))
 
 
-def _bins(flight: Problem) -> NDArray[np.intp]:
-    """(T,) which mean each row is of."""
+def _bin_numbers(flight: Problem) -> NDArray[np.intp]:
+    """Return the number (T,) of the bin that each row is in."""
     time_s = flight.channels.time_s
     long = BIN * froude_time_scale(flight.model.airframe)
     return ((time_s - time_s[0]) / long).astype(np.intp)
 
 
-def _stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
-    """Every so many stretches of `length` means that follow each other, one at the least."""
+def _select_stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
+    """Keep every `every`-th stretch of `length` consecutive means, at least one.
+
+    The first kept stretch shifts with the number of the flight, so that a season covers all times.
+    """
     place = np.arange(means.flight.size) // length
     kept = np.flatnonzero((place + flight) % every == 0)
     if kept.size < length:
@@ -117,11 +125,14 @@ def _stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
     )
 
 
-def _means(problem: Problem, index: int) -> Reduced:
-    bins, start, count = np.unique(_bins(problem), return_index=True, return_counts=True)
+def _bin_means(problem: Problem, index: int) -> Reduced:
+    """Average the rows of one flight by bins; drop bins with less than LEAST_FILL of the usual
+    rows."""
+    bins, start, count = np.unique(_bin_numbers(problem), return_index=True, return_counts=True)
     full = count >= LEAST_FILL * np.median(count)
 
     def mean(values: Floats) -> Floats:
+        """Average values (T, ...) over the rows of each kept bin."""
         sums = np.add.reduceat(values, start, axis=0)
         return (sums / count.reshape(-1, *[1] * (values.ndim - 1)))[full]
 

@@ -1,8 +1,8 @@
-"""Least squares on rows at 10 Hz, for a set of effects that is given: no search, no discrepancy.
+"""Least squares on rows at 10 Hz for a given set of effects, without a search or a discrepancy.
 
-Lags of tenths of a second show in rows, not in means. Each row's residual in modes is over the
-mode's robust size, with Huber weights, and blocks of time keep their sums z'z of derivatives and
-residual: leaving flights out, intervals and effects removed again are algebra on those sums.
+Lags of tenths of a second show in rows, not in means. Each mode's residual is divided by its robust
+size and has Huber weights. Blocks of time keep sums z'z of derivatives and residual, so that
+holding out flights, intervals and removing effects are algebra on these sums.
 """
 
 from __future__ import annotations
@@ -16,20 +16,25 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.identification.rows.candidates import TrialEffect, derivatives, predicted
-from thrustmargin.models.identification.rows.noise import Whitening, plain
+from thrustmargin.models.identification.rows.candidates import (
+    TrialEffect,
+    derivatives,
+    predicted_modes,
+)
+from thrustmargin.models.identification.rows.noise import Whitening, unfiltered_whitening
 from thrustmargin.models.identification.rows.problem import Problem
 
-ROUNDS = 2  # of weights by what is left
-STEPS = 10  # of Gauss and Newton in each
-SHRINK = (1.0, 0.3, 0.1)  # of a step that does not help
-CONVERGED = 1e-6  # of the cost, that a step must gain
-FARTHEST = 4.0  # usual sizes, that a value moves at once
-RIDGE = 1e-4  # weight of a value's usual size, per row: it only keeps what nothing shows at rest
+ROUNDS = 2  # times that Huber weights are recomputed
+STEPS = 10  # Gauss-Newton steps in each round
+SHRINK = (1.0, 0.3, 0.1)  # factors tried on a step that does not reduce the cost
+CONVERGED = 1e-6  # least relative gain of a step
+FARTHEST = 4.0  # largest step of a value, in usual sizes
+RIDGE = 1e-4  # prior weight per row, for a value in usual sizes
 
 
 def block_sums(filter_: Whitening, columns: Floats, block: NDArray[np.intp]) -> Floats:
-    """(B, q, q) z'z of columns (T, R, q) rpm in modes over the rows of each block."""
+    """Return z'z (B, q, q) of whitened columns (T, R, q), rpm in modes, over the rows of each
+    block."""
     z = filter_.apply(columns)
     ends = [*np.flatnonzero(np.diff(block, prepend=-1)), block.size]
     parts = [z[a:b].reshape(-1, z.shape[2]) for a, b in pairwise(ends)]
@@ -38,27 +43,28 @@ def block_sums(filter_: Whitening, columns: Floats, block: NDArray[np.intp]) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RowSums:
-    """Sums by blocks about the values of a fit: P derivatives, then the residual."""
+    """Sums by block, linearised about the values of a fit: P derivatives, then the residual."""
 
-    sums: Floats  # (B, P + 1, P + 1)
+    sums: Floats  # (B, P + 1, P + 1) of [derivatives, residual]
     owner: NDArray[np.intp]  # (B,) flight of each block
-    prior: Floats  # (P,) weight of the prior
-    pull: Floats  # (P,) its gradient at the values
+    prior: Floats  # (P,) weight of the prior of each value
+    pull: Floats  # (P,) negative gradient of the prior's cost at the values
     flights: int
 
     def by_flight(self) -> Floats:
-        """(F, P + 1, P + 1)."""
+        """Return the sums (F, P + 1, P + 1) of each flight."""
         out = np.zeros((self.flights, *self.sums.shape[1:]))
         np.add.at(out, self.owner, self.sums)
         return out
 
     def move(self, total: Floats) -> Floats:
-        """(P,) from the values to the best by some of the sums."""
+        """Return the Gauss-Newton step (P,) from the fit's values by the sums `total` (P + 1, P +
+        1)."""
         system = total[:-1, :-1] + np.diag(self.prior)
         return np.asarray(np.linalg.solve(system, total[:-1, -1] + self.pull), dtype=np.float64)
 
-    def left_out_costs(self) -> Floats:
-        """(F,) cost of each flight under the values that the others give."""
+    def held_out_costs(self) -> Floats:
+        """Return the cost (F,) of each flight under the values fitted to the other flights."""
         each = self.by_flight()
         total, costs = each.sum(axis=0), []
         for own in each:
@@ -66,8 +72,9 @@ class RowSums:
             costs.append(float(weights @ own @ weights))
         return np.array(costs)
 
-    def held_at(self, free: Sequence[int], move: Floats) -> RowSums:
-        """With the values moved (P,) and only some of them free."""
+    def fix_values(self, free: Sequence[int], move: Floats) -> RowSums:
+        """Return the sums after moving the values by `move` (P,), with only the values `free` still
+        free."""
         chosen = np.zeros((self.prior.size + 1, len(free) + 1))
         chosen[list(free), np.arange(len(free))] = 1.0
         chosen[:-1, -1], chosen[-1, -1] = -move, 1.0
@@ -81,9 +88,9 @@ class RowSums:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RowFit:
-    """Effects with the values found, and the sums about them."""
+    """A converged fit: effects with their values, whitening, derivatives and sums."""
 
-    held: tuple[TrialEffect, ...]
+    trials: tuple[TrialEffect, ...]
     filter: Whitening
     columns: Floats  # (T, R, P) rpm in modes
     sums: RowSums
@@ -91,61 +98,68 @@ class RowFit:
 
 def fit_rows(
     problem: Problem,
-    held: Sequence[TrialEffect],
+    trials: Sequence[TrialEffect],
     chosen: Bools | None = None,
     known_rpm: Floats | float = 0.0,
 ) -> RowFit:
-    """All free values of a set together, from where they stand, on the `chosen` blocks (B,).
+    """Fit all free values of a set of effects together, starting from their present values.
 
-    `known_rpm` (R,) is what the base model may be off by in each mode: quiet sensors do not make it
-    any truer.
+    Only the `chosen` blocks (B,) are fitted. `known_rpm` (R,) is the base model's standard error in
+    each mode, added to the noise in squares: a quiet sensor does not make the model more accurate.
     """
-    held = tuple(held)
-    measured = problem.in_modes(problem.measured_rpm)
+    trials = tuple(trials)
+    measured = problem.mode_amplitudes(problem.measured_rpm)
     chosen = np.ones(problem.block_flight.size, dtype=bool) if chosen is None else chosen
     rows = chosen[problem.block]
 
     def residual(of: Sequence[TrialEffect]) -> Floats:
-        return np.nan_to_num(measured - predicted(problem, of))
+        """Return the residual (T, R), rpm in modes, with the given effects; 0 where unknown."""
+        return np.nan_to_num(measured - predicted_modes(problem, of))
 
-    left = residual(held)
-    for _ in range(ROUNDS if any(h.candidate.free for h in held) else 1):
-        filter_ = plain(left, problem.flight, problem.of_outputs, known_rpm)
+    left = residual(trials)
+    for _ in range(ROUNDS if any(h.candidate.free for h in trials) else 1):
+        filter_ = unfiltered_whitening(left, problem.flight, problem.of_outputs, known_rpm)
         for _ in range(STEPS):
-            columns = _columns(problem, held)
-            sums = _sums(problem, held, filter_, columns, left)
-            taken = inside_bounds(sums, sums.sums[chosen].sum(axis=0), held)
-            size = np.array([p.scale for h in held for p in h.candidate.parameters])
+            columns = _columns(problem, trials)
+            sums = _row_sums(problem, trials, filter_, columns, left)
+            taken = bounded_step(sums, sums.sums[chosen].sum(axis=0), trials)
+            size = np.array([p.scale for h in trials for p in h.candidate.parameters])
             taken = np.clip(taken, -FARTHEST * size, FARTHEST * size)
-            merit = _merit(held, sums.prior, filter_.apply(left)[rows])
+            merit = _merit(trials, sums.prior, filter_.apply(left)[rows])
             gained = 0.0
             for shrink in SHRINK:
-                moved = moved_by(held, shrink * taken)
+                moved = move_values(trials, shrink * taken)
                 new = residual(moved)
                 value = _merit(moved, sums.prior, filter_.apply(new)[rows])
                 if value < merit:
-                    gained, held, left = merit - value, moved, new
+                    gained, trials, left = merit - value, moved, new
                     break
             if gained <= CONVERGED * merit:
                 break
-    filter_ = plain(left, problem.flight, problem.of_outputs, known_rpm)
-    columns = _columns(problem, held)
-    sums = _sums(problem, held, filter_, columns, left)
-    return RowFit(held=held, filter=filter_, columns=columns, sums=sums)
+    filter_ = unfiltered_whitening(left, problem.flight, problem.of_outputs, known_rpm)
+    columns = _columns(problem, trials)
+    sums = _row_sums(problem, trials, filter_, columns, left)
+    return RowFit(trials=trials, filter=filter_, columns=columns, sums=sums)
 
 
-def costs_by(problem: Problem, fit: RowFit, filter_: Whitening) -> Floats:
-    """(F,) what a fit leaves of each flight left out, by the filter of another fit: a fit's own is
-    as wide as what it leaves, and so its costs compare with nobody's."""
-    left = np.nan_to_num(problem.in_modes(problem.measured_rpm) - predicted(problem, fit.held))
-    return _sums(problem, fit.held, filter_, fit.columns, left).left_out_costs()
+def held_out_costs_with(problem: Problem, fit: RowFit, filter_: Whitening) -> Floats:
+    """Return each flight's held-out cost (F,) of a fit, whitened by the filter of another fit.
+
+    A fit's own filter is scaled by its own residual, so costs of two fits need a common filter.
+    """
+    left = np.nan_to_num(
+        problem.mode_amplitudes(problem.measured_rpm) - predicted_modes(problem, fit.trials)
+    )
+    return _row_sums(problem, fit.trials, filter_, fit.columns, left).held_out_costs()
 
 
-def inside_bounds(sums: RowSums, total: Floats, held: Sequence[TrialEffect]) -> Floats:
-    """(P,) the move of the values; one at a bound that would leave it stays, and the others move as
-    is best without it."""
-    value = np.concatenate([np.zeros(0), *(h.free_values for h in held)])
-    which = [h.candidate.parameters for h in held]
+def bounded_step(sums: RowSums, total: Floats, trials: Sequence[TrialEffect]) -> Floats:
+    """Return the step (P,) that respects bounds.
+
+    A value at a bound that would leave it is fixed, and the step of the others is solved again.
+    """
+    value = np.concatenate([np.zeros(0), *(h.free_values for h in trials)])
+    which = [h.candidate.parameters for h in trials]
     low = np.array([p.lower for of in which for p in of])
     high = np.array([p.upper for of in which for p in of])
     taken, free = np.zeros(value.size), np.ones(value.size, dtype=bool)
@@ -153,23 +167,30 @@ def inside_bounds(sums: RowSums, total: Floats, held: Sequence[TrialEffect]) -> 
         some = np.flatnonzero(free)
         taken[:] = 0.0
         kept = np.append(some, value.size)
-        taken[some] = sums.held_at(some.tolist(), taken).move(total[np.ix_(kept, kept)])
+        taken[some] = sums.fix_values(some.tolist(), taken).move(total[np.ix_(kept, kept)])
         out = ((value <= low) & (taken < 0.0)) | ((value >= high) & (taken > 0.0))
         if not np.any(out):
             return taken
         free &= ~out
 
 
-def _columns(problem: Problem, held: Sequence[TrialEffect]) -> Floats:
+def _columns(problem: Problem, trials: Sequence[TrialEffect]) -> Floats:
+    """Return the derivatives (T, R, P), rpm in modes, by all free values; 0 where unknown."""
     empty = np.zeros((*problem.measured_rpm.shape, 0))
-    parts = [derivatives(problem, held, k) for k in range(len(held))]
+    parts = [derivatives(problem, trials, k) for k in range(len(trials))]
     return np.nan_to_num(np.concatenate([empty, *parts], axis=2))
 
 
-def _sums(
-    problem: Problem, held: Sequence[TrialEffect], filter_: Whitening, columns: Floats, left: Floats
+def _row_sums(
+    problem: Problem,
+    trials: Sequence[TrialEffect],
+    filter_: Whitening,
+    columns: Floats,
+    left: Floats,
 ) -> RowSums:
-    away, weight = _from_absent(held), RIDGE * left.shape[0] / _sizes(held) ** 2
+    """Return the sums by block of the derivatives and the residual `left` (T, R), with the ridge
+    prior."""
+    away, weight = _distances_from_absent(trials), RIDGE * left.shape[0] / _usual_sizes(trials) ** 2
     whole = np.concatenate([columns, left[:, :, None]], axis=2)
     return RowSums(
         sums=block_sums(filter_, whole, problem.block),
@@ -180,38 +201,41 @@ def _sums(
     )
 
 
-def _merit(held: Sequence[TrialEffect], prior: Floats, z: Floats) -> float:
-    return float(np.sum(z**2) + np.sum(prior * _from_absent(held) ** 2))
+def _merit(trials: Sequence[TrialEffect], prior: Floats, z: Floats) -> float:
+    """Return the sum of squares of the whitened residual plus the cost of the prior."""
+    return float(np.sum(z**2) + np.sum(prior * _distances_from_absent(trials) ** 2))
 
 
-def _sizes(held: Sequence[TrialEffect]) -> Floats:
-    return np.array([p.scale for h in held for p in h.candidate.parameters])
+def _usual_sizes(trials: Sequence[TrialEffect]) -> Floats:
+    """Return the usual size (P,) of each free value."""
+    return np.array([p.scale for h in trials for p in h.candidate.parameters])
 
 
-def _from_absent(held: Sequence[TrialEffect]) -> Floats:
-    """(P,) how far each value is from nothing; none where there is no such value."""
+def _distances_from_absent(trials: Sequence[TrialEffect]) -> Floats:
+    """Return the distance (P,) of each value from its absent value; 0 where it has none."""
     pairs = [
-        (p, v) for h in held for p, v in zip(h.candidate.parameters, h.free_values, strict=True)
+        (p, v) for h in trials for p, v in zip(h.candidate.parameters, h.free_values, strict=True)
     ]
     return np.array([0.0 if p.absent is None else v - p.absent for p, v in pairs])
 
 
-def moved_by(held: Sequence[TrialEffect], by: Floats) -> tuple[TrialEffect, ...]:
-    """With all free values (P,) moved, each kept within its bounds."""
-    ends = np.cumsum([0, *(len(h.candidate.free) for h in held)])
-    return tuple(h.moved(by[a:b]) for h, (a, b) in zip(held, pairwise(ends), strict=True))
+def move_values(trials: Sequence[TrialEffect], by: Floats) -> tuple[TrialEffect, ...]:
+    """Return the effects with all free values moved by `by` (P,), each clipped to its bounds."""
+    ends = np.cumsum([0, *(len(h.candidate.free) for h in trials)])
+    return tuple(h.moved(by[a:b]) for h, (a, b) in zip(trials, pairwise(ends), strict=True))
 
 
 def half_widths(
     sums: RowSums, uncertainty: Floats, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    """(P,) half widths of intervals and (P, P) their covariance, from blocks and flights.
+    """Return half widths (P,) of intervals and the values' covariance (P, P), from blocks and
+    flights.
 
-    Never from the number of rows: the variance is that of block sums, and where flights disagree by
-    more than their blocks explain, that of flight sums (Liang and Zeger 1986), with Student's t at
-    half as many degrees of freedom as blocks, because neighbouring blocks are not quite
-    independent, or with one less than flights. What the base model is off by is beside that, for no
-    row teaches it: `uncertainty` (P, D) are the derivatives' sums with the directions of it.
+    The number of rows never enters. The variance is that of block sums; where flights differ by
+    more than their blocks explain, that of flight sums (Liang and Zeger 1986). Student's t has half
+    as many degrees of freedom as blocks, because neighbouring blocks are not quite independent, or
+    flights minus one. The base model's error is added, as rows do not reduce it: `uncertainty` (P,
+    D) are the products of the derivatives with its D directions.
     """
     gradient, blocks, flights = sums.sums[:, :-1, -1], sums.owner.size, sums.flights
     total = sums.sums.sum(axis=0)[:-1, :-1]

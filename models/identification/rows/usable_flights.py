@@ -1,8 +1,8 @@
-"""Which flights may be fitted: rotor speeds that can be believed, enough rows, each flight once.
+"""Check which flights may be fitted: plausible rotor speeds, enough rows, each flight once.
 
-Rotor speeds that are swapped, electrical, in another unit or of another clock are no matter of
-physics: fitted, they would come out as a wrong effect, so they end the work with one sentence.
-Readings that are no measurement were left out when the log was read.
+Rotor speeds in wrong motor order, electrical, in another unit or of another clock would be fitted
+as a wrong effect, so they raise an error with the reason. Invalid readings were removed when the
+log was read.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import Meaning
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
-ENDS = 5  # times LEAST_ROWS: with more rows than that, what the windows at the ends take is little
+ENDS = 5  # times LEAST_ROWS: with more rows, those lost to windows at the ends do not matter
 
 
 class HasTrack(Protocol):
-    """A log that was read: its flight, what the vehicle is, and the autopilot's parameters."""
+    """A log that was read: its flight, facts about the vehicle, and the autopilot's parameters."""
 
     @property
     def track(self) -> FlightTrack: ...
@@ -44,10 +44,10 @@ Flown = FlightTrack | HasTrack
 
 
 def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool) -> None:
-    """Raise DataError with all reasons for which flights cannot be fitted as the model's aircraft.
+    """Raise DataError with all reasons why flights cannot be fitted as the model's aircraft.
 
-    A model that was not `given` needs flights that are recognised as of its airframe. Raises
-    AirframeError for another number of rotors.
+    Without a `given` model, each flight must be recognised as of its airframe. Raises AirframeError
+    for another number of rotors.
     """
     reasons: list[str] = []
     for flown in flights:
@@ -64,10 +64,10 @@ def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool
 
 
 def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
-    """Why the rotor speeds of a flight are those of other rotors or seconds, and what to do.
+    """Explain why a flight's rotor speeds are late or in the wrong motor order; None if they are
+    not.
 
-    None where they are not. Speeds from motor outputs are what the autopilot asked for, not what a
-    sensor says.
+    None for speeds from motor outputs too, which are commands, not readings.
     """
     if track.source("rotor_speed_rpm").meaning is Meaning.MOTOR_OUTPUTS:
         return None
@@ -83,10 +83,10 @@ def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
 
 
 def too_little(track: FlightTrack, model: RotorModel) -> str | None:
-    """Why a flight has too few rows to fit or to validate on; None when it has enough."""
+    """Explain why a flight has too few rows to fit or to validate on; None when it has enough."""
     rows = int(training_rows(track, model.inputs).sum())
     if rows >= LEAST_ROWS:
-        # Of a short flight the rows beside its ends, which no window covers, may be what it lacks.
+        # A short flight may lack rows only because no window covers those next to its ends.
         return None if rows > ENDS * LEAST_ROWS else _too_few_to_assemble(track, model)
     if "tank_kg" in model.inputs and "tank_kg" in track.standard_errors:
         return LOAD_FROM_SPEEDS
@@ -99,6 +99,7 @@ def too_little(track: FlightTrack, model: RotorModel) -> str | None:
 
 
 def _too_few_to_assemble(track: FlightTrack, model: RotorModel) -> str | None:
+    """Return the error of `assemble_flight` without the flight's name; None without an error."""
     try:
         assemble_flight(model, track)
     except DataError as error:
@@ -107,7 +108,7 @@ def _too_few_to_assemble(track: FlightTrack, model: RotorModel) -> str | None:
 
 
 def require_distinct(tracks: Iterable[FlightTrack]) -> None:
-    """Raise DataError when a flight is given twice: it would confirm itself."""
+    """Raise DataError when a flight is given twice, as it would confirm itself."""
     seen: dict[bytes, str] = {}
     for track in tracks:
         content = sha256(track.rotor_speed_rpm.tobytes()).digest()

@@ -1,8 +1,8 @@
-"""Columns of a fit of which some belong to one flight or one mode, without the zeros of all others.
+"""Columns of a fit that are non-zero in one flight or one mode only, stored without the zeros.
 
-A tank gauge's gain or a wind is a value of its own in each flight. Written out, its derivatives
-are one column a flight over the rows of all flights; here they share one array. So do curves that
-act anew in each mode.
+A tank gauge's gain or a wind is a separate value in each flight. Written out, its derivatives take
+one column a flight over the rows of all flights; here these share one array. Curves that act in
+each mode separately do the same.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ class ValueColumns:
     """q columns of N rows in R modes, rpm."""
 
     values: Floats  # (N, R, c)
-    source: NDArray[np.intp]  # (q,) which of the c each is
+    source: NDArray[np.intp]  # (q,) index of each column among the c values
     flight: NDArray[np.intp]  # (q,) the one flight in which it is not zero, or ALL_FLIGHTS
     mode: NDArray[np.intp]  # (q,) the one mode in which it is not zero, or ALL_MODES
 
     @classmethod
-    def of_all(cls, values: Floats) -> ValueColumns:
-        """Columns (N, R, q) of all flights."""
+    def from_values(cls, values: Floats) -> ValueColumns:
+        """Return columns (N, R, q) that act in all flights and modes."""
         return cls.with_source(values, np.arange(values.shape[2]))
 
     @classmethod
@@ -41,7 +41,10 @@ class ValueColumns:
         flight: NDArray[np.intp] | int = ALL_FLIGHTS,
         mode: NDArray[np.intp] | int = ALL_MODES,
     ) -> ValueColumns:
-        """Columns of which `source` says which of the values (N, R, c) each is."""
+        """Return columns where `source` (q,) gives each one's index among the values (N, R, c).
+
+        `flight` and `mode` limit a column to one flight or mode.
+        """
         own = (
             np.broadcast_to(np.asarray(one, dtype=np.intp), source.shape) for one in (flight, mode)
         )
@@ -50,19 +53,23 @@ class ValueColumns:
 
     @property
     def count(self) -> int:
+        """Return the number of columns q."""
         return self.source.size
 
-    def in_flight(self, flight: int) -> NDArray[np.intp]:
-        """(u,) the columns that are not zero throughout a flight."""
+    def active_in(self, flight: int) -> NDArray[np.intp]:
+        """Return the indices of columns that may be non-zero in a flight."""
         return np.flatnonzero((self.flight == ALL_FLIGHTS) | (self.flight == flight))
 
-    def without_nan(self) -> ValueColumns:
-        """With 0 where something is not known."""
+    def replace_nan(self) -> ValueColumns:
+        """Return the columns with 0 in place of NaN."""
         return replace(self, values=np.nan_to_num(self.values))
 
     def products(self, other: Floats, flights: Sequence[slice]) -> Floats:
-        """(q,) of each column with a column (N, R) in all modes, each over the rows of its own
-        flight; `flights` are the rows of each."""
+        """Return the product (q,) of each column with `other` (N, R), over the rows of its own
+        flight.
+
+        `flights` are the row slices of each flight.
+        """
         found = np.zeros(self.count)
         for f in np.unique(self.flight):
             mine, rows = self.flight == f, slice(None) if f == ALL_FLIGHTS else flights[f]
@@ -71,16 +78,16 @@ class ValueColumns:
             found[mine] = sums[self.mode[mine], self.source[mine]]
         return found
 
-    def wide(self, flight: NDArray[np.intp]) -> Floats:
-        """(N, R, q) written out, for rows of the flights (N,)."""
+    def dense(self, flight: NDArray[np.intp]) -> Floats:
+        """Return the columns (N, R, q) written out; `flight` (N,) is each row's flight."""
         there = (self.flight == ALL_FLIGHTS) | (self.flight == flight[:, None])
         modes = np.arange(self.values.shape[1])[:, None]
         acts = (self.mode == ALL_MODES) | (self.mode == modes)
         return self.values[:, :, self.source] * (there[:, None, :] & acts)
 
 
-def side_by_side(parts: Sequence[ValueColumns]) -> ValueColumns:
-    """All columns of some parts, in their order."""
+def concatenate_columns(parts: Sequence[ValueColumns]) -> ValueColumns:
+    """Concatenate columns of the same rows, in the order of `parts`."""
     first = np.cumsum([0, *(p.values.shape[2] for p in parts)])
     return ValueColumns(
         values=np.concatenate([p.values for p in parts], axis=2),

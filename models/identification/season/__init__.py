@@ -1,5 +1,5 @@
-"""Many flights of one aircraft: what each says by itself, and what changed over the season.
+"""Find what changed on one aircraft over many flights.
 
-A flight is kept as small sums (`FlightEvidence`); the season is worked out from these alone. Arrays
-in, arrays out, as everywhere in `models`.
+Each flight is stored as small sums (`FlightEvidence`). `season_changes` needs these sums alone, not
+the rows of the flights.
 """

@@ -1,9 +1,9 @@
-"""When a value that each flight shows changed: by a step, or by so much a flight.
+"""Detect when a per-flight value changed over a season: by a step or by a ramp.
 
-Flights are cut into segments; in a segment the value stays or goes along a line. A cut, and a
-slope, must each bring more than a penalty in the sum of squares over the flights' variances. The
-penalty follows from the wanted rate of false entries: under "no change" each of them is the largest
-of many squared normal numbers.
+Flights are divided into segments; within a segment the value is constant or follows a line. Each
+cut and each slope must reduce the sum of squares, weighted by the flights' variances, by more than
+a penalty. The penalty follows from the wanted rate of false entries: without a change, each gain is
+the largest of many squared normal numbers.
 """
 
 from __future__ import annotations
@@ -20,44 +20,50 @@ from scipy.special import ndtri
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.certainty import ERRORS
 
-FALSE_ENTRIES = 0.01  # wanted of one aircraft in one season
-LEAST_FLIGHTS, LEAST_LINE = 3, 5  # in a segment; on a line
-WILD, AROUND = 3.0, 5  # errors beyond which a flight is drawn in to its neighbours' median; flights
-QUARTILE = float(ndtri(0.75))  # standard deviations of the median absolute deviation
+FALSE_ENTRIES = 0.01  # expected false entries of one aircraft in one season
+LEAST_FLIGHTS, LEAST_LINE = 3, 5  # least flights of a segment, and of one with a slope
+#: combined errors at which a flight is clipped; flights of the median
+OUTLIER, NEIGHBOURS = 3.0, 5
+QUARTILE = float(ndtri(0.75))  # median absolute deviation of a standard normal number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeasonEntry:
     """One change of a value over a season. Flights are counted from 0."""
 
-    ramp: bool  # goes on from flight to flight; else at once
-    flight: int  # the first one after the change
-    earliest: int  # of 95 %
+    ramp: bool  # a ramp from flight to flight, else a step
+    flight: int  # first flight after the step, or on the ramp
+    earliest: int  # first and last flight of its 95 % interval
     latest: int
-    until: int  # the first flight after what began here
-    before: float  # value on the flight before it
+    until: int  # first flight after the segment that begins here
+    before: float  # value on the flight before the change
     after: float  # value after a step, or at the end of the ramp
-    size_error: float  # of after - before
-    per_flight: float  # slope of a ramp, 0 of a step
+    size_error: float  # standard error of after - before
+    per_flight: float  # slope of a ramp, 0 for a step
     per_flight_error: float
-    score: float  # standard errors that it stands out by
+    score: float  # size in standard errors
 
     @property
     def size(self) -> float:
+        """Return the change of the value."""
         return self.after - self.before
 
 
 def penalty_of(flights: int, series: int = 1, false_entries: float = FALSE_ENTRIES) -> float:
-    """The least gain of an entry, in squared standard errors, for a rate of false ones over all
-    `series` of one season: steps and slopes from every flight on are tried (Bonferroni)."""
+    """Return the least gain of an entry, in squared standard errors, for a rate of false entries.
+
+    The rate holds for all `series` of one season together: steps and slopes from every flight are
+    tried (Bonferroni).
+    """
     tried = 2 * max(flights, 1) * max(series, 1)
     return float(ndtri(false_entries / tried / 2.0) ** 2)
 
 
 def spread_beyond(values: Floats, errors: Floats) -> float:
-    """By how much flights scatter more than their errors say, at least 1.
+    """Return the ratio of the flights' scatter to their errors, at least 1; 1 for fewer than 5
+    flights.
 
-    From second differences, which neither a step nor a ramp changes much; by their median.
+    From the median of second differences, which neither a step nor a ramp changes much.
     """
     if values.size < 5:
         return 1.0
@@ -67,53 +73,62 @@ def spread_beyond(values: Floats, errors: Floats) -> float:
 
 
 def scatter_of(values: Floats) -> Floats:
-    """(F,) the same error for all flights of a value that has none of its own."""
+    """Return one error (F,) for all flights of a value without reported errors:
+    `spread_of` them."""
     return np.full(values.size, max(spread_of(values), 1e-12))
 
 
 def spread_of(values: Floats) -> float:
-    """Standard deviation from flight to flight, by the median of second differences."""
+    """Estimate the standard deviation between flights by the median of second differences; 0 for
+    fewer than 3."""
     second = values[2:] - 2.0 * values[1:-1] + values[:-2]
     return float(np.median(np.abs(second)) / QUARTILE / np.sqrt(6.0)) if second.size else 0.0
 
 
-def drawn_in(values: Floats, errors: Floats) -> Floats:
-    """Values of which a single wild flight is no further from its neighbours' median than WILD
-    times its error and theirs together."""
-    middle = median_filter(values, AROUND, mode="nearest")
-    far = WILD * np.hypot(errors, median_filter(errors, AROUND, mode="nearest"))
+def clip_outliers(values: Floats, errors: Floats) -> Floats:
+    """Limit each value's distance from its neighbours' median to OUTLIER times their combined
+    errors."""
+    middle = median_filter(values, NEIGHBOURS, mode="nearest")
+    far = OUTLIER * np.hypot(errors, median_filter(errors, NEIGHBOURS, mode="nearest"))
     return middle + np.clip(values - middle, -far, far)
 
 
 class _Piece(NamedTuple):
-    """The line of one segment, by the flight."""
+    """The fitted line of one segment, over the flight's number."""
 
     mean: float  # at the middle flight
     slope: float
     middle: float
     mean_error: float
     slope_error: float
-    squares: float  # left, over the variances
-    cost: float  # the same with the penalty of a slope
+    squares: float  # remaining squares over the variances
+    cost: float  # squares plus the penalty of a slope
 
     def at(self, flight: Any) -> Any:
+        """Return the line's value at a flight."""
         return self.mean + self.slope * (flight - self.middle)
 
     def error(self, flight: float) -> float:
+        """Return the line's standard error at a flight."""
         return float(np.hypot(self.mean_error, self.slope_error * (flight - self.middle)))
 
 
 class _ConstantOrLine:
-    """Sums over flights, from which any segment costs the same to fit."""
+    """Cumulative sums over flights, from which any segment is fitted at constant cost."""
 
     def __init__(self, values: Floats, errors: Floats, penalty: float) -> None:
+        """Compute the sums of values (F,) with errors (F,); `penalty` is that of a slope."""
         w, t = errors**-2.0, np.arange(values.size, dtype=np.float64)
         rows = [w, w * t, w * t * t, w * values, w * t * values, w * values**2]
         self.sums = np.concatenate([np.zeros((6, 1)), np.cumsum(rows, axis=1)], axis=1)
         self.penalty = penalty
 
     def costs(self, start: Any, end: Any) -> Floats:
-        """(N,) of segments, as `fitted` has them; one of the two may be the same for all."""
+        """Return the cost (N,) of fitting each segment from `start` up to, not including, `end`,
+        like `fitted`.
+
+        Either may be one flight for all segments.
+        """
         start, end = np.atleast_1d(start), np.atleast_1d(end)
         w, wt, wtt, wy, wty, wyy = self.sums[:, end] - self.sums[:, start]
         across, along = wty - wy * wt / w, wtt - wt * wt / w
@@ -121,7 +136,7 @@ class _ConstantOrLine:
         return wyy - wy * wy / w - np.where(end - start >= LEAST_LINE, gained, 0.0)
 
     def fitted(self, start: int, end: int) -> _Piece:
-        """The line of a segment; its slope is 0 unless it is worth the penalty."""
+        """Fit a segment; its slope is 0 unless it gains more than the penalty."""
         w, wt, wtt, wy, wty, wyy = self.sums[:, end] - self.sums[:, start]
         mean, middle = wy / w, wt / w
         along, across, squares = wtt - wt * middle, wty - wy * middle, wyy - wy * mean
@@ -134,16 +149,18 @@ class _ConstantOrLine:
         return _Piece(*(float(value) for value in of))
 
 
-def placed(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
-    """An entry of the flights at the places `where`, counted over all flights."""
+def recount_flights(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
+    """Return an entry of the flights at indices `where`, with flights numbered over all flights."""
     after = [*where.tolist(), int(where[-1]) + 1]
     counted = ("flight", "earliest", "latest", "until")
     return replace(entry, **{k: after[min(getattr(entry, k), where.size)] for k in counted})
 
 
 def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, int]]:
-    """(start, end) of each segment, one after the other: those of which the costs, with a penalty
-    for each cut, are least (Jackson et al. 2005, optimal partitioning)."""
+    """Return (start, end) of the segments with the least total cost, a penalty for each cut.
+
+    Source: Jackson et al. 2005, optimal partitioning.
+    """
     flights = values.size
     start, end = np.triu_indices(flights + 1, LEAST_FLIGHTS)
     costs = np.full((flights + 1, flights + 1), np.inf)
@@ -160,13 +177,14 @@ def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, 
 
 
 def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[SeasonEntry], Floats]:
-    """The changes of a value (F,) with errors (F,), and (F,) the curve that they make.
+    """Return the changes of a value (F,) with errors (F,), and the fitted curve (F,).
 
-    A single wild flight is no change. Slopes are by the flight.
+    A single outlier is no change. Slopes are per flight. No change for fewer than 2 LEAST_FLIGHTS
+    flights.
     """
     if values.size < 2 * LEAST_FLIGHTS:
         return [], np.full(values.size, float(np.mean(values)) if values.size else np.nan)
-    values = drawn_in(values, errors)
+    values = clip_outliers(values, errors)
     sums = _ConstantOrLine(values, errors, penalty)
     pieces = segments(values, errors, penalty)
     fits = [sums.fitted(*piece) for piece in pieces]
@@ -177,7 +195,9 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
         if k:
             began, old = pieces[k - 1][0], fits[k - 1]
             before = float(old.at(start - 1))
-            bent = _hinge(values, errors, began, end, line=bool(old.slope)) if now.slope else None
+            bent = (
+                _fit_hinge(values, errors, began, end, line=bool(old.slope)) if now.slope else None
+            )
             if bent is not None and bent[0] - now.squares - old.squares <= penalty:
                 dates = bent[1]
             else:
@@ -187,7 +207,9 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
                     SeasonEntry(
                         ramp=False,
                         flight=start,
-                        earliest=min(start, (tried := _step(values, errors, began, end))[0]),
+                        earliest=min(
+                            start, (tried := _step_interval(values, errors, began, end))[0]
+                        ),
                         latest=max(start, tried[1]),
                         until=end,
                         before=before,
@@ -218,31 +240,37 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
     return found, curve
 
 
-def _profile(costs: Floats, first: int) -> tuple[int, int, int]:
-    """The flight of the least cost, and the first and last that cost no more above it than a
-    date of 95 % has (chi-squared of one value)."""
+def _date_interval(costs: Floats, first: int) -> tuple[int, int, int]:
+    """Return the flight of the least cost, and the first and last flight of its 95 % interval.
+
+    Costs within ERRORS² of the least are in the interval (chi-squared of one value).
+    """
     good = np.flatnonzero(costs <= costs.min() + ERRORS**2)
     return int(np.argmin(costs)) + first, int(good[0]) + first, int(good[-1]) + first
 
 
-def _step(values: Floats, errors: Floats, began: int, end: int) -> tuple[int, int]:
-    """Earliest and latest flight of the step in a stretch, each side with its own line."""
+def _step_interval(values: Floats, errors: Floats, began: int, end: int) -> tuple[int, int]:
+    """Return the earliest and latest flight of the step between `began` and `end`, with a line on
+    either side."""
     sums = _ConstantOrLine(values, errors, 0.0)
     tried = np.arange(began + LEAST_FLIGHTS, end - LEAST_FLIGHTS + 1)
     costs = sums.costs(began, tried)
     costs += sums.costs(tried, end)
-    return _profile(costs, int(tried[0]))[1:]
+    return _date_interval(costs, int(tried[0]))[1:]
 
 
-def _hinge(
+def _fit_hinge(
     values: Floats, errors: Floats, began: int, end: int, line: bool
 ) -> tuple[float, tuple[int, int, int]]:
-    """The squares left by two lines that meet (the first of them flat unless `line`), and the
-    first flight on the second one with its interval."""
+    """Fit two lines that meet; the first is flat unless `line`.
+
+    Return the squares left, and the first flight on the second line with its interval.
+    """
     tried = np.arange(began + 1, end - 2)
     t, w, y = np.arange(0.0, end - began), errors[began:end] ** -2.0, values[began:end]
     rows = np.stack([w, w * t, w * t * t, w * y, w * t * y])
-    w0, w1, w2, y0, y1 = np.cumsum(rows[:, ::-1], axis=1)[:, ::-1][:, tried - began]  # from it on
+    # sums from each tried flight on
+    w0, w1, w2, y0, y1 = np.cumsum(rows[:, ::-1], axis=1)[:, ::-1][:, tried - began]
     all0, all1, all2, all_y, all_ty = rows.sum(axis=1)[:, None] + np.zeros(tried.size)
     h = tried - began
     bent1, bent2, bent_t, bent_y = (
@@ -256,4 +284,4 @@ def _hinge(
     system, along = np.moveaxis(system[:used, :used], 2, 0), along[:used].T
     size = np.linalg.solve(system, along[:, :, None]).squeeze(2)
     costs = float(w @ y**2) - np.sum(along * size, axis=1)
-    return float(np.min(costs)), _profile(costs, int(tried[0]) + 1)
+    return float(np.min(costs)), _date_interval(costs, int(tried[0]) + 1)

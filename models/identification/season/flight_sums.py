@@ -1,17 +1,16 @@
-"""What one flight says of every effect, as sums small enough to keep for each flight of a season.
+"""Sums of one flight about every effect, small enough to store for each flight of a season.
 
-About the model as it is, with nothing missing, the residual r of a flight is linear in the values d
-of all effects: r = J d + what is not asked (scatter of flights, errors of the base model,
-the discrepancy, noise). With that marginalised, all that the flight says is [J r]'[J r]. Sums
-of flights add up, so a season is identified without its rows (`season_sums`).
+About the model as it is, the residual r of a flight is linear in the values d of all effects: r = J
+d + nuisances (scatter of flights, errors of the base model, discrepancy, noise). With the nuisances
+marginalised, [J r]'[J r] contains all information of the flight. Sums of flights add up, so a
+season is identified without its rows (`season_sums`).
 
-A rotor's loss bends: 8 % does 6 % more than 8 times what 1 % does. The columns of what it does
-beyond its derivative, over d², are kept too, so that sums can be had about any loss (`about`).
+A rotor's loss is nonlinear: a loss of 8 % changes 6 % more than 8 times a loss of 1 %. Columns of
+the second-order change, over d², are kept too, so that the sums can be linearised about any loss
+(`linearise_at`).
 
-A rotor's share of the torque moves nothing while it has lost nothing. Its column is therefore what
-the share changes in the derivative by the loss, and its value is loss x (share - usual share).
-
-The sums of many flights of one aircraft on one set of columns, in the order of time.
+A rotor's torque share has no effect without a loss. Its column is the change that the share makes
+to the derivative by the loss, and its value is loss x (share - usual share).
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     TrialEffect,
     derivatives,
-    predicted,
+    predicted_modes,
     slopes,
 )
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
@@ -40,35 +39,38 @@ from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flig
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.model.rotor_model import RotorModel
 
-BENT_AT = 0.1  # of thrust lost, up to which the bend is that of a chord
-#: of each column: value of no effect, bounds, usual size, flight-to-flight scatter of a sound
-#: aircraft, 1 where the value is a single flight's own, 1 where it only shapes an effect
+BEND_SPAN = 0.1  # loss of thrust over which the second-order change is measured
+#: columns: absent value, bounds, usual size, between-flight scatter of a sound
+#: aircraft, 1 if each flight has its own value, 1 if the value only shapes an effect
 LIMITS = ("absent", "lower", "upper", "scale", "smallest", "per_flight", "shapes")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightEvidence:
-    """Sums of one flight over its means, in units of its noise; q values of effects."""
+    """Sums of one flight over its means, in units of its noise, for q values of effects."""
 
-    names: tuple[str, ...]  # (q,) "effect.value", of one rotor "effect.value@2" (counted from 1)
+    names: tuple[str, ...]  # (q,) "effect.value", or "effect.value@2" for rotor 2 (1-based)
     limits: Floats  # (q, 7) LIMITS of each value
-    bent: tuple[int, ...]  # (c,) places of the values that bend
-    #: (q + c + 1, q + c + 1) of [derivatives, bends, residual], the nuisances marginalised, with
-    #: the discrepancy as on a sound aircraft
+    bent: tuple[int, ...]  # (c,) indices of values with a second-order column
+    #: (q + c + 1, q + c + 1) of [derivatives, second-order columns, residual], nuisances
+    #: marginalised, with the discrepancy of a sound aircraft
     gram: Floats
-    known: Floats  # (q,) the diagonal that the derivatives would have without model uncertainty
-    seconds: float  # in flight that were used
-    means: int  # how many means over short times
+    known: Floats  # (q,) diagonal of the derivatives without model uncertainty
+    seconds: float  # from the first to the last mean
+    means: int  # number of means
     rotor_count: int
     of_outputs: bool  # speeds are from motor outputs: only each rotor's share counts
 
     def limit(self, name: str) -> Floats:
-        """(q,) one column of LIMITS."""
+        """Return one column (q,) of LIMITS."""
         return self.limits[:, LIMITS.index(name)]
 
-    def about(self, values: Floats) -> Floats:
-        """(q + 1, q + 1) of [derivatives, residual] where the bent values are as in `values` (q,),
-        so that r = J d still holds for the values d from 0: r + Q v² = (J + 2 Q v) d."""
+    def linearise_at(self, values: Floats) -> Floats:
+        """Return the Gram matrix (q + 1, q + 1) of [derivatives, residual], with losses linearised
+        at `values` (q,).
+
+        r = J d still holds for values d counted from 0: r + Q v² = (J + 2 Q v) d.
+        """
         size, bends = len(self.names), len(self.bent)
         at = np.delete(np.eye(size + bends + 1), range(size, size + bends), axis=1)
         for k, place in enumerate(self.bent, size):
@@ -77,7 +79,7 @@ class FlightEvidence:
 
 
 def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
-    """The sums of one flight, about `model` as it is.
+    """Compute the sums of one flight about `model`.
 
     Raises DataError when the flight has too few rows to be fitted, AirframeError for a wrong rotor
     count.
@@ -89,7 +91,7 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
     space = search_space(model, [track], catalogue, reduced)
     names, limits, columns, bent, bends = [], [], [], [], []
     for c, one in enumerate(space.candidates):
-        columns.append(_derivatives(reduced, one, space.at_start.get(c)))
+        columns.append(_derivatives(reduced, one, space.start_derivatives.get(c)))
         first = len(names)
         suffix = "" if one.term.rotor is None else f"@{one.term.rotor + 1}"
         for (_, flight), p, start in zip(one.free, one.parameters, one.start_values, strict=True):
@@ -102,10 +104,10 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
                 absent, lower, upper, scale = 0.0, -1.0, 1.0, TORQUE_SHARE.scale
             own = (float(flight is not None), float(p.detail))
             limits.append((absent, lower, upper, scale, p.smallest, *own))
-    residual = reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ())
+    residual = reduced.mode_amplitudes(reduced.measured_rpm) - predicted_modes(reduced, ())
     last = [np.stack([*bends, residual], axis=2)]
     whole = np.nan_to_num(np.concatenate([*columns, *last], axis=2))
-    solved = space.nuisance.solved()
+    solved = space.nuisance.marginalise()
     sums = space.nuisance.sums(whole)
     gram = solved.reduce(sums)
     gram = (gram + gram.T) / 2.0
@@ -125,9 +127,13 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
 
 
 def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floats:
-    """(N, R, P) rpm in modes by the values of a candidate at its start, perhaps `found` before."""
+    """Return the derivatives (N, R, P), rpm in modes, by a candidate's values at its start.
+
+    `found` are these derivatives if they were computed before. The column of a torque share is
+    replaced by the derivative by loss x share.
+    """
     if found is None:
-        found = derivatives(reduced, [one.at_start], 0)
+        found = derivatives(reduced, [one.initial_effect], 0)
     shares = [k for k, p in enumerate(one.parameters) if p.name == TORQUE_SHARE.name]
     if one.term.effect.of_one_rotor and shares:
         moved = one.start.copy()
@@ -139,15 +145,18 @@ def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floa
 
 
 def _bend(reduced: Reduced, one: Candidate, slope: Floats) -> Floats:
-    """(N, R) rpm in modes that a loss d does beyond its derivative, over d²."""
+    """Return the second-order change (N, R), rpm in modes, of a loss, over d², from a chord to
+    BEND_SPAN."""
     moved = one.start.copy()
-    moved[:, [p.name for p in one.parameters].index(LOSS.name)] += BENT_AT
-    done = predicted(reduced, (TrialEffect(candidate=one, values=moved),)) - predicted(reduced, ())
-    return (done - BENT_AT * slope) / BENT_AT**2
+    moved[:, [p.name for p in one.parameters].index(LOSS.name)] += BEND_SPAN
+    done = predicted_modes(reduced, (TrialEffect(candidate=one, values=moved),)) - predicted_modes(
+        reduced, ()
+    )
+    return (done - BEND_SPAN * slope) / BEND_SPAN**2
 
 
 def to_arrays(evidence: FlightEvidence) -> dict[str, Floats]:
-    """Named arrays of float64 that `from_arrays` turns back, for a table or a file."""
+    """Convert evidence to named float64 arrays for a table or a file; `from_arrays` reverses it."""
     upper = np.triu_indices(len(evidence.gram))
     return {
         "names": np.array(list("\n".join(evidence.names).encode()), dtype=np.float64),
@@ -162,7 +171,8 @@ def to_arrays(evidence: FlightEvidence) -> dict[str, Floats]:
 
 
 def from_arrays(arrays: Mapping[str, Floats]) -> FlightEvidence:
-    """What `to_arrays` made. Raises DataError when the arrays do not go together."""
+    """Restore evidence from the arrays of `to_arrays`. Raises DataError if they are
+    inconsistent."""
     try:
         names = tuple(bytes(arrays["names"].astype(np.uint8)).decode().split("\n"))
         bent = tuple(arrays["bent"].astype(int).tolist())
@@ -193,37 +203,39 @@ LOSS_NAME, SHARE_NAME = "rotor_degradation.loss@", "rotor_degradation.torque_sha
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SeasonSums:
-    """F flights, q values of effects that last; what one flight has for itself is marginalised.
+    """Sums of F flights for q values of persistent effects; per-flight values are marginalised.
 
-    A flight that says nothing of a value has zeros there.
+    A flight without information about a value has zeros there.
     """
 
     names: tuple[str, ...]  # (q,)
     limits: Floats  # (q, 7)
     information: Floats  # (F, q, q)
     pull: Floats  # (F, q)
-    squares: Floats  # (F,) residual's own
+    squares: Floats  # (F,) residual's sum of squares
     known: Floats  # (F, q) information without model uncertainty
     total: Floats  # (q, q) information of all flights
     rotor_count: int
     evidence: tuple[FlightEvidence, ...]
-    bent: Mapping[str, Floats]  # (F,) values that bend, about which these sums are; else about 0
+    bent: Mapping[str, Floats]  # name -> losses (F,) that the sums are linearised at; 0 if absent
 
     @property
     def flights(self) -> int:
+        """Return the number of flights F."""
         return self.pull.shape[0]
 
     @property
     def main(self) -> NDArray[np.intp]:
-        """Places of the values that make an effect."""
+        """Return the indices of the main values, not those that only shape an effect."""
         return np.flatnonzero(self.limit("shapes") == 0.0)
 
     def limit(self, name: str) -> Floats:
-        """(q,) one column of LIMITS."""
+        """Return one column (q,) of LIMITS."""
         return self.limits[:, LIMITS.index(name)]
 
     def share_of(self, place: int) -> int | None:
-        """The place of the torque share that goes with a rotor's loss."""
+        """Return the index of the torque share that belongs to a rotor's loss; None for other
+        values."""
         name = self.names[place]
         other = SHARE_NAME + name.removeprefix(LOSS_NAME)
         return (
@@ -231,15 +243,19 @@ class SeasonSums:
         )
 
     def estimates(self, place: int, curves: Floats) -> tuple[Floats, Floats]:
-        """(F,) what each flight says of one value and its standard error, NaN and infinite where it
-        says nothing, beside the `curves` (F, q) that all values have over the season."""
+        """Return each flight's estimate (F,) of one value and its standard error (F,), given
+        `curves` (F, q) of all values.
+
+        NaN and infinite where a flight has no information.
+        """
         own = self.information[:, place, place]
         left = self.pull[:, place] - np.einsum("fq,fq->f", self.information[:, place], curves)
         with np.errstate(divide="ignore", invalid="ignore"):
             return curves[:, place] + left / own, own**-0.5
 
     def uncertainty(self, place: int) -> Floats:
-        """(F,) the part of that standard error that is model uncertainty, which flights share."""
+        """Return the part (F,) of that standard error that is model uncertainty, which flights
+        share."""
         with np.errstate(divide="ignore", invalid="ignore"):
             own = 1.0 / self.information[:, place, place] - 1.0 / self.known[:, place]
         return np.sqrt(np.maximum(own, 0.0))
@@ -248,9 +264,10 @@ class SeasonSums:
 def season_sums(
     flights: Sequence[FlightEvidence], bent: Mapping[str, Floats] = MappingProxyType({})
 ) -> SeasonSums:
-    """Flights in the order of time, about values (F,) of those that bend.
+    """Combine flights in the order of time; `bent` are the losses (F,) that the sums are linearised
+    at.
 
-    Raises DataError when there are none, or they are of aircraft with different rotors.
+    Raises DataError without flights, or when flights have different numbers of rotors.
     """
     if not flights:
         raise DataError("no flight with sums; nothing is known of the season")
@@ -270,7 +287,7 @@ def season_sums(
     squares, known = np.zeros(count), np.zeros((count, size))
     for k, flight in enumerate(flights):
         at = np.array([bent[name][k] if name in bent else 0.0 for name in flight.names])
-        gram, own = flight.about(at), flight.limit("per_flight") > 0.0
+        gram, own = flight.linearise_at(at), flight.limit("per_flight") > 0.0
         steeper = gram.diagonal()[:-1] / np.maximum(flight.gram.diagonal()[: at.size], 1e-300)
         if own.any():
             mine = np.flatnonzero(np.append(own, False))

@@ -1,13 +1,13 @@
-"""What changed over a season, and in which value: from the sums of flights alone.
+"""Find the values that changed over a season, from the sums of flights alone.
 
-Every value is looked at by itself beside the season's means of all others, and cut into segments
-(`change_points`). The value whose curve takes most of the squares is the change; its curve is taken
-out of all flights, and the rest is looked at again. So a worn propeller is not also a centre of
-gravity, a mass and a yaw moment. A curve is known to FORM of itself: what is left of it elsewhere
+Each value is estimated flight by flight, given the season's curves of all others, and divided into
+segments (`change_points`). The value whose curve explains most becomes a change; the search repeats
+with its curve in the model. So a worn propeller is not also reported as a centre of gravity, a mass
+and a yaw moment. A curve's effect is accurate to FORM, so a change of that share of another value
 is no change.
 
-What all flights have in common may be the model's fault, and more flights do not cure that: a mean
-over the season is weighed as by one flight of average noise. Changes are weighed by all flights.
+Deviations that all flights share may be errors of the model, and more flights do not reduce them: a
+mean over the season counts as one flight of average noise. Changes count with all flights.
 """
 
 from __future__ import annotations
@@ -25,18 +25,19 @@ from thrustmargin.models.identification.season.change_points import (
     SeasonEntry,
     changes,
     penalty_of,
-    placed,
+    recount_flights,
     spread_beyond,
 )
 from thrustmargin.models.identification.season.flight_sums import SeasonSums, season_sums
 from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.set_search import NEAR
 
-MOST_FINDS = 8  # of one season
-RECENT = 10  # flights
-NO_SCATTER = 0.05  # of the usual size: scatter of a value that has none of its own
-ABOUT, BENT = 4, 0.001  # times sums are made anew; near enough to a loss
-_Fit = tuple[Floats, float]  # of `_joint`
+MOST_FINDS = 8  # changes and shared values of one season
+RECENT = 10  # last flights that `Trend.least_seen` is for
+NO_SCATTER = 0.05  # scatter of a value without its own, in usual sizes
+#: recomputations of the sums; difference in loss below which they end
+MOST_RELINEARISATIONS, SAME_LOSS = 4, 0.001
+_Fit = tuple[Floats, float]  # result of `_joint_fit`: curves (F, q), squares left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,86 +45,96 @@ class Trend:
     """One value over F flights."""
 
     name: str
-    value: Floats  # (F,) of each flight, NaN where it says nothing
-    error: Floats  # (F,) standard error, as flights scatter
-    curve: Floats  # (F,) as the season has it
+    value: Floats  # (F,) estimate of each flight, NaN without information
+    error: Floats  # (F,) standard error, including the flights' excess scatter
+    curve: Floats  # (F,) fitted curve over the season
     changes: tuple[SeasonEntry, ...]
-    instead: tuple[str, ...]  # other values whose change would explain these flights as well
-    least_seen: float  # a step of the last RECENT flights of this size would have been entered
-    usual: float  # by how much a sound aircraft has of it from flight to flight
+    instead: tuple[str, ...]  # other values whose change would explain these flights about as well
+    least_seen: float  # size of a step over the last RECENT flights that would be detected
+    usual: float  # between-flight scatter of a sound aircraft
 
     @property
     def now(self) -> float:
-        """As the season leaves it, 0 being what the model says."""
+        """Return the value at the end of the season, relative to the model."""
         return float(self.curve[-1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedEffect:
-    """A value in which all flights of a season depart from the model."""
+    """A deviation from the model that all flights of a season share."""
 
     name: str
-    value: float  # without what changed over the season
-    error: float  # standard error: flights scatter, and the model itself is uncertain
-    instead: tuple[str, ...]  # other values that would explain these flights as well
+    value: float  # without its change over the season
+    error: float  # standard error, from the scatter of flights and model uncertainty
+    instead: tuple[str, ...]  # other values that would explain these flights about as well
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SeasonChanges:
-    """All values over the season, those that changed first."""
+    """All values over the season, changed ones first."""
 
     trends: tuple[Trend, ...]
     shared: tuple[SharedEffect, ...]
 
     def trend(self, name: str) -> Trend | None:
+        """Return the trend of the value `name`, or None."""
         return next((t for t in self.trends if t.name == name), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Found:
-    """Values that depart from the model in all flights, and curves of those that change."""
+class _SeasonModel:
+    """The values that deviate in all flights, and the curves of the values that change."""
 
     shared: frozenset[int] = frozenset()
-    shapes: Mapping[int, Floats] = field(default_factory=dict)  # place -> (F,) from 0
+    #: index of the value -> change (F,) since the first flight
+    shapes: Mapping[int, Floats] = field(default_factory=dict)
 
-    def with_shape(self, place: int, shape: Floats | None) -> _Found:
+    def with_shape(self, place: int, shape: Floats | None) -> _SeasonModel:
+        """Return the model with another curve (F,) of the value at index `place`; None
+        removes it."""
         rest = {k: v for k, v in self.shapes.items() if k != place}
         return replace(self, shapes=rest if shape is None else {**rest, place: shape})
 
 
 def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> SeasonChanges:
-    """What all flights of a season depart in from the model, and what changed between them, at a
-    rate of false entries a season."""
+    """Find the model errors that all flights of a season share, and the values that changed over
+    it.
+
+    `false_entries`: expected number of false changes in one season. The trends are of all values,
+    changed ones first.
+    """
     penalty = penalty_of(sums.flights, len(sums.main), false_entries)
-    found = _Found()
+    found = _SeasonModel()
     for _ in range(MOST_FINDS):
-        more = _next(sums, found, penalty)
+        more = _add_best_value(sums, found, penalty)
         if more is None:
             break
         found = more
-        sums = _about(sums, found)
-        for place in found.shapes:  # each anew beside the others, as they are with it
-            curves = _joint(sums, found)[0]
-            found = found.with_shape(place, _shape(sums, place, found, penalty, curves))
-        sums = _about(sums, found)
-        for place in found.shared:  # a mean that was only a change
+        sums = _relinearise(sums, found)
+        for place in found.shapes:  # refit each curve given the others
+            curves = _joint_fit(sums, found)[0]
+            found = found.with_shape(place, _change_curve(sums, place, found, penalty, curves))
+        sums = _relinearise(sums, found)
+        for place in found.shared:  # drop a mean that a change explains
             rest = replace(found, shared=found.shared - {place})
-            gain = _gain(sums, _joint(sums, rest), _joint(sums, found), place)
+            gain = _gain(sums, _joint_fit(sums, rest), _joint_fit(sums, found), place)
             if gain / sums.flights <= penalty:
                 found = rest
-    fit = _joint(sums, found)
+    fit = _joint_fit(sums, found)
     order = [*found.shapes, *(int(k) for k in sums.main if k not in found.shapes)]
     return SeasonChanges(
         trends=tuple(_trend(sums, k, found, fit, penalty) for k in order),
-        shared=tuple(_shared(sums, found, penalty)),
+        shared=tuple(_shared_effects(sums, found, penalty)),
     )
 
 
-def _about(sums: SeasonSums, found: _Found) -> SeasonSums:
-    """The sums about the losses that were found: those of a large loss about 0 leave enough of it
-    to be taken for another rotor's."""
-    for _ in range(ABOUT):
-        curves = _joint(sums, found)[0]
+def _relinearise(sums: SeasonSums, found: _SeasonModel) -> SeasonSums:
+    """Recompute the sums, linearised at the losses found, until these no longer change.
+
+    Linearised at 0, a large loss leaves enough residual to appear as another rotor's.
+    """
+    for _ in range(MOST_RELINEARISATIONS):
+        curves = _joint_fit(sums, found)[0]
         bends = {n for flight in sums.evidence for n in (flight.names[k] for k in flight.bent)}
         bent = {
             sums.names[k]: curves[:, k]
@@ -131,34 +142,40 @@ def _about(sums: SeasonSums, found: _Found) -> SeasonSums:
             if sums.names[k] in bends
         }
         if bent.keys() == sums.bent.keys() and all(
-            np.allclose(curve, sums.bent[name], atol=BENT) for name, curve in bent.items()
+            np.allclose(curve, sums.bent[name], atol=SAME_LOSS) for name, curve in bent.items()
         ):
             break
         sums = season_sums(sums.evidence, bent)
     return sums
 
 
-def _next(sums: SeasonSums, found: _Found, penalty: float) -> _Found | None:
-    """With the one value more that explains most, if any is worth the penalty."""
-    now, best, most = _joint(sums, found), None, penalty
+def _add_best_value(sums: SeasonSums, found: _SeasonModel, penalty: float) -> _SeasonModel | None:
+    """Return the model with the shared value or curve that explains most, or None if none exceeds
+    the penalty."""
+    now, best, most = _joint_fit(sums, found), None, penalty
     for place in (int(k) for k in sums.main):
         tried = []
         if place not in found.shared:
             tried.append((replace(found, shared=found.shared | {place}), sums.flights))
-        shape = None if place in found.shapes else _shape(sums, place, found, penalty, now[0])
+        shape = (
+            None if place in found.shapes else _change_curve(sums, place, found, penalty, now[0])
+        )
         if shape is not None:
             tried.append((found.with_shape(place, shape), 1))
         for more, flights in tried:
-            gain = _gain(sums, now, _joint(sums, more), place, most * flights) / flights
-            if gain > most and (flights == 1 or _possible(sums, more, place, penalty)):
+            gain = _gain(sums, now, _joint_fit(sums, more), place, most * flights) / flights
+            if gain > most and (flights == 1 or _is_possible(sums, more, place, penalty)):
                 best, most = more, gain
     return best
 
 
-def _possible(sums: SeasonSums, found: _Found, place: int, penalty: float) -> bool:
-    """False for a mean that no aircraft has, or that the form of the other means may make, which
-    is known to FORM."""
-    at = _joint(sums, replace(found, shapes={}))[0][0]
+def _is_possible(sums: SeasonSums, found: _SeasonModel, place: int, penalty: float) -> bool:
+    """Return False for a shared value beyond its bounds, or within the error of other effects'
+    laws.
+
+    Laws are accurate to FORM.
+    """
+    at = _joint_fit(sums, replace(found, shapes={}))[0][0]
     value = sums.limit("absent")[place] + at[place]
     if not sums.limit("lower")[place] < value < sums.limit("upper")[place]:
         return False
@@ -169,27 +186,33 @@ def _possible(sums: SeasonSums, found: _Found, place: int, penalty: float) -> bo
 
 
 def _gain(sums: SeasonSums, less: _Fit, more: _Fit, place: int, least: float = -np.inf) -> float:
-    """What one value more takes of the squares, as its flights scatter; at most that where it is
-    no more than the `least` that counts."""
+    """Return the reduction of the sum of squares by one more value, over its flights' excess
+    variance.
+
+    Without the division, which only reduces it, if the reduction is no more than `least`.
+    """
     gain = less[1] - more[1]
-    return gain / _series(sums, place, more[0])[2] ** 2 if gain > least else gain
+    return gain / _flight_estimates(sums, place, more[0])[2] ** 2 if gain > least else gain
 
 
-def _shape(
-    sums: SeasonSums, place: int, found: _Found, penalty: float, curves: Floats
+def _change_curve(
+    sums: SeasonSums, place: int, found: _SeasonModel, penalty: float, curves: Floats
 ) -> Floats | None:
-    """(F,) by how much a value departs from its first flights beside the `curves` of all others;
-    None where it stays."""
-    entries, curve = _entries(sums, place, found, curves, penalty)
+    """Return the change (F,) of a value since its first flights, given `curves` of all values; None
+    if it is constant."""
+    entries, curve = _value_changes(sums, place, found, curves, penalty)
     return curve - curve[0] if entries else None
 
 
-def _entries(
-    sums: SeasonSums, place: int, found: _Found, curves: Floats, penalty: float
+def _value_changes(
+    sums: SeasonSums, place: int, found: _SeasonModel, curves: Floats, penalty: float
 ) -> tuple[list[SeasonEntry], Floats]:
-    """The changes of one value that stand out of all that others may make of it, flights counted
-    over the whole season; and (F,) its curve."""
-    value, error, _ = _series(sums, place, curves)
+    """Return the significant changes of one value, flights counted over the season, and its curve
+    (F,).
+
+    A change must exceed its error and the error that FORM of other values' changes causes.
+    """
+    value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
     entries, curve = changes(value[where], error[where], penalty)
     if not entries:
@@ -203,15 +226,15 @@ def _entries(
     for change in entries:
         own = np.hypot(change.size / change.score, off)
         if abs(change.size) > np.sqrt(penalty) * own:
-            kept.append(placed(change, where))
+            kept.append(recount_flights(change, where))
     return kept, np.interp(np.arange(sums.flights), where, curve)
 
 
-def _series(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Floats, float]:
-    """(F,) estimates and standard errors, these as flights scatter, and by how much they do.
+def _flight_estimates(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Floats, float]:
+    """Return estimates (F,) and standard errors (F,) of a value, and the factor of excess scatter.
 
-    No flight counts as surer than the median one: flights of one kind share faults of the model,
-    and a few sure ones of another kind would make them a change.
+    No flight has a smaller error than the median flight: flights of one kind share model errors,
+    and a few accurate flights of another kind would appear as a change.
     """
     value, error = sums.estimates(place, curves)
     known = np.isfinite(value)
@@ -221,11 +244,13 @@ def _series(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Float
     return value, error * beyond, beyond
 
 
-def _basis(sums: SeasonSums, found: _Found) -> tuple[NDArray[np.intp], Floats, Floats]:
-    """(B,) place, (F, B) curve and (B,) prior size of what all flights are fitted with: each value
-    has a mean, as on a sound aircraft unless it is shared; each shape its size, a loss its torque
-    share. The means come first."""
-    main, scale, usual = sums.main, sums.limit("scale"), _usual(sums)
+def _basis(sums: SeasonSums, found: _SeasonModel) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """Return index (B,), curve (F, B) and prior size (B,) of each term of the joint fit.
+
+    Each value has a mean, small like on a sound aircraft unless it is shared; each changed value
+    has its curve; each loss has its torque share. Means come first.
+    """
+    main, scale, usual = sums.main, sums.limit("scale"), _usual_sizes(sums)
     free = np.array([int(k) in found.shared for k in main], dtype=bool)
     prior = [*(np.where(free, scale[main], usual[main]) / np.sqrt(sums.flights))]
     places, curves = [*main], [np.ones((sums.flights, main.size))]
@@ -241,13 +266,14 @@ def _basis(sums: SeasonSums, found: _Found) -> tuple[NDArray[np.intp], Floats, F
     return np.array(places), np.concatenate(curves, axis=1), np.array(prior)
 
 
-def _usual(sums: SeasonSums) -> Floats:
-    """(q,) what a sound aircraft has of each value."""
+def _usual_sizes(sums: SeasonSums) -> Floats:
+    """Return the size (q,) of each value on a sound aircraft."""
     return np.maximum(sums.limit("smallest"), NO_SCATTER * sums.limit("scale"))
 
 
-def _joint(sums: SeasonSums, found: _Found) -> _Fit:
-    """(F, q) curves of all values by least squares, and what is left with the cost of priors."""
+def _joint_fit(sums: SeasonSums, found: _SeasonModel) -> _Fit:
+    """Fit all terms by least squares; return curves (F, q) of all values, and the remaining
+    squares."""
     places, over, prior = _basis(sums, found)
     means = sums.main.size
     system = np.zeros((places.size, places.size))
@@ -264,9 +290,12 @@ def _joint(sums: SeasonSums, found: _Found) -> _Fit:
     return curves, float(sums.squares.sum() - along @ size)
 
 
-def _shared(sums: SeasonSums, found: _Found, penalty: float) -> list[SharedEffect]:
-    """Means of the season that stand out of the standard errors that flights show, each flight
-    counted once."""
+def _shared_effects(sums: SeasonSums, found: _SeasonModel, penalty: float) -> list[SharedEffect]:
+    """Return the season means that exceed their standard errors, which come from the scatter of
+    flights.
+
+    Each flight counts once; model uncertainty is added.
+    """
     places, over, prior = _basis(sums, found)
     rows = sums.information[:, places][:, :, places]
     system = over[:, :, None] * rows * over[:, None, :]
@@ -276,7 +305,7 @@ def _shared(sums: SeasonSums, found: _Found, penalty: float) -> list[SharedEffec
     left = along - system @ size
     variance = np.diag(bread @ left.T @ left @ bread)
     variance = variance * sums.flights / max(sums.flights - 1, 1)
-    squares, out = _joint(sums, found)[1], []
+    squares, out = _joint_fit(sums, found)[1], []
     for k in sorted(found.shared):
         at = int(np.flatnonzero(places == k)[0])
         rest = replace(found, shared=found.shared - {k})
@@ -288,37 +317,40 @@ def _shared(sums: SeasonSums, found: _Found, penalty: float) -> list[SharedEffec
         error = float(np.hypot(np.sqrt(variance[at]), np.nanmedian(sums.uncertainty(k))))
         if abs(size[at]) < np.sqrt(penalty) * error:
             continue
-        instead = _as_good(sums, rest, squares, others)
+        instead = _equivalent_values(sums, rest, squares, others)
         out.append(
             SharedEffect(name=sums.names[k], value=float(size[at]), error=error, instead=instead)
         )
     return out
 
 
-def _as_good(
-    sums: SeasonSums, rest: _Found, squares: float, others: Mapping[int, _Found]
+def _equivalent_values(
+    sums: SeasonSums, rest: _SeasonModel, squares: float, others: Mapping[int, _SeasonModel]
 ) -> tuple[str, ...]:
-    """Values that take nearly as much of the squares as the one that is not in `rest`: what effects
-    do is known to FORM of itself."""
-    gain = _joint(sums, rest)[1] - squares
+    """Return the names of values that explain nearly as much as the one missing in `rest`.
+
+    `others`: index -> the model with that value instead. Effects are accurate to FORM.
+    """
+    gain = _joint_fit(sums, rest)[1] - squares
     most = squares + max(2.0 * NEAR, FORM * gain)
-    return tuple(sums.names[k] for k, other in others.items() if _joint(sums, other)[1] < most)
+    return tuple(sums.names[k] for k, other in others.items() if _joint_fit(sums, other)[1] < most)
 
 
-def _trend(sums: SeasonSums, place: int, found: _Found, fit: _Fit, penalty: float) -> Trend:
+def _trend(sums: SeasonSums, place: int, found: _SeasonModel, fit: _Fit, penalty: float) -> Trend:
+    """Collect estimates, curve, changes and detection limit of one value."""
     curves, squares = fit
-    value, error, _ = _series(sums, place, curves)
+    value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
     entries: list[SeasonEntry] = []
     instead: tuple[str, ...] = ()
     if place in found.shapes:
-        entries = _entries(sums, place, found, curves, penalty)[0]
+        entries = _value_changes(sums, place, found, curves, penalty)[0]
         rest = found.with_shape(place, None)
-        beside = _joint(sums, rest)[0]
+        beside = _joint_fit(sums, rest)[0]
         places = (int(k) for k in sums.main if k != place)
-        shapes = {k: _shape(sums, k, rest, penalty, beside) for k in places}
+        shapes = {k: _change_curve(sums, k, rest, penalty, beside) for k in places}
         others = {k: rest.with_shape(k, s) for k, s in shapes.items() if s is not None}
-        instead = _as_good(sums, rest, squares, others)
+        instead = _equivalent_values(sums, rest, squares, others)
     recent = min(RECENT, where.size // 2)
     least = np.nan
     if recent:
@@ -332,5 +364,5 @@ def _trend(sums: SeasonSums, place: int, found: _Found, fit: _Fit, penalty: floa
         changes=tuple(entries),
         instead=instead,
         least_seen=least,
-        usual=float(_usual(sums)[place]),
+        usual=float(_usual_sizes(sums)[place]),
     )

@@ -1,1 +1,1 @@
-"""The search: sets of effects, scored on Gram matrices beside a discrepancy."""
+"""Search over sets of effects: score each on Gram matrices, with nuisances marginalised."""

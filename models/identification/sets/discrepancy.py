@@ -1,18 +1,16 @@
-"""The discrepancy: what any smooth law of the channels could do, for names to compete with.
+"""Nonparametric alternatives to effects: discrepancy, slow noise and errors of the laws.
 
-Each mode has a sum of piecewise linear curves over the channels (hats between quantiles), and of
-airspeed times tank mass; a heading has its first two harmonics, the pump a step. Each flight also
-wanders: slow noise that goes with nothing, as weather does, is a curve of its own over time.
-Coefficients are drawn from a normal distribution whose size is a hypothesis of the search. Source:
-Kennedy and O'Hagan 2001, the discrepancy of a model as a smooth function with its own prior.
+Discrepancy: each mode has a sum of piecewise linear curves along the channels (hats between
+quantiles) and along airspeed times tank mass; heading has two harmonics, the pump a step. Slow
+noise: each flight has its own curve over time in each mode. Coefficients are normal with fixed or
+learned sizes. Source: Kennedy and O'Hagan 2001, the discrepancy of a model as a smooth function
+with its own prior.
 
-What the laws of the base model and its effects may be off by, as directions of rotor speed.
+Laws: directions in which the base model and its effects may be inaccurate.
 
-What sound flights show: how large the scatter and the discrepancy are when nothing is missing.
-
-Both are variance components of a linear model, found by expectation and maximisation (Dempster,
-Laird and Rubin 1977; Laird and Ware 1982): the mean square of each draw given the flights takes the
-place of its variance, until it stays.
+Sizes: `learn_variances` estimates variance components by expectation maximisation (Dempster, Laird
+and Rubin 1977; Laird and Ware 1982): the expected mean square of each draw replaces its variance,
+STEPS times.
 """
 
 from __future__ import annotations
@@ -25,16 +23,16 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.moment_effects import MANOEUVRE_MOMENT
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import predicted
+from thrustmargin.models.identification.rows.candidates import predicted_modes
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.sets.nuisance import (
     FlightScatter,
     Nuisance,
-    root_of,
-    root_of_shared,
+    inverse_cholesky,
+    shared_root,
 )
 
-#: channel -> number of hats, and the least span over which it can be a cause: less is control
+#: channel -> number of hats, and the least range of a cause: smaller variation is control
 CHANNELS = {
     "airspeed": (5, 1.0),
     "tank_kg": (5, 0.0),
@@ -49,17 +47,18 @@ CHANNELS = {
 }
 PRODUCT = ("airspeed", "tank_kg")
 WANDER = 25.0  # s between the knots of a flight's own slow noise
-MEANS = 0.75  # of the scatter of knots, that of means between them: root of 1/2 to 5/8
-FORM = 0.05  # of what an effect does: the laws of `models.effects` are good to a few per cent
-#: along which the form of an effect may be wrong
+MEANS = 0.75  # scatter of means between knots over that of knots: root of 1/2 to 5/8
+FORM = 0.05  # relative error of the laws of `models.effects`: a few per cent
+#: channels along which an effect's law may be inaccurate
 FORMED = ("airspeed", "tank_kg", "time_s")
-SLOW_MEANS = 43  # means over which voltage is averaged: faster it answers to the rotors themselves
+#: means of a voltage average: faster voltage changes are caused by the rotors themselves
+SLOW_MEANS = 43
 
 
 def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[str, ...]]:
-    """(N, H) columns of size about one, and (H,) the channel that each goes along.
+    """Return the discrepancy's columns (N, H) of size about one, and the channel (H,) of each.
 
-    Channels that are not reported throughout, or do not vary, have none.
+    The first is the constant. Channels that are incomplete or vary too little have no columns.
     """
     columns: list[Floats] = [np.ones((x.time_s.size, 1))]
     names: list[str] = ["constant"]
@@ -69,7 +68,7 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
         if not np.isfinite(values).all() or np.ptp(values) <= max(least, 1e-6):
             continue
         if name == "voltage":
-            values = slowly(values, flight)
+            values = flight_running_mean(values, flight)
         if name == "heading":
             part = np.stack([f(k * values) for k in (1, 2) for f in (np.sin, np.cos)], axis=1)
         else:
@@ -87,7 +86,7 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
 
 
 def form_columns(x: Channels) -> Floats:
-    """(N, W) slow curves of size one, by which an effect may be another one than its form says."""
+    """Return slow curves (N, W) of size one, along which an effect's law may be inaccurate."""
     parts = [np.ones((x.time_s.size, 1))]
     for name in FORMED:
         values = np.asarray(getattr(x, name))
@@ -98,9 +97,9 @@ def form_columns(x: Channels) -> Floats:
 
 
 def wander_columns(time_s: Floats, flight: NDArray[np.intp], apart: float = WANDER) -> Floats:
-    """(N, W) hats over the time of each flight, `apart` seconds; flights share the columns.
+    """Return hats (N, W) over the time of each flight, `apart` seconds between knots.
 
-    A pause has none, however long: a log may go on hours later.
+    Flights share the columns. A pause in a log adds no columns, however long it is.
     """
     first = np.searchsorted(flight, np.unique(flight))
     place = (time_s - time_s[first][flight]) / apart
@@ -110,10 +109,11 @@ def wander_columns(time_s: Floats, flight: NDArray[np.intp], apart: float = WAND
 
 
 def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart: float) -> Floats:
-    """(R,) size of slow noise within flights that values (T, R) show: knots every `apart` seconds.
+    """Estimate the size (R,) of slow noise within flights from values (T, R), knots every `apart`
+    s.
 
-    Between knots that scatter by s, means over `apart` seconds scatter by MEANS s about their
-    flight's; 0 where no flight is long enough.
+    Means over `apart` seconds scatter about their flight's mean by MEANS times the scatter of
+    knots. 0 where no flight is long enough.
     """
     total, count = np.zeros(values.shape[1]), 0
     for f in np.unique(flight):
@@ -127,7 +127,10 @@ def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart:
 
 
 def hats(values: Floats, count: int) -> Floats:
-    """(N, K) piecewise linear hats that sum to one, at quantiles; fewer where they coincide."""
+    """Return piecewise linear hats (N, K) that sum to one, with knots at quantiles (2 to 98 %).
+
+    Values beyond the knots get the outermost hat. Fewer hats where knots coincide.
+    """
     knots = np.quantile(values, np.linspace(0.02, 0.98, count))
     apart = 1e-3 * max(float(np.ptp(knots)), 1e-12)
     knots = knots[np.concatenate([[True], np.diff(knots) > apart])]
@@ -137,8 +140,8 @@ def hats(values: Floats, count: int) -> Floats:
     return np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots.size)), 0.0)
 
 
-def slowly(values: Floats, flight: NDArray[np.intp]) -> Floats:
-    """Running mean within each flight."""
+def flight_running_mean(values: Floats, flight: NDArray[np.intp]) -> Floats:
+    """Return the running mean over SLOW_MEANS values within each flight."""
     out = np.empty_like(values)
     for f in np.unique(flight):
         mine = flight == f
@@ -148,21 +151,23 @@ def slowly(values: Floats, flight: NDArray[np.intp]) -> Floats:
     return out
 
 
-LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
-SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
-ANSWER = 0.3  # of an output's answer to a turn: what a third less thrust would make of it
+#: rpm RMS of an effect's change, below which the error of its law does not matter
+LEAST_CHANGE = 0.5
+SHAPE = 0.5  # standard error of a fitted shape, in its usual sizes
+ANSWER = 0.3  # share of an output's response to a turn, as a third less thrust would cause
 
 
-def what_laws_leave(reduced: Reduced) -> Floats:
-    """(N, R, D) rpm in modes: what the base model may be off by, and the forms of its effects.
+def law_uncertainty(reduced: Reduced) -> Floats:
+    """Return directions (N, R, D), rpm in modes, in which the base model and its effects' laws may
+    be inaccurate.
 
-    A law may be off along slow channels and with how large the change is: where large turns bend
-    otherwise than small ones, another inertia against the law's own freedom would take that.
+    A law may be inaccurate along slow channels and with the size of its own change: if large turns
+    deviate from the law, another inertia must not explain it.
     """
-    columns = [np.moveaxis(reduced.in_modes(reduced.uncertainty_rpm), 0, 2)]
-    base, slow = predicted(reduced, ()), form_columns(reduced.channels)
+    columns = [np.moveaxis(reduced.mode_amplitudes(reduced.uncertainty_rpm), 0, 2)]
+    base, slow = predicted_modes(reduced, ()), form_columns(reduced.channels)
     for k in range(len(reduced.model.placed)):
-        change = np.nan_to_num(base - reduced.in_modes(reduced.speeds((), without=k)))
+        change = np.nan_to_num(base - reduced.mode_amplitudes(reduced.speeds((), without=k)))
         for mode in range(base.shape[1]):
             if np.sqrt(np.mean(change[:, mode] ** 2)) < LEAST_CHANGE:
                 continue
@@ -171,15 +176,16 @@ def what_laws_leave(reduced: Reduced) -> Floats:
             own = np.zeros((*base.shape, along.shape[1]))
             own[:, mode] = FORM * size * along
             columns.append(own)
-    columns += _shapes(reduced, base)
-    columns += [_answers_to_load(reduced, base)]
-    columns += _answers(reduced, base) if reduced.of_outputs else []
-    columns += [] if reduced.model.taught else [_of_rotors(reduced, base)]
+    columns += _shape_columns(reduced, base)
+    columns += [_load_response(reduced, base)]
+    columns += _turn_response(reduced, base) if reduced.of_outputs else []
+    columns += [] if reduced.model.taught else [_rotor_columns(reduced, base)]
     return np.concatenate(columns, axis=2)
 
 
-def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
-    """What the shapes of the model's own effects (lags, derivative corrections) may be off by."""
+def _shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
+    """Return the changes by inaccurate shapes (lags, derivative corrections) of the model's own
+    effects."""
     columns = []
     for k, item in enumerate(reduced.model.placed):
         for p in item.effect.parameters:
@@ -187,16 +193,16 @@ def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
                 value = float(item.values[p.name])
                 step = SHAPE * p.scale * (1.0 if value < (p.lower + p.upper) / 2 else -1.0)
                 moved = replace(item, values={**item.values, p.name: value + step})
-                change = reduced.in_modes(reduced.speeds((moved,), without=k)) - base
+                change = reduced.mode_amplitudes(reduced.speeds((moved,), without=k)) - base
                 columns.append(np.nan_to_num(change)[:, :, None])
     return columns
 
 
-def _of_rotors(reduced: Reduced, base: Floats) -> Floats:
-    """(N, R, R) rpm: FORM of what each rotor's predicted speed does within its flight.
+def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
+    """Return FORM of each rotor's variation in predicted speed within its flight (N, R, R), rpm.
 
-    Where no flight has shown how the rotors of this aircraft answer to load, that is known no
-    better than the laws that load them, and by that alone none is a weak one.
+    For a model without flights of this aircraft: the response of each rotor to load is known no
+    better than the laws of the load, so a deviation of one rotor is no evidence of a weak one.
     """
     directions = reduced.modes.directions
     speed = np.nan_to_num(base) @ directions.T
@@ -205,26 +211,27 @@ def _of_rotors(reduced: Reduced, base: Floats) -> Floats:
     return FORM * speed[:, None, :] * directions.T
 
 
-def _answers_to_load(reduced: Reduced, base: Floats) -> Floats:
-    """(N, R, R - 1) rpm: what the moments' modes do while gusts and manoeuvres load the rotors.
+def _load_response(reduced: Reduced, base: Floats) -> Floats:
+    """Return fast collective changes (N, R, R - 1), rpm, as they would appear in each other mode.
 
-    A controller's answer, as large as the load's own change: it is no sign of how rotors share it.
+    While gusts and manoeuvres load the rotors, the controller may answer in any mode by as much:
+    that is no evidence about thrust shares.
     """
     load = np.nan_to_num(base[:, 0])
-    fast = load - slowly(load, reduced.flight)
+    fast = load - flight_running_mean(load, reduced.flight)
     return fast[:, None, None] * np.eye(base.shape[1])[None, :, 1:]
 
 
-def _answers(reduced: Reduced, base: Floats) -> list[Floats]:
-    """By how much each rotor's output may answer a turn more than the others.
+def _turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
+    """Return columns for each rotor's output responding more than others to a turn.
 
-    Outputs are asked for, not measured: a rate loop that answers a gust asks the same of all
-    rotors, and not more of one that makes less thrust.
+    Outputs are commands, not measurements: a rate loop commands the same of all rotors, and not
+    more of one with less thrust.
     """
     columns = []
     for k, item in enumerate(reduced.model.placed):
         if item.effect.key == MANOEUVRE_MOMENT.key:
-            turning = base - reduced.in_modes(reduced.speeds((), without=k))
+            turning = base - reduced.mode_amplitudes(reduced.speeds((), without=k))
             by_rotor = np.nan_to_num(turning) @ reduced.modes.directions.T
             for rotor, direction in enumerate(reduced.modes.directions):
                 columns.append((ANSWER * by_rotor[:, rotor, None] * direction)[:, :, None])
@@ -232,107 +239,111 @@ def _answers(reduced: Reduced, base: Floats) -> list[Floats]:
 
 
 STEPS = 20
-LEAST = 0.05  # of the size that a component began with, below which it is not let fall: few flights
-# cannot show that something never varies
+LEAST = 0.05  # least size of a component, relative to its initial one: few flights
+# cannot prove that it never varies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Learnt:
-    """Factors of the sizes that a nuisance began with."""
+class VarianceFactors:
+    """Factors on the initial standard deviations of a nuisance."""
 
-    scatter: Floats  # (K,)
-    free: Floats  # (R, groups)
+    scatter: Floats  # (K,) of each scatter column
+    free: Floats  # (R, groups) of each mode's hats along each channel
 
 
-def learn(
+def learn_variances(
     nuisance: Nuisance,
     residual: Floats,
     groups: tuple[str, ...],
     numbers: NDArray[np.intp],
     factor: float = 1.0,
-) -> Learnt:
-    """Variance components of a residual (N, R) rpm in modes.
+) -> VarianceFactors:
+    """Estimate the variance components of a residual (N, R), rpm in modes.
 
-    `groups` (H,) is each hat's channel; `numbers` (K,) has the component of each column that a
-    flight draws for itself, -1 for those that keep their size.
+    `groups` (H,) is each hat's channel; `numbers` (K,) the component of each scatter column, -1 for
+    those that keep their size. `factor` is the size of the discrepancy relative to a sound
+    aircraft; the discrepancy's own sizes are estimated only if it is 1.
     """
     names = list(dict.fromkeys(groups))
     of = np.array([names.index(g) for g in groups])
     modes = nuisance.free.shape[0]
     scatter = np.ones(nuisance.scatter.shape[2])
     free = np.ones((modes, len(names)))
-    sums = _Sums.of(nuisance, residual)
+    sums = _Sums.from_residual(nuisance, residual)
     if factor != 1.0 and len(sums.flights) == 1:
-        sums = _of_draws_alone(sums, factor)
+        sums = _marginalise_shared(sums, factor)
     known, hats = sums.known, sums.hats
     of = of[:hats]
-    acts = np.concatenate([one.acts for one in sums.flights])
+    active = np.concatenate([one.active for one in sums.flights])
     for _ in range(STEPS):
         size = np.concatenate([np.ones(known), free[:, of].ravel()])
         taken, moved, spread = [], [], []
-        for one, seen in zip(sums.flights, sums.seen, strict=True):
-            own = scatter[one.acts, None]
-            root = root_of(np.eye(one.acts.size) + own * one.gram * own.T)
-            taken.append(root @ (own * np.concatenate([one.crossed * size, seen], axis=1)))
+        for one, seen in zip(sums.flights, sums.residual_products, strict=True):
+            own = scatter[one.active, None]
+            root = inverse_cholesky(np.eye(one.active.size) + own * one.gram * own.T)
+            taken.append(root @ (own * np.concatenate([one.cross_products * size, seen], axis=1)))
             moved.append(root.T @ taken[-1])
             spread.append(np.sum(root**2, axis=0))
-        crossed, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
-        left = size[:, None] * sums.shared * size - crossed.T @ crossed
-        root = root_of_shared(left, known, hats, factor)
-        mean = root.T @ (root @ (size[:, None] * sums.along - crossed.T @ drawn))
+        cross_products, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
+        left = size[:, None] * sums.shared * size - cross_products.T @ cross_products
+        root = shared_root(left, known, hats, factor)
+        mean = root.T @ (root @ (size[:, None] * sums.shared_products - cross_products.T @ drawn))
         square = (mean[:, 0] ** 2 + np.sum(root**2, axis=0))[known:].reshape(modes, hats)
         for g in range(len(names)):
             free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if factor == 1.0 else 1.0
         shift, at = np.split(np.concatenate(moved), [size.size], axis=1)
         draws = (at - shift @ mean)[:, 0] ** 2 + np.concatenate(spread)
         draws += np.sum((shift @ root.T) ** 2, axis=1)
-        # Where a draw shows nowhere, it is as large as it was taken to be.
-        drawn = 1.0 + np.bincount(acts, draws - 1.0, scatter.size) / len(sums.flights)
+        # A draw that no mean shows keeps its prior size.
+        drawn = 1.0 + np.bincount(active, draws - 1.0, scatter.size) / len(sums.flights)
         for g in range(numbers.max() + 1):
             scatter[numbers == g] *= np.sqrt(drawn[numbers == g].mean())
         scatter, free = np.maximum(scatter, LEAST), np.maximum(free, LEAST)
-    return Learnt(scatter=scatter, free=free)
+    return VarianceFactors(scatter=scatter, free=free)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Sums:
-    """All that the steps need of a nuisance and a residual."""
+    """Products of a nuisance and a residual that the steps of `learn_variances` need."""
 
     flights: tuple[FlightScatter, ...]
-    seen: tuple[Floats, ...]  # of each (K, 1): S'r
+    residual_products: tuple[Floats, ...]  # S'r (K, 1) of each flight
     shared: Floats  # (X, X) X'X
-    along: Floats  # (X, 1) X'r
+    shared_products: Floats  # (X, 1) X'r
     known: int  # of X, those before the hats
     hats: int  # of each mode
 
     @classmethod
-    def of(cls, nuisance: Nuisance, residual: Floats) -> _Sums:
-        z = nuisance.filtered(residual[:, :, None])
+    def from_residual(cls, nuisance: Nuisance, residual: Floats) -> _Sums:
+        """Compute the products for a residual (N, R), rpm in modes."""
+        z = nuisance.filter_columns(residual[:, :, None])
         pairs = zip(nuisance.by_flight, nuisance.flights, strict=True)
         return cls(
             flights=nuisance.by_flight,
-            seen=tuple(
+            residual_products=tuple(
                 (one.columns @ z.values[rows].swapaxes(0, 1)).sum(axis=0) for one, rows in pairs
             ),
             shared=nuisance.shared_gram,
-            along=nuisance.products(z)[0],
+            shared_products=nuisance.products(z)[0],
             known=nuisance.uncertainty.shape[2],
             hats=nuisance.free.shape[2],
         )
 
 
-def _of_draws_alone(sums: _Sums, factor: float) -> _Sums:
-    """A single flight, what flights share marginalised once, for it keeps its size: the steps then
-    solve for the draws alone, a fifth of all."""
-    (one,), (seen,) = sums.flights, sums.seen
-    root = root_of_shared(sums.shared, sums.known, sums.hats, factor)
-    moved = one.crossed @ root.T
-    alone = replace(one, gram=one.gram - moved @ moved.T, crossed=one.crossed[:, :0])
+def _marginalise_shared(sums: _Sums, factor: float) -> _Sums:
+    """Marginalise the shared columns once, for a single flight, where their sizes stay fixed.
+
+    The steps then only solve for the draws, a fifth of all unknowns.
+    """
+    (one,), (seen,) = sums.flights, sums.residual_products
+    root = shared_root(sums.shared, sums.known, sums.hats, factor)
+    moved = one.cross_products @ root.T
+    alone = replace(one, gram=one.gram - moved @ moved.T, cross_products=one.cross_products[:, :0])
     return _Sums(
         flights=(alone,),
-        seen=(seen - moved @ (root @ sums.along),),
+        residual_products=(seen - moved @ (root @ sums.shared_products),),
         shared=sums.shared[:0, :0],
-        along=sums.along[:0],
+        shared_products=sums.shared_products[:0],
         known=0,
         hats=0,
     )

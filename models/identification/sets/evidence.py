@@ -1,9 +1,9 @@
-"""Evidence of a set of effects, from small Gram matrices.
+"""Log evidence of a set of effects, from small Gram matrices.
 
-Of the values d of a set the likelihood is normal. An effect's main values have no usual size, so
-their prior is flat in the logarithm, from the scatter that any sound aircraft shows
-(`Parameter.smallest`) to the bound of what is possible: a small effect pays no more than a large
-one. Values that only shape an effect have a normal prior. The evidence is Laplace's, of k values:
+The likelihood of a set's values d is normal. An effect's main values have no usual size, so their
+prior is flat in the logarithm, from the scatter on any sound aircraft (`Parameter.smallest`) to the
+bound of the possible: a small effect costs no more than a large one. Values that only shape an
+effect have a normal prior. The evidence is Laplace's approximation for k values:
 
     log p(y | set) = log p(y | nothing) + gain + (k/2) log 2 pi - log|H| / 2 + log p(d)
 
@@ -34,173 +34,179 @@ from thrustmargin.models.identification.rows.candidates import (
 
 (INVERTED,) = get_lapack_funcs(("trtri",), dtype=np.float64)  # of a triangular matrix
 LOG_2_PI = log(2.0 * pi)
-IMPOSSIBLE = -1e9  # log evidence of a set that cannot be
-#: times the noise, that sets are weighed with, since no law and no noise is exact (a tempered
-#: likelihood: Grünwald 2012, The Safe Bayesian). Of 1, 1.25, 1.5 and 2 the one with which changes
-#: put into recorded flights were named best. Intervals are those of the noise itself
+IMPOSSIBLE = -1e9  # log evidence of an impossible set
+#: factor on the noise while sets are scored, because no law and no noise model is exact (tempered
+#: likelihood: Grünwald 2012, The Safe Bayesian). Of 1, 1.25, 1.5 and 2, this value identified
+#: changes implanted in recorded flights best. Intervals use the noise itself
 TEMPERATURE = 1.25
-STIFF = 1e9  # times what holds a value, of one that stands at its bound
+STIFF = 1e9  # factor on a value's curvature that fixes it at its bound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SetPrior:
-    """The prior of the P free values of a set, wherever it is linearised."""
+    """The prior of the P free values of a set, independent of where the set is linearised."""
 
-    weight: Floats  # (P,) 1 / scale² of those that are normal, 1 / error² of readings, else 0
-    normal: Bools  # (P,)
-    limits: Floats  # (5, P) bounds, usual size, what a sound aircraft scatters, value of no effect
-    centre: Floats  # (P,) of the normal ones and of readings
-    nothing: Floats  # (P,) the same weight times the square of how far no effect is from there
+    weight: Floats  # (P,) 1 / scale² of normal priors, 1 / error² of readings, else 0
+    normal: Bools  # (P,) the value only shapes its effect: normal prior
+    limits: Floats  # (5, P) lower, upper, usual size, scatter of a sound aircraft, absent value
+    centre: Floats  # (P,) of normal priors and readings
+    absent_cost: (
+        Floats  # (P,) weight times the squared distance of the absent value from the centre
+    )
     groups: tuple[slice, ...]  # the values of each candidate
-    main: NDArray[np.intp]  # (M,) the values that are not normal
-    first: NDArray[np.intp]  # (G,) where among these those of an effect begin, which has some
-    dimensions: NDArray[np.intp]  # (G,) how many it has
-    least: Floats  # (G,) the largest share of its usual sizes that a sound aircraft scatters
-    constant: Floats  # (G,) log prior density but for how large the values are
-    log_sets: float  # log prior of the set
+    main: NDArray[np.intp]  # (M,) indices of main values
+    first: NDArray[np.intp]  # (G,) index in `main` of the first value of each effect with any
+    dimensions: NDArray[np.intp]  # (G,) number of main values of each of these effects
+    least: Floats  # (G,) largest scatter of a sound aircraft, as a share of the usual size
+    constant: Floats  # (G,) part of the log prior density that the values do not change
+    log_sets: float  # log prior probability of the set
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ValuePrior:
-    """The same about the values where the set is linearised."""
+    """The prior of a set's values, with its gradient at the values of linearisation."""
 
-    of_set: SetPrior
+    set_prior: SetPrior
     values: Floats  # (P,)
-    pull: Floats  # (P,) gradient of the normal ones at the values
+    pull: Floats  # (P,) gradient of the log prior of normal values and readings
 
-    def beyond(self, step: Floats) -> Bools:
-        """(P,) true for a shape that a step (P,) takes beyond its bounds."""
-        lower, upper = self.of_set.limits[:2]
+    def exceeds_bounds(self, step: Floats) -> Bools:
+        """Return which shape values (P,) a step (P,) would move beyond their bounds."""
+        lower, upper = self.set_prior.limits[:2]
         at = self.values + step
-        return ((at < lower) | (at > upper)) & self.of_set.normal
+        return ((at < lower) | (at > upper)) & self.set_prior.normal
 
     @property
-    def read(self) -> float:
-        """Log likelihood of the readings, over that of no effect."""
-        away = self.of_set.weight * (self.values - self.of_set.centre) ** 2
-        return 0.5 * float(np.sum((self.of_set.nothing - away)[self.of_set.main]))
+    def log_likelihood_ratio(self) -> float:
+        """Return the log likelihood of the readings, relative to no effect."""
+        away = self.set_prior.weight * (self.values - self.set_prior.centre) ** 2
+        return 0.5 * float(np.sum((self.set_prior.absent_cost - away)[self.set_prior.main]))
 
     @property
     def weight(self) -> Floats:
-        return self.of_set.weight
+        """Return the weight (P,) of each value's normal prior or reading, 0 for none."""
+        return self.set_prior.weight
 
     @property
     def centre(self) -> Floats:
-        return self.of_set.centre
+        """Return the centre (P,) of each normal prior or reading."""
+        return self.set_prior.centre
 
     @property
     def groups(self) -> tuple[slice, ...]:
-        return self.of_set.groups
+        """Return the slice of each candidate's values."""
+        return self.set_prior.groups
 
     @property
     def log_sets(self) -> float:
-        return self.of_set.log_sets
+        """Return the log prior probability of the set."""
+        return self.set_prior.log_sets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scored:
-    """A set."""
+class SetScore:
+    """Log evidence of a set and the posterior of its values."""
 
-    log_evidence: float  # with the prior of the set
-    step: Floats  # (P,) from the values to the likeliest
-    variance: Floats  # (P,) of each value, the others unknown
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _OwnPrior:
-    """What one candidate brings to the prior of every set that holds it."""
-
-    limits: Floats  # (5, P)
-    normal: Bools  # (P,)
-    weight: Floats  # (P,)
-    centre: Floats  # (P,)
-    least: float
-    constant: float
+    log_evidence: float  # with the log prior probability of the set
+    step: Floats  # (P,) from the values to their maximum a posteriori
+    variance: Floats  # (P,) marginal variance of each value
 
 
 @lru_cache(maxsize=4096)
-def _own_prior(one: Candidate) -> _OwnPrior:
-    parameters = one.parameters
+def _candidate_prior(one: Candidate) -> SetPrior:
+    """Return the prior of a set of one candidate, without the odds of a first bad rotor."""
     rows = [
         (p.lower, p.upper, p.scale, p.smallest or 0.01 * p.scale, p.absent or 0.0)
-        for p in parameters
+        for p in one.parameters
     ]
     limits = np.array(rows).reshape(-1, 5).T
-    normal = np.array([is_shape(p) for p in parameters], dtype=bool)
+    normal = np.array([is_shape(p) for p in one.parameters], dtype=bool)
     lower, upper, scale, smallest, absent = limits[:, ~normal]
-    least, constant = 0.0, 0.0
-    if scale.size:
-        least = float(np.max(smallest / scale))
-        most = float(np.max(np.maximum(upper - absent, absent - lower) / scale))
-        half = 0.5 * scale.size
-        surface = log(2.0) + half * log(pi) - lgamma(half)  # of the unit sphere
-        constant = -surface - log(log1p_ratio(most, least)) - float(np.sum(np.log(scale)))
     weight = np.where(normal, limits[2] ** -2.0, 0.0)
     centre = np.array(one.start_values)
     if one.reading is not None and one.parameters:
         centre[0], error = one.reading.pooled
         weight[0] = (TEMPERATURE * error) ** -2.0
-    return _OwnPrior(
-        limits=limits,
-        normal=normal,
-        weight=weight,
-        centre=centre,
-        least=least,
-        constant=constant,
-    )
-
-
-@lru_cache(maxsize=4096)
-def _of_candidates(candidates: tuple[Candidate, ...]) -> SetPrior:
-    own = [_own_prior(one) for one in candidates]
-    normal = np.concatenate([np.zeros(0, dtype=bool), *(of.normal for of in own)])
-    weight = np.concatenate([np.zeros(0), *(of.weight for of in own)])
-    centre = np.concatenate([np.zeros(0), *(of.centre for of in own)])
-    limits = np.concatenate([np.zeros((5, 0)), *(of.limits for of in own)], axis=1)
-    ends = [0, *accumulate(of.normal.size for of in own)]
-    some = [of for of in own if not of.normal.all()]
-    dimensions = np.array([of.normal.size - int(of.normal.sum()) for of in some], dtype=np.intp)
+    least, constant = [], []
+    if scale.size:
+        least.append(float(np.max(smallest / scale)))
+        most = float(np.max(np.maximum(upper - absent, absent - lower) / scale))
+        half = 0.5 * scale.size
+        surface = log(2.0) + half * log(pi) - lgamma(half)  # of the unit sphere
+        log_range = log(log_range_integral(most, least[0]))
+        constant.append(-surface - log_range - float(np.sum(np.log(scale))))
     return SetPrior(
         weight=weight,
         normal=normal,
         limits=limits,
         centre=centre,
-        nothing=weight * (limits[4] - centre) ** 2,
+        absent_cost=weight * (limits[4] - centre) ** 2,
+        groups=(slice(0, normal.size),),
+        main=np.flatnonzero(~normal),
+        first=np.zeros(len(least), dtype=np.intp),
+        dimensions=np.full(len(least), scale.size, dtype=np.intp),
+        least=np.array(least),
+        constant=np.array(constant),
+        log_sets=one.log_prior,
+    )
+
+
+@lru_cache(maxsize=4096)
+def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
+    """Concatenate the priors of a set's candidates; the first bad rotor has better odds."""
+    own = [_candidate_prior(one) for one in candidates]
+    normal = np.concatenate([np.zeros(0, dtype=bool), *(one.normal for one in own)])
+    ends = [0, *accumulate(one.normal.size for one in own)]
+    dimensions = np.concatenate([np.zeros(0, dtype=np.intp), *(one.dimensions for one in own)])
+    return SetPrior(
+        weight=np.concatenate([np.zeros(0), *(one.weight for one in own)]),
+        normal=normal,
+        limits=np.concatenate([np.zeros((5, 0)), *(one.limits for one in own)], axis=1),
+        centre=np.concatenate([np.zeros(0), *(one.centre for one in own)]),
+        absent_cost=np.concatenate([np.zeros(0), *(one.absent_cost for one in own)]),
         groups=tuple(slice(*pair) for pair in pairwise(ends)),
         main=np.flatnonzero(~normal),
         first=np.cumsum(dimensions) - dimensions,
         dimensions=dimensions,
-        least=np.array([of.least for of in some]),
-        constant=np.array([of.constant for of in some]),
-        log_sets=sum(one.log_prior for one in candidates) + _first_rotor(candidates),
+        least=np.concatenate([np.zeros(0), *(one.least for one in own)]),
+        constant=np.concatenate([np.zeros(0), *(one.constant for one in own)]),
+        log_sets=sum(one.log_sets for one in own) + _first_rotor_log_odds(candidates),
     )
 
 
-def prior_of(held: Sequence[TrialEffect]) -> ValuePrior:
-    """The prior of the values of a set."""
-    of_set = _of_candidates(tuple(one.candidate for one in held))
-    at = np.concatenate([np.zeros(0), *(one.free_values for one in held)])
-    return ValuePrior(of_set=of_set, values=at, pull=-of_set.weight * (at - of_set.centre))
+def prior_of(trials: Sequence[TrialEffect]) -> ValuePrior:
+    """Return the prior of a set's values, linearised at the values of `trials`."""
+    set_prior = _set_prior(tuple(one.candidate for one in trials))
+    at = np.concatenate([np.zeros(0), *(one.free_values for one in trials)])
+    return ValuePrior(
+        set_prior=set_prior, values=at, pull=-set_prior.weight * (at - set_prior.centre)
+    )
 
 
-def _first_rotor(candidates: Sequence[Candidate]) -> float:
-    """By how much likelier the first bad rotor of a set is than those beside it."""
+def _first_rotor_log_odds(candidates: Sequence[Candidate]) -> float:
+    """Return the log factor by which a set's first bad rotor is more probable than further ones; 0
+    without a rotor."""
     some = any(one.term.rotor is not None for one in candidates)
     return log(EFFECT_PRIOR / ROTOR_PRIOR) if some else 0.0
 
 
 def is_shape(p: Parameter) -> bool:
-    """True for a value that has no "absent": it shapes its effect."""
+    """Return whether a parameter has no absent value: it shapes its effect and cannot remove it."""
     return p.detail or p.absent is None
 
 
-def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> Scored:
-    """A set by its normal equations (P + 1, P + 1): [J r]'[J r] of derivatives and residual, in
-    units of `temperature` times the noise; the variance of its values is that of the noise."""
+def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore:
+    """Score a set by its Gram matrix `gram` (P + 1, P + 1) of derivatives J and residual r, [J
+    r]'[J r].
+
+    `gram` is in units of `temperature` times the noise; the returned variance is for the noise
+    itself. Shapes beyond a bound are fixed at it. The log evidence is IMPOSSIBLE for a singular
+    system.
+    """
     count, cost = prior.values.size, float(gram[-1, -1])
     if not count:
         none = np.zeros(0)
-        return Scored(log_evidence=-0.5 * cost, step=none, variance=none)
+        return SetScore(log_evidence=-0.5 * cost, step=none, variance=none)
     system = gram[:-1, :-1].copy()
     place = np.arange(count)
     system[place, place] += prior.weight + 1e-9 * (system[place, place] + 1e-30)
@@ -209,43 +215,47 @@ def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> Scored:
         factor = np.linalg.cholesky(system)
     except np.linalg.LinAlgError:
         nothing, wide = np.zeros(count), np.full(count, 1e9)
-        return Scored(log_evidence=IMPOSSIBLE, step=nothing, variance=wide)
+        return SetScore(log_evidence=IMPOSSIBLE, step=nothing, variance=wide)
     inverse = INVERTED(factor, lower=1)[0]
     variance = np.sum(inverse**2, axis=0)
     step = inverse.T @ (inverse @ pulled)
     gain = 0.5 * float(pulled @ step)
-    if prior.beyond(step).any():  # what lies beyond a bound is no evidence for the set
-        step = _held_at_bounds(prior, system, pulled, step)
+    if prior.exceeds_bounds(step).any():  # an impossible optimum is no evidence for the set
+        step = _step_at_bounds(prior, system, pulled, step)
         gain = float(step @ (pulled - 0.5 * system @ step))
     out = -0.5 * cost + gain + 0.5 * count * LOG_2_PI - float(np.log(factor[place, place]).sum())
-    normal = prior.of_set.normal
-    scale = prior.of_set.limits[2, normal]
+    normal = prior.set_prior.normal
+    scale = prior.set_prior.limits[2, normal]
     away = (prior.values - prior.centre)[normal] / scale
     out -= float(np.sum(np.log(scale) + 0.5 * LOG_2_PI + 0.5 * away**2))
-    out += _log_sizes(prior, prior.values + step, np.sqrt(variance)) + prior.of_set.log_sets
-    out += prior.read
-    return Scored(log_evidence=out, step=step, variance=variance / temperature**2)
+    out += _log_sizes(prior, prior.values + step, np.sqrt(variance)) + prior.set_prior.log_sets
+    out += prior.log_likelihood_ratio
+    return SetScore(log_evidence=out, step=step, variance=variance / temperature**2)
 
 
-def _held_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Floats) -> Floats:
-    """(P,) the likeliest step with shapes at the bounds that they would else go beyond.
+def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Floats) -> Floats:
+    """Return the most probable step (P,) with shapes fixed at bounds that they would exceed.
 
-    One that is held moves the others, which may go beyond theirs then.
+    Fixing one shape moves the others, which may exceed their bounds in turn.
     """
-    lower, upper = prior.of_set.limits[:2]
-    held = np.zeros(step.shape, dtype=np.bool_)
-    while (beyond := prior.beyond(step) & ~held).any():
-        held |= beyond
+    lower, upper = prior.set_prior.limits[:2]
+    trials = np.zeros(step.shape, dtype=np.bool_)
+    while (beyond := prior.exceeds_bounds(step) & ~trials).any():
+        trials |= beyond
         to_bound = np.clip(step, lower - prior.values, upper - prior.values)
-        stiff = np.where(held, STIFF * system.diagonal(), 0.0)
+        stiff = np.where(trials, STIFF * system.diagonal(), 0.0)
         right = pulled + stiff * to_bound
         step = np.linalg.solve(system + np.diag(stiff), right).astype(np.float64)
-    return np.where(held, np.clip(step, lower - prior.values, upper - prior.values), step)
+    return np.where(trials, np.clip(step, lower - prior.values, upper - prior.values), step)
 
 
 def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> float:
-    """Log prior density of the main values of all effects, and of their being possible."""
-    of = prior.of_set
+    """Return the log prior density of all effects' main values, including that they lie within
+    bounds.
+
+    An effect whose linearisation point is at a bound is IMPOSSIBLE.
+    """
+    of = prior.set_prior
     if not of.main.size:
         return 0.0
     lower, upper, scale, _, absent = of.limits[:, of.main]
@@ -259,6 +269,6 @@ def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> float:
     return float(np.where(free, out, IMPOSSIBLE).sum())  # else held at the bound of the possible
 
 
-def log1p_ratio(most: float, least: float) -> float:
-    """The integral of 1/(x + least) from 0 to `most`."""
+def log_range_integral(most: float, least: float) -> float:
+    """Return the integral of 1 / (x + least) from 0 to `most`."""
     return float(np.log1p(most / least))

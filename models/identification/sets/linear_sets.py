@@ -1,12 +1,9 @@
-"""Sums of columns with all nuisances marginalised.
+"""Score sets of effects near a fitted set on one linear problem.
 
-About one set many residuals are asked for, one for each step that is tried. What columns have in
-common with themselves and with the nuisances stays; only the residual's own products are anew.
-
-Sets of effects about a set that was fitted: all candidates in one linear problem.
-
-One Gram matrix holds the derivatives by the values of all candidates, what each candidate does by
-coming in or going out, and the residual; on it a set costs a small Cholesky factor.
+One Gram matrix contains the derivatives by the values of all candidates, each candidate's change by
+entering or leaving the set, and the residual; a set then costs one small Cholesky factor. Nuisances
+are marginalised in it. `FilteredColumns` keeps the products that do not depend on the residual,
+because each step of a fit needs the same columns with another residual.
 """
 
 from __future__ import annotations
@@ -23,124 +20,131 @@ from thrustmargin.models.identification.rows.candidates import TrialEffect
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.evidence import (
-    Scored,
+    SetScore,
     ValuePrior,
     is_shape,
     prior_of,
     score,
 )
-from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved, Sums
+from thrustmargin.models.identification.sets.nuisance import Nuisance, ReducedNuisance, Sums
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prepared:
-    """P filtered columns."""
+class FilteredColumns:
+    """P columns, filtered by the noise, with their products with the nuisances."""
 
     nuisance: Nuisance
-    solved: Solved
-    z: ValueColumns  # n means
-    drawn: Floats  # (draws of all flights, P) what the scatter takes of them
-    taken: Floats  # (X, P) what all that flights share takes
-    left: Floats  # (P, P) of them, all that is not asked marginalised
+    solved: ReducedNuisance
+    z: ValueColumns  # filtered columns of n means
+    draws: Floats  # (draws of all flights, P) `Nuisance.flight_draws` of the columns
+    absorbed: Floats  # (X, P) `ReducedNuisance.absorbed` of the columns
+    products: Floats  # (P, P) products of the columns, nuisances marginalised
 
     @classmethod
-    def of(cls, nuisance: Nuisance, solved: Solved, columns: ValueColumns) -> Prepared:
-        """Columns (N, R, P) rpm in modes."""
-        z = nuisance.filtered(columns)
-        drawn, (shared, own) = nuisance.drawn(z), nuisance.products(z)
-        sums = shared - nuisance.crossed.T @ drawn, own - drawn.T @ drawn
+    def from_columns(
+        cls, nuisance: Nuisance, solved: ReducedNuisance, columns: ValueColumns
+    ) -> FilteredColumns:
+        """Filter columns (N, R, P), rpm in modes, and marginalise the nuisances."""
+        z = nuisance.filter_columns(columns)
+        drawn, (shared, own) = nuisance.flight_draws(z), nuisance.products(z)
+        sums = shared - nuisance.cross_products.T @ drawn, own - drawn.T @ drawn
         return cls(
             nuisance=nuisance,
             solved=solved,
             z=z,
-            drawn=drawn,
-            taken=solved.taken(sums[0]),
-            left=solved.reduce(sums),
+            draws=drawn,
+            absorbed=solved.absorbed(sums[0]),
+            products=solved.reduce(sums),
         )
 
     def gram(self, residual: Floats) -> Floats:
-        """(P + 1, P + 1) of the columns and a residual (N, R) rpm in modes, with all that is not
-        asked marginalised."""
+        """Return the Gram matrix (P + 1, P + 1) of the columns and a residual (N, R), rpm in modes,
+        nuisances marginalised."""
         n = self.nuisance
-        r = n.filtered(residual[:, :, None])
-        drawn, (shared, own) = n.drawn(r)[:, 0], n.products(r)
-        taken = self.solved.taken(shared - n.crossed.T @ drawn[:, None])[:, 0]
-        along = self.z.products(r.values[:, :, 0], n.flights) - self.drawn.T @ drawn
-        along = along - self.taken.T @ taken
+        r = n.filter_columns(residual[:, :, None])
+        drawn, (shared, own) = n.flight_draws(r)[:, 0], n.products(r)
+        taken = self.solved.absorbed(shared - n.cross_products.T @ drawn[:, None])[:, 0]
+        along = self.z.products(r.values[:, :, 0], n.flights) - self.draws.T @ drawn
+        along = along - self.absorbed.T @ taken
         corner = np.array([[own[0, 0] - drawn @ drawn - taken @ taken]])
-        return np.block([[self.left, along[:, None]], [along[None], corner]])
+        return np.block([[self.products, along[:, None]], [along[None], corner]])
 
 
-TINY = 1e-9  # keeps the matrix of a value that moves nothing solvable
+TINY = 1e-9  # keeps the matrix of a value without effect solvable
 
 Key = frozenset[int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedSet:
-    """A set fitted in full."""
+    """A set of effects fitted with the nonlinear effects, at its converged values."""
 
     key: Key
-    held: tuple[TrialEffect, ...]
-    scored: Scored
+    trials: tuple[TrialEffect, ...]
+    set_score: SetScore
     total: float  # log evidence
     residual: Floats  # (N, R) rpm in modes
 
     @property
-    def possible(self) -> Key:
-        """The effects without those of which a value stands at its bound, so that no set with them
-        can be: what is left when they are not there."""
+    def possible_key(self) -> Key:
+        """Return the set without the effects that have a main value at its bound."""
         kept = []
-        for c, held in zip(sorted(self.key), self.held, strict=True):
-            values = zip(held.candidate.parameters, held.free_values, strict=True)
+        for c, trial in zip(sorted(self.key), self.trials, strict=True):
+            values = zip(trial.candidate.parameters, trial.free_values, strict=True)
             if all(is_shape(p) or p.lower < value < p.upper for p, value in values):
                 kept.append(c)
         return frozenset(kept)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Linear:
-    """All candidates about a fitted set: `gram` (q, q) of [derivatives, changes, residual].
-
-    `columns` are the places of each candidate's values; a change is what a candidate adds to the
-    prediction by coming in at its start or by going out.
-    """
+class _AboutSet:
+    """All candidates about a fitted set, and the places of their values among the columns."""
 
     about: FittedSet
-    held: tuple[
-        TrialEffect, ...
-    ]  # every candidate: at its values in the set, at its start out of it
-    columns: tuple[slice, ...]
+    trials: tuple[TrialEffect, ...]  # (C,) at their values in the set; at their starts outside it
+    columns: tuple[slice, ...]  # (C,) columns of each candidate's free values
+    temperature: float  # factor on the noise while sets are scored
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearisedSets(_AboutSet):
+    """All candidates, linearised about a fitted set, with `gram` (q, q) of [derivatives, changes,
+    residual].
+
+    A change is what a candidate adds to the prediction by entering the set at its start values, or
+    by leaving it.
+    """
+
     gram: Floats
-    temperature: float  # times the noise, that sets are weighed with
 
     @cached_property
     def _priors(self) -> tuple[ValuePrior, ...]:
-        """Of the values of each candidate alone."""
-        return tuple(prior_of([one]) for one in self.held)
+        """Return the prior of each candidate's values alone."""
+        return tuple(prior_of([one]) for one in self.trials)
 
     @cached_property
-    def _reads(self) -> Floats:
-        """(C,) what readings say for each candidate."""
-        return np.array([one.read for one in self._priors])
+    def _reading_ratios(self) -> Floats:
+        """Return the log likelihood ratio (C,) of each candidate's reading."""
+        return np.array([one.log_likelihood_ratio for one in self._priors])
 
-    def score(self, key: Iterable[int]) -> Scored:
-        """A set about this one."""
+    def score(self, key: Iterable[int]) -> SetScore:
+        """Score the set `key` on the linear problem."""
         members = sorted(key)
-        where = self._where(members)
-        residual = self._residual(frozenset(members))
+        where = self._value_places(members)
+        residual = self._residual_weights(frozenset(members))
         along = self.gram @ residual
         whole = np.empty((where.size + 1, where.size + 1))
         whole[:-1, :-1] = self.gram[where[:, None], where]
         whole[:-1, -1] = whole[-1, :-1] = along[where]
         whole[-1, -1] = along @ residual
-        return score(prior_of([self.held[c] for c in members]), whole, self.temperature)
+        return score(prior_of([self.trials[c] for c in members]), whole, self.temperature)
 
     def gains(self, key: Key, pool: Sequence[int]) -> Floats:
-        """Roughly how much each candidate of a pool would add to the log likelihood of a set."""
+        """Estimate the gain (n,) in log likelihood by adding each candidate of `pool` to the set
+        `key`."""
         members = sorted(key)
-        gram, where, residual = self.gram, self._where(members), self._residual(key)
-        prior = prior_of([self.held[c] for c in members])
+        gram, where, residual = self.gram, self._value_places(members), self._residual_weights(key)
+        prior = prior_of([self.trials[c] for c in members])
         system = gram[np.ix_(where, where)] + np.diag(prior.weight + TINY)
         left = gram - gram[:, where] @ np.linalg.solve(system, gram[where])
         along = left @ residual
@@ -161,43 +165,50 @@ class Linear:
             h[:, place, place] += weight + TINY * (np.abs(h[:, place, place]) + TINY)
             gain = np.sum(g * np.linalg.solve(h, g[:, :, None])[:, :, 0], axis=1)
             out[of] = 0.5 * gain - sign * along[change] - 0.5 * left[change, change]
-            out[of] += self._reads[some]
+            out[of] += self._reading_ratios[some]
         return out
 
-    def only(self, members: Collection[int], without: Collection[int]) -> Linear:
-        """With values of some candidates alone, and none that are of the flights `without`."""
-        held, columns, kept = [], [], []
-        for c, (one, places) in enumerate(zip(self.held, self.columns, strict=True)):
+    def restrict(self, members: Collection[int], without: Collection[int]) -> LinearisedSets:
+        """Return the problem with free values of `members` alone, without values of the flights
+        `without`."""
+        trials, columns, kept = [], [], []
+        for c, (one, places) in enumerate(zip(self.trials, self.columns, strict=True)):
             free = one.candidate.free if c in members else ()
             mine = [k for k, (_, flight) in enumerate(free) if flight not in without]
             candidate = replace(one.candidate, free=tuple(free[k] for k in mine))
             if candidate.reading is not None:
                 candidate = replace(candidate, reading=candidate.reading.without(without))
-            held.append(replace(one, candidate=candidate))
+            trials.append(replace(one, candidate=candidate))
             columns.append(slice(len(kept), len(kept) + len(mine)))
             kept += [places.start + k for k in mine]
         first = self.columns[-1].stop if self.columns else 0
         kept += range(first, self.gram.shape[0])
         gram = self.gram[np.ix_(kept, kept)]
-        return replace(self, held=tuple(held), columns=tuple(columns), gram=gram)
+        return replace(self, trials=tuple(trials), columns=tuple(columns), gram=gram)
 
     def law_error(self, c: int, k: int) -> float:
-        """The standard error of value k of a candidate c out of the set, as the laws of those in
-        it are good to FORM of what these change."""
+        """Return the standard error that inaccurate laws cause in value `k` of candidate `c`,
+        outside the set.
+
+        Laws of the effects in the set are accurate to FORM of the change that they predict.
+        """
         place = self.columns[c].start + k
         first = self.columns[-1].stop if self.columns else 0
         changes = [first + c for c in self.about.key]
         along = float(np.abs(self.gram[place, changes]).sum())
         return FORM * along / max(float(self.gram[place, place]), TINY)
 
-    def _where(self, members: Sequence[int]) -> NDArray[np.intp]:
-        """Places of the values of some candidates."""
+    def _value_places(self, members: Sequence[int]) -> NDArray[np.intp]:
+        """Return the row indices in `gram` of the values of some candidates."""
         places = [k for c in members for k in range(self.columns[c].start, self.columns[c].stop)]
         return np.array(places, dtype=np.intp)
 
-    def _residual(self, key: Key) -> Floats:
-        """(q,) weights that make the residual of a set of the columns: less what each candidate
-        changes that comes in or goes out."""
+    def _residual_weights(self, key: Key) -> Floats:
+        """Return weights (q,) that combine the columns of `gram` into the residual of the set
+        `key`.
+
+        The change of each candidate that enters or leaves the set is subtracted.
+        """
         weights = np.zeros(self.gram.shape[1])
         weights[-1] = 1.0
         first = self.columns[-1].stop if self.columns else 0
@@ -205,21 +216,18 @@ class Linear:
         return weights
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ColumnsAbout:
-    """What makes a `Linear`: q columns of rpm in modes."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SetColumns(_AboutSet):
+    """The q columns, rpm in modes, from which `LinearisedSets` are made for any subset of the
+    means."""
 
-    about: FittedSet
-    held: tuple[TrialEffect, ...]
-    columns: tuple[slice, ...]
     whole: ValueColumns
-    temperature: float
 
-    def linear(self, solved: Solved, sums: Sums) -> Linear:
-        """By the sums of the flights that are `solved`."""
-        return Linear(
+    def linear(self, solved: ReducedNuisance, sums: Sums) -> LinearisedSets:
+        """Return the linear problem of some means, from their nuisances and sums of columns."""
+        return LinearisedSets(
             about=self.about,
-            held=self.held,
+            trials=self.trials,
             columns=self.columns,
             gram=solved.reduce(sums),
             temperature=self.temperature,

@@ -1,11 +1,11 @@
-"""What is not asked for, marginalised flight by flight in the Gram matrices.
+"""Marginalise nuisances, flight by flight, in the Gram matrices of a search.
 
     y = J d + S_f s_f + B b + F c + e
 
-y are whitened mode residuals, J the derivatives by what is asked. S_f are the derivatives by every
-effect's scatter from flight to flight, one draw a flight; B what the base model is unsure of; F the
-discrepancy. s, b and c are normal, so they leave as Schur complements: what is left of [J y]'[J y]
-is as if they had been measured with their priors.
+y are whitened mode residuals, J the derivatives by the values of interest. S_f are the derivatives
+by each effect's between-flight scatter, with one draw s a flight; B are error directions of the
+base model; F is the discrepancy. s, b and c are normal, so they are eliminated as Schur
+complements: the remaining [J y]'[J y] equals that of a problem without them.
 """
 
 from __future__ import annotations
@@ -25,135 +25,146 @@ from thrustmargin.models.identification.rows.value_columns import (
     ValueColumns,
 )
 
-#: times what a curve has, of a constant: 0.2 % of rotor speed, by which sound propellers
-#: scatter (0.4 % of thrust). A constant beyond that is an effect: the table has one for each mode
+#: size of a constant over that of a curve: 0.2 % of rotor speed, by which sound propellers
+#: scatter (0.4 % of thrust). A larger constant is an effect: the catalogue has one for each mode
 CONSTANT_FACTOR = 2.0
 
 
 _factored, _inverted = get_lapack_funcs(("potrf", "trtri"))
 
 
-def root_of(system: Floats) -> Floats:
-    """Of I + X'X = L L' the inverse of L; NaN where not finite."""
+def inverse_cholesky(system: Floats) -> Floats:
+    """Return the inverse of the Cholesky factor L of `system` = L L'; all NaN if not positive
+    definite."""
     if not system.size:
         return system
     factor, failed = _factored(system, lower=True)
     if failed:
         return np.full(system.shape, np.nan)
-    # Above the diagonal the factor has zeros already.
+    # The factor has zeros above the diagonal already.
     return np.ascontiguousarray(_inverted(factor, lower=True)[0])
 
 
-def root_of_shared(gram: Floats, known: int, hats: int, factor: float) -> Floats:
-    """(X, X) the root G of the covariance G'G of the shared columns with the `gram` (X, X); of X
-    the first are `known`, then come so many `hats` a mode, which are `factor` times their size on
-    a sound aircraft.
+def shared_root(gram: Floats, known: int, hats: int, factor: float) -> Floats:
+    """Return the root G (X, X) of the covariance G'G of the shared columns' coefficients.
 
-    The first hat of a mode is its constant.
+    `gram` (X, X) are the columns' products. The first `known` columns are base model errors; then
+    follow `hats` columns a mode, scaled to `factor` times their size on a sound aircraft. The first
+    of each mode is its constant, which is scaled to CONSTANT_FACTOR alone.
     """
     size = np.full(gram.shape[0], factor)
     size[:known] = 1.0
     size[known :: max(hats, 1)] = CONSTANT_FACTOR
-    return root_of(np.eye(size.size) + size[:, None] * gram * size) * size
+    return inverse_cholesky(np.eye(size.size) + size[:, None] * gram * size) * size
 
 
-#: times the size that the discrepancy has on a sound aircraft: what noise is learnt beside
+#: size of the discrepancy relative to a sound aircraft while noise is estimated
 WIDE = 16.0
 
 EVERY = slice(None)
-#: of each mode, which of the columns act in it, and these (k, n): most act in one mode alone
-OfModes = tuple[tuple[NDArray[np.intp], Floats], ...]
-#: of q columns z: X'z (X, q) with the shared X and z'z (q, q), the scatter of flights marginalised
+#: for each mode, indices (k,) of its non-zero columns and the columns (k, n): most are in one mode
+ModeColumns = tuple[tuple[NDArray[np.intp], Floats], ...]
+#: for q columns z: X'z (X, q) with the shared columns X, and z'z (q, q); scatter marginalised
 Sums = tuple[Floats, Floats]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Solved:
-    """The nuisances of flights eliminated."""
+class ReducedNuisance:
+    """Sums of the shared columns after eliminating the scatter of some flights."""
 
-    gram: Floats  # (X, X) X'X of the shared columns, the scatter of flights marginalised
-    known: int  # of X, those before the hats of the discrepancy
-    hats: int  # of each mode
-    factor: float  # times the size that the discrepancy has on a sound aircraft
+    gram: Floats  # (X, X) X'X of the shared columns, scatter marginalised
+    known: int  # number of shared columns before the hats of the discrepancy
+    hats: int  # number of hats of each mode
+    factor: float  # size of the discrepancy relative to a sound aircraft
 
     @cached_property
     def _root(self) -> Floats:
-        return root_of_shared(self.gram, self.known, self.hats, self.factor)
+        """Return the root G of the covariance of b and c."""
+        return shared_root(self.gram, self.known, self.hats, self.factor)
 
     @cached_property
     def shared(self) -> Floats:
-        """(X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c."""
+        """Return the covariance (X, X) of b and c: P^½ (I + P^½ X'X P^½)^-1 P^½."""
         return self._root.T @ self._root
 
-    def taken(self, shared: Floats) -> Floats:
-        """(X, q) of X'z (X, q), the square of which is what b and c take of z'z."""
+    def absorbed(self, shared: Floats) -> Floats:
+        """Return G X'z (X, q) from X'z (X, q); its square is the part of z'z that b and
+        c absorb."""
         return self._root @ shared
 
     def reduce(self, sums: Sums) -> Floats:
-        """(q, q): z'z with the nuisances marginalised."""
-        taken = self.taken(sums[0])
+        """Return z'z (q, q) with all nuisances marginalised."""
+        taken = self.absorbed(sums[0])
         return sums[1] - taken.T @ taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightScatter:
-    """The scatter S of one flight, of which only K columns act in its n means."""
+    """The scatter S of one flight, reduced to the K columns that are non-zero in its n means."""
 
-    acts: NDArray[np.intp]  # (K,) which columns
+    active: NDArray[np.intp]  # (K,) indices of these columns
     columns: Floats  # (R, K, n)
-    of_modes: OfModes  # the same
+    mode_columns: ModeColumns  # the same columns, split by mode
     gram: Floats  # (K, K) S'S
-    crossed: Floats  # (K, X) S'X
+    cross_products: Floats  # (K, X) S'X
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nuisance:
-    """Whitened columns of F flights: n means, R modes."""
+    """Whitened nuisance columns of F flights: n means, R modes."""
 
     whitening: Whitening
-    flights: tuple[slice, ...]  # of the n means
-    scatter: Floats  # (n, R, K) one standard deviation of a sound aircraft's scatter
-    uncertainty: Floats  # (n, R, D) one of the base model
-    free: Floats  # (R, n, H) one of the discrepancy on a sound aircraft
+    flights: tuple[slice, ...]  # rows of each flight among the n means
+    scatter: Floats  # (n, R, K) scatter between flights of a sound aircraft, one standard deviation
+    uncertainty: Floats  # (n, R, D) error directions of the base model, one standard deviation
+    free: Floats  # (R, n, H) discrepancy on a sound aircraft, one standard deviation
 
     @cached_property
     def by_flight(self) -> tuple[FlightScatter, ...]:
-        """(F,) the scatter of each flight."""
+        """Return the scatter columns of each of the F flights, with their products."""
         found, known = [], self.uncertainty.shape[2]
         for rows in self.flights:
-            acts = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
-            columns = self.scatter[rows][:, :, acts].transpose(1, 2, 0).copy()
-            of_modes = _acting(columns)
-            by_known = _times(self._of_modes, known, columns.swapaxes(1, 2), rows).sum(axis=0).T
+            active = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
+            columns = self.scatter[rows][:, :, active].transpose(1, 2, 0).copy()
+            mode_columns = _split_by_mode(columns)
+            by_known = (
+                _mode_products(self._uncertainty_by_mode, known, columns.swapaxes(1, 2), rows)
+                .sum(axis=0)
+                .T
+            )
             free = np.concatenate(columns @ self.free[:, rows], axis=1)
             gram = (columns @ columns.swapaxes(1, 2)).sum(axis=0)
-            crossed = np.concatenate([by_known, free], axis=1)
+            cross_products = np.concatenate([by_known, free], axis=1)
             found.append(
                 FlightScatter(
-                    acts=acts, columns=columns, of_modes=of_modes, gram=gram, crossed=crossed
+                    active=active,
+                    columns=columns,
+                    mode_columns=mode_columns,
+                    gram=gram,
+                    cross_products=cross_products,
                 )
             )
         return tuple(found)
 
     @cached_property
-    def _of_modes(self) -> OfModes:
-        """What the base model is unsure of, by modes."""
-        return _acting(self.uncertainty.transpose(1, 2, 0))
+    def _uncertainty_by_mode(self) -> ModeColumns:
+        """Return the error directions of the base model that are non-zero in each mode."""
+        return _split_by_mode(self.uncertainty.transpose(1, 2, 0))
 
     @cached_property
     def _roots(self) -> tuple[Floats, ...]:
-        """(F,) the root of I + S'S of each flight."""
-        return tuple(root_of(np.eye(of.acts.size) + of.gram) for of in self.by_flight)
+        """Return the inverse Cholesky factor (F,) of I + S'S of each flight."""
+        return tuple(inverse_cholesky(np.eye(of.active.size) + of.gram) for of in self.by_flight)
 
     @cached_property
-    def crossed(self) -> Floats:
-        """(draws of all flights, X): L^-1 S'X, as `drawn` is of columns."""
+    def cross_products(self) -> Floats:
+        """Return L^-1 S'X (draws of all flights, X), like `flight_draws` of the shared columns."""
         pairs = zip(self._roots, self.by_flight, strict=True)
-        return np.concatenate([root @ of.crossed for root, of in pairs])
+        return np.concatenate([root @ of.cross_products for root, of in pairs])
 
     @cached_property
     def shared_gram(self) -> Floats:
-        """(X, X) X'X of the shared columns."""
+        """Return X'X (X, X) of the shared columns."""
         known = self.uncertainty.shape[2]
         modes, _, hats = self.free.shape
         whole = np.zeros((known + modes * hats,) * 2)
@@ -166,21 +177,24 @@ class Nuisance:
             whole[part, part] = free.T @ free
         return whole
 
-    def solved(self, factor: float = 1.0, less: Nuisance | None = None) -> Solved:
-        """The nuisances eliminated from all flights but those of `less`."""
-        left = self.shared_gram - self.crossed.T @ self.crossed
+    def marginalise(self, factor: float = 1.0, less: Nuisance | None = None) -> ReducedNuisance:
+        """Eliminate the scatter of all flights but those of `less`.
+
+        `factor`: size of the discrepancy relative to a sound aircraft.
+        """
+        left = self.shared_gram - self.cross_products.T @ self.cross_products
         if less is not None:
-            left = left - (less.shared_gram - less.crossed.T @ less.crossed)
-        return Solved(
+            left = left - (less.shared_gram - less.cross_products.T @ less.cross_products)
+        return ReducedNuisance(
             gram=left,
             known=self.uncertainty.shape[2],
             hats=self.free.shape[2],
             factor=factor,
         )
 
-    def of_means(self, kept: Bools) -> Nuisance:
-        """With some of the n means only."""
-        filter_ = self.whitening.of_means(kept)
+    def select_means(self, kept: Bools) -> Nuisance:
+        """Return the nuisance of the means with `kept` (n,) True."""
+        filter_ = self.whitening.select_means(kept)
         flights = tuple(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(len(self.flights))
         )
@@ -192,77 +206,81 @@ class Nuisance:
             free=self.free[:, kept],
         )
 
-    def of_flight(self, flight: int, first: int) -> Nuisance:
-        """With one flight only, whose means begin at `first`."""
-        part = self.of_means(self.whitening.flight == flight)
+    def select_flight(self, flight: int, first: int) -> Nuisance:
+        """Return the nuisance of one flight, whose means begin at index `first` of N."""
+        part = self.select_means(self.whitening.flight == flight)
         filter_ = replace(part.whitening, rows=part.whitening.rows - first)
         return replace(part, whitening=filter_, flights=(slice(0, filter_.rows.size),))
 
     def sums(self, columns: ValueColumns | Floats) -> Sums:
-        """Of columns (N, R, q) rpm in modes."""
-        z = self.filtered(columns)
-        drawn, (shared, own) = self.drawn(z), self.products(z)
-        return shared - self.crossed.T @ drawn, own - drawn.T @ drawn
+        """Return X'z and z'z of columns (N, R, q), rpm in modes, with the scatter marginalised."""
+        z = self.filter_columns(columns)
+        drawn, (shared, own) = self.flight_draws(z), self.products(z)
+        return shared - self.cross_products.T @ drawn, own - drawn.T @ drawn
 
-    def filtered(self, columns: ValueColumns | Floats) -> ValueColumns:
-        """Columns of N means as columns of n, in units of the noise."""
-        asked = columns if isinstance(columns, ValueColumns) else ValueColumns.of_all(columns)
+    def filter_columns(self, columns: ValueColumns | Floats) -> ValueColumns:
+        """Filter columns of N means to columns of n means, in units of the noise."""
+        asked = columns if isinstance(columns, ValueColumns) else ValueColumns.from_values(columns)
         return replace(asked, values=self.whitening.apply(asked.values))
 
-    def drawn(self, z: ValueColumns) -> Floats:
-        """(draws of all flights, q) of filtered columns: L^-1 S'z, the square of which is what the
-        scatter takes."""
+    def flight_draws(self, z: ValueColumns) -> Floats:
+        """Return L^-1 S'z (draws of all flights, q) of filtered columns z.
+
+        Its square is the part of z'z that the scatter absorbs.
+        """
         found = []
         for f, rows in enumerate(self.flights):
             of = self.by_flight[f]
-            sums = _times(of.of_modes, of.acts.size, z.values[rows].swapaxes(0, 1))
-            along = _by_mode(sums)[z.mode, :, z.source].T
+            sums = _mode_products(of.mode_columns, of.active.size, z.values[rows].swapaxes(0, 1))
+            along = _with_mode_total(sums)[z.mode, :, z.source].T
             along[:, (z.flight != ALL_FLIGHTS) & (z.flight != f)] = 0.0
             found.append(self._roots[f] @ along)
         return np.concatenate(found)
 
     def products(self, z: ValueColumns) -> Sums:
-        """X'z and z'z of filtered columns, with the scatter."""
+        """Return X'z and z'z of filtered columns z, without marginalising the scatter."""
         modes, _, hats = self.free.shape
         known = self.uncertainty.shape[2]
         shared, own = np.zeros((known + modes * hats, z.count)), np.zeros((z.count, z.count))
         owners = [(EVERY, ALL_FLIGHTS), *((rows, f) for f, rows in enumerate(self.flights))]
         for rows, f in owners:
-            left, right = np.flatnonzero(z.flight == f), z.in_flight(f)
+            left, right = np.flatnonzero(z.flight == f), z.active_in(f)
             if not left.size:
                 continue
             values = z.values[rows].swapaxes(0, 1)
             sources, place = np.unique(z.source[left], return_inverse=True)
             part = values if sources.size == values.shape[2] else values[:, :, sources]
-            sums = _by_mode(_times(self._of_modes, known, part, rows))
+            sums = _with_mode_total(_mode_products(self._uncertainty_by_mode, known, part, rows))
             shared[:known, left] = sums[z.mode[left], :, place].T
             free = (self.free[:, rows].swapaxes(1, 2) @ part)[:, :, place]
             one, other = z.mode[left], z.mode[right]
-            acts = (one == ALL_MODES) | (one == np.arange(modes)[:, None])
-            shared[known:, left] = (free * acts[:, None]).reshape(modes * hats, -1)
+            active = (one == ALL_MODES) | (one == np.arange(modes)[:, None])
+            shared[known:, left] = (free * active[:, None]).reshape(modes * hats, -1)
             both = np.where(one[:, None] == ALL_MODES, other, one[:, None])
             both[(one[:, None] != other) & (one[:, None] != ALL_MODES) & (other != ALL_MODES)] = -2
-            block = _by_mode(part.swapaxes(1, 2) @ values)[both, place[:, None], z.source[right]]
+            block = _with_mode_total(part.swapaxes(1, 2) @ values)[
+                both, place[:, None], z.source[right]
+            ]
             own[np.ix_(left, right)] = block
             own[np.ix_(right, left)] = block.T
         return shared, own
 
 
-def _acting(columns: Floats) -> OfModes:
-    """Columns (R, K, n) by modes."""
-    acts = [np.flatnonzero(of.any(axis=1)) for of in columns]
-    return tuple((some, of[some]) for some, of in zip(acts, columns, strict=True))
+def _split_by_mode(columns: Floats) -> ModeColumns:
+    """Split columns (R, K, n) into each mode's non-zero columns."""
+    active = [np.flatnonzero(of.any(axis=1)) for of in columns]
+    return tuple((some, of[some]) for some, of in zip(active, columns, strict=True))
 
 
-def _times(columns: OfModes, count: int, values: Floats, rows: slice = EVERY) -> Floats:
-    """(R, K, q) sums of `count` columns, over some of their means, with values (R, n, q)."""
+def _mode_products(columns: ModeColumns, count: int, values: Floats, rows: slice = EVERY) -> Floats:
+    """Return products (R, K, q) of `count` columns, over the means `rows`, with values
+    (R, n, q)."""
     sums = np.zeros((len(columns), count, values.shape[2]))
-    for (acts, of), out, along in zip(columns, sums, values, strict=True):
-        out[acts] = of[:, rows] @ along
+    for (active, of), out, along in zip(columns, sums, values, strict=True):
+        out[active] = of[:, rows] @ along
     return sums
 
 
-def _by_mode(sums: Floats) -> Floats:
-    """(R + 2, ...) of sums (R, ...) by mode: after them nothing (-2), and all modes together (-1,
-    ALL_MODES)."""
+def _with_mode_total(sums: Floats) -> Floats:
+    """Append to sums (R, ...) zeros (index -2) and the total over modes (index -1, ALL_MODES)."""
     return np.concatenate([sums, np.zeros_like(sums[:1]), sums.sum(axis=0, keepdims=True)])

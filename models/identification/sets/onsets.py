@@ -1,10 +1,10 @@
-"""A rotor that goes bad at a moment: which rotor, when, and in which flights.
+"""Find step changes of a rotor's thrust: which rotor, when, and in which flights.
 
-About a set without any bad rotor, the gain of a loss that begins at a time is g²/2h of its column,
-the loss's derivative from that time on. Five kinds of step are looked for: in one flight, in it for
-a while, at one time of every flight, from a moment of one flight on through all later ones, and, of
-however many flights, in some of them in a row, by their clock. The best of each rotor and kind
-becomes a candidate of the search; that it was chosen among many times is in its prior.
+About a set without bad rotors, the gain of a loss from a given time is g²/2h, from the gradient g
+and curvature h of its column: the loss's derivative from that time on. Five kinds of step are
+tried: in one flight; in one flight for a while; at one time of every flight; from a time in one
+flight on through all later ones; and in some consecutive flights, by their clock. The best of each
+rotor and kind becomes a candidate of the search, with a prior divided by the number of tried times.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.sets.linear_sets import FittedSet, Key
 from thrustmargin.models.identification.sets.set_search import FAR, Search
 
-LEAST_AFTER = 8.0  # s of flight before and after a step, for it to be one
-GRID, FINE = 5.0, 0.35  # s between the times that are tried, and about the best of them
-LEAST_GAIN = 3.0  # of the log likelihood, beyond the choice among all times
-MOST_FLIGHTS = 24  # of which single steps are looked for; a season is looked at by flights
+LEAST_AFTER = 8.0  # least s of flight before and after a step
+GRID, FINE = 5.0, 0.35  # s between tried times, and between those near the best one
+LEAST_GAIN = 3.0  # least gain in log likelihood, beyond the log of the number of tried times
+MOST_FLIGHTS = 24  # flights within which steps are tried; in a season only whole flights
 
-#: kind -> effect, name of its time
+#: kind -> effect, name of the parameter of its time
 KINDS = {
     "one": (ROTOR_DEGRADATION_ONSET, "onset_time"),
     "while": (ROTOR_DEGRADATION_WHILE, "onset_time"),
@@ -48,9 +48,11 @@ KINDS = {
 }
 
 
-def without_rotors(search: Search, key: Key) -> Key:
-    """A set without its bad rotors and causes without a name, which take what begins at a time for
-    a curve along time."""
+def drop_rotor_effects(search: Search, key: Key) -> Key:
+    """Return the set without degraded rotors and unnamed causes.
+
+    An unnamed curve along time could absorb a step.
+    """
     return frozenset(
         c
         for c in key
@@ -60,33 +62,34 @@ def without_rotors(search: Search, key: Key) -> Key:
 
 
 def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
-    """Steps worth a place among the candidates, about a set without its bad rotors."""
-    sound = without_rotors(search, about.key)
-    near = dict(zip(sorted(about.key), about.held, strict=True))
+    """Return candidate steps that gain enough about the set `about` without its bad rotors, best
+    first."""
+    sound = drop_rotor_effects(search, about.key)
+    near = dict(zip(sorted(about.key), about.trials, strict=True))
     fitted = search.fitted.get(sound) or search.fit_near(sound, near)
     reduced, rotors = search.reduced, search.reduced.measured_rpm.shape[1]
     found = []
     for rotor in range(rotors):
         loss = candidate(Term(effect=ROTOR_DEGRADATION, rotor=rotor), reduced.flights)
-        held = [*fitted.held, loss.at_start]
-        column = np.nan_to_num(derivatives(reduced, held, len(held) - 1)[:, :, 0])
+        trials = [*fitted.trials, loss.initial_effect]
+        column = np.nan_to_num(derivatives(reduced, trials, len(trials) - 1)[:, :, 0])
         best: dict[str, tuple[float, int, tuple[float, ...]]] = {}
-        tries, sums = 0, _LossSums.of(search, fitted, column)
-        for step in _steps(search):
+        tries, sums = 0, _LossSums.about_set(search, fitted, column)
+        for step in _step_families(search):
             times = step.times
             if not times.size:
                 continue
-            gains = _gains(sums.gram(step, times))
+            gains = _step_gains(sums.gram(step, times))
             tries += times.size
             k = int(np.argmax(gains))
             if step.kind not in best or gains[k] > best[step.kind][0]:
                 fine = times[k] + np.arange(-GRID, GRID + FINE, FINE)
-                closer = _gains(sums.gram(step, fine))
-                k = _middle(closer)[0]
+                closer = _step_gains(sums.gram(step, fine))
+                k = argmax_centre(closer)[0]
                 best[step.kind] = (float(closer[k]), step.flight or 0, (float(fine[k]),))
             if step.kind == "one":
                 tries += times.size * (times.size - 1) // 2
-                gain, ends = _while(sums, step)
+                gain, ends = _best_transient(sums, step)
                 if gain > best.get("while", (0.0,))[0]:
                     best["while"] = (gain, step.flight or 0, ends)
         spans = list(sums.spans())
@@ -94,26 +97,28 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
         for kind, gain, flight, ends in spans:
             if gain > best.get(kind, (0.0,))[0]:
                 best[kind] = (gain, flight, ends)
-        # What the same rotor's loss from the beginning says far better is no step.
-        least = _gains(sums.throughout())[0] - FAR
+        # A constant loss of the rotor that gains far more rules out a step.
+        least = _step_gains(sums.constant_gram())[0] - FAR
         for kind, (gain, flight, when) in best.items():
             if gain > max(least, LEAST_GAIN + np.log(tries)):
-                found.append((gain, _candidate(search, kind, rotor, flight, when, tries)))
+                found.append((gain, _step_candidate(search, kind, rotor, flight, when, tries)))
     found.sort(key=lambda pair: -pair[0])
     return [one for _, one in found[: 2 * len(KINDS)]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Step:
-    """A family of losses that begin at a time: of one flight, or of every flight (None)."""
+    """A family of losses that begin at one of several times, in one flight or in every flight
+    (None)."""
 
     kind: str
     flight: int | None
-    times: Floats  # (S,) that are tried
-    after: Bools  # (F,) other flights that have the loss throughout
+    times: Floats  # (S,) times to try, on the family's clock
+    later_flights: Bools  # (F,) other flights that have the loss from their beginning
 
 
-def _steps(search: Search) -> Iterator[_Step]:
+def _step_families(search: Search) -> Iterator[_Step]:
+    """Yield the step families that the flights allow, by flight and kind."""
     x, flight = search.reduced.channels, search.reduced.flight
     flights = search.reduced.flights
     starts = np.array([x.clock_s[flight == f][0] for f in range(flights)])
@@ -121,16 +126,20 @@ def _steps(search: Search) -> Iterator[_Step]:
     for f in range(flights) if flights <= MOST_FLIGHTS else ():
         times = _grid(x.time_s[flight == f])
         none = np.zeros(flights, dtype=np.bool_)
-        yield _Step(kind="one", flight=f, times=times, after=none)
+        yield _Step(kind="one", flight=f, times=times, later_flights=none)
         if dated:
-            yield _Step(kind="since", flight=f, times=times, after=starts > starts[f])
+            yield _Step(kind="since", flight=f, times=times, later_flights=starts > starts[f])
     if flights > 1:
         every = np.zeros(flights, dtype=np.bool_)
-        yield _Step(kind="each", flight=None, times=_grid(x.time_s), after=every)
+        yield _Step(kind="each", flight=None, times=_grid(x.time_s), later_flights=every)
 
 
 def _grid(time_s: Floats) -> Floats:
-    """Times to try, each with means before the next: a pause has none, however long."""
+    """Return times to try, GRID seconds apart and LEAST_AFTER from either end, in s like `time_s`
+    (n,).
+
+    Times in a pause of the log are left out, as they are equivalent.
+    """
     first, last = time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER
     within = time_s[(time_s >= first) & (time_s < last)]
     return first + GRID * np.unique(np.floor((within - first) / GRID))
@@ -138,7 +147,7 @@ def _grid(time_s: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _LossSums:
-    """A loss's derivative and a set's residual, by flights, their scatter marginalised."""
+    """Sums of a loss's derivative and a set's residual by flight, with the scatter marginalised."""
 
     search: Search
     columns: Floats  # (N, R, 2) rpm in modes: the loss throughout, and the residual
@@ -146,10 +155,12 @@ class _LossSums:
     own: Sequence[Floats]  # (2, 2)
 
     @classmethod
-    def of(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
+    def about_set(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
+        """Compute the sums of `column` (N, R), the loss's derivative, and the residual
+        of `fitted`."""
         columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
         flight, flights = search.nuisance.whitening.flight, search.reduced.flights
-        parts = [search.nuisance.of_means(flight == f).sums(columns) for f in range(flights)]
+        parts = [search.nuisance.select_means(flight == f).sums(columns) for f in range(flights)]
         return cls(
             search=search,
             columns=columns,
@@ -157,20 +168,25 @@ class _LossSums:
             own=[p[1] for p in parts],
         )
 
-    def throughout(self) -> Floats:
-        """(2, 2) of the loss in all flights from their beginning, and of the residual."""
+    def constant_gram(self) -> Floats:
+        """Return the Gram matrix (2, 2) of a loss in all flights from their beginning, and the
+        residual."""
         return self.search.solved.reduce(self.search.nuisance.sums(self.columns))
 
     def spans(self) -> Iterator[tuple[str, float, int, tuple[float, ...]]]:
-        """Of a loss in some flights in a row, by their clock: the best that lasts to the end, and
-        the best that ends before it: kind, gain, -1 for a moment of no flight, and Unix times."""
+        """Yield the best loss over consecutive flights that lasts to the end, and the best that
+        ends before.
+
+        Each is (kind, gain, -1 for no particular flight, Unix times). None with fewer than 3
+        flights or a flight without a clock.
+        """
         x, flight, flights = self.search.reduced.channels, self.search.reduced.flight, len(self.own)
         ends = np.array([x.clock_s[flight == f][[0, -1]] for f in range(flights)])
         if flights < 3 or not np.isfinite(ends).all():
             return
         order = np.argsort(ends[:, 0])
         shared, own = (np.array([of[f] for f in order]) for of in (self.shared, self.own))
-        # Sums of the loss over flights i to j, with the residual of all flights beside them.
+        # Cumulative sums of the loss over flights; the residual is summed over all flights.
         loss = np.concatenate([np.zeros_like(shared[:1, :, 0]), np.cumsum(shared[:, :, 0], axis=0)])
         power = np.concatenate([[0.0], np.cumsum(own[:, 0, 0])])
         along = np.concatenate([[0.0], np.cumsum(own[:, 0, 1])])
@@ -186,7 +202,7 @@ class _LossSums:
                 kind = "since" if stop == flights else "until"
                 if gain > best.get(kind, (0.0,))[0]:
                     best[kind] = (float(gain), i, int(stop))
-        before = np.append(ends[order, 0], np.inf)  # midway between two flights is in neither
+        before = np.append(ends[order, 0], np.inf)  # a step between two flights is placed midway
         after = np.append(-np.inf, ends[order, 1])
         for kind, (gain, i, stop) in best.items():
             first = ends[order[i], 0] - GRID if i == 0 else (after[i] + before[i]) / 2.0
@@ -195,16 +211,17 @@ class _LossSums:
             yield kind, gain, -1, times
 
     def gram(self, step: _Step, times: Floats) -> Floats:
-        """(S + 1, S + 1) of a loss from each of some times on and of the residual."""
+        """Return the Gram matrix (S + 1, S + 1) of a loss from each of `times` on, and the
+        residual."""
         reduced, nuisance = self.search.reduced, self.search.nuisance
         f, count = step.flight, times.size
         if f is None:
-            shared, own = nuisance.sums(self._from(times, slice(None)))
+            shared, own = nuisance.sums(self._loss_from(times, slice(None)))
         else:
             means = slice(*np.searchsorted(reduced.flight, [f, f + 1]))
-            shared, own = nuisance.of_flight(f, means.start).sums(self._from(times, means))
+            shared, own = nuisance.select_flight(f, means.start).sums(self._loss_from(times, means))
         for g in range(reduced.flights) if f is not None else ():
-            if g != f and step.after[g]:
+            if g != f and step.later_flights[g]:
                 both = [0] * count + [1]
                 shared += self.shared[g][:, both]
                 own += self.own[g][np.ix_(both, both)]
@@ -213,46 +230,54 @@ class _LossSums:
                 own[-1, -1] += self.own[g][1, 1]
         return own - shared.T @ self.search.solved.shared @ shared
 
-    def _from(self, times: Floats, means: slice) -> Floats:
-        """(n, R, S + 1) the loss from each time on, and the residual."""
+    def _loss_from(self, times: Floats, means: slice) -> Floats:
+        """Return the loss's column from each time on, and the residual (n, R, S + 1)."""
         later = self.search.reduced.channels.time_s[means, None] >= times
         loss = self.columns[means, :, :1] * later[:, None, :]
         return np.concatenate([loss, self.columns[means, :, 1:]], axis=2)
 
 
-def _gains(gram: Floats) -> Floats:
-    """(S,) gain of a loss in each step."""
+def _step_gains(gram: Floats) -> Floats:
+    """Return the gain (S,) in log likelihood of a loss in each step; 0 for a negative loss."""
     power = np.maximum(np.diag(gram)[:-1], 1e-12)
     return np.maximum(gram[:-1, -1], 0.0) ** 2 / power / 2
 
 
-def _middle(gains: Floats) -> tuple[int, ...]:
-    """Where gains are largest, in the middle of those alike: times between two means are."""
+def argmax_centre(gains: Floats) -> tuple[int, ...]:
+    """Return the index of the largest gain, the middle one of a plateau (times between two means
+    are equivalent)."""
     ties = np.argwhere(gains >= gains.max() * (1.0 - 1e-6))
     return tuple(int(np.sort(places)[places.size // 2]) for places in ties.T)
 
 
-def _while(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
-    """The largest gain of a loss between two times, and the two; found about those of the grid."""
+def _best_transient(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
+    """Return the largest gain of a loss between two times, and the times, refined about the grid's
+    best."""
     near = np.arange(-GRID, GRID + FINE, FINE)
-    began, ended = _between(sums, step, step.times)[1]
-    return _between(sums, step, np.unique(np.concatenate([near + began, near + ended])))
+    began, ended = _best_interval(sums, step, step.times)[1]
+    return _best_interval(sums, step, np.unique(np.concatenate([near + began, near + ended])))
 
 
-def _between(sums: _LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
-    """The same between two of some times: a step less a later step."""
+def _best_interval(sums: _LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
+    """Return the largest gain of a loss between two of `times`, and the two times.
+
+    Its column is a step at the first time minus a step at the second, LEAST_AFTER seconds later or
+    more.
+    """
     gram = sums.gram(step, times)
     inner, power = gram[:-1, -1], np.diag(gram)[:-1]
     between = power[:, None] + power - 2.0 * gram[:-1, :-1]
     score = np.maximum(inner[:, None] - inner, 0.0) ** 2 / np.maximum(between, 1e-12) / 2
     score[times[None, :] - times[:, None] < LEAST_AFTER] = 0.0
-    i, j = _middle(score)
+    i, j = argmax_centre(score)
     return float(score[i, j]), (float(times[i]), float(times[j]))
 
 
-def _candidate(
+def _step_candidate(
     search: Search, kind: str, rotor: int, flight: int, when: tuple[float, ...], tries: int
 ) -> Candidate:
+    """Return the candidate of a step found, with its times as start values and its prior for
+    `tries` times."""
     effect, clock = KINDS[kind]
     plain = candidate(Term(effect=effect, rotor=rotor), search.reduced.flights)
     names = [p.name for p in effect.parameters]
@@ -266,7 +291,7 @@ def _candidate(
         time += float(x.clock_s[first] - x.time_s[first])
     start[:, names.index(clock)] = time
     free = plain.free
-    if flight < 0:  # between flights no row shows the moment
+    if flight < 0:  # no row determines the time of a step between flights
         free = tuple((k, f) for k, f in free if not names[k].endswith("_clock"))
     if kind in ("one", "while"):
         free = tuple((k, f) for k, f in plain.free if f == flight)

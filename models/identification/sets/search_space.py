@@ -1,11 +1,10 @@
-"""What a wind does that the good flights reported and these flights do not.
+"""Prepare a search: candidates, noise and nuisances, from flights and a model.
 
-An airspeed sensor says how fast the air comes, the wind from where. Where it comes from decides how
-much of it goes through the leaning rotors (axial inflow), and what speeding up against drag takes.
-Without a reported wind both are worked out for still air. Over a flight that leaves an error that
-goes with heading and lean, and drag, climb inflow and late channels together imitate it.
-
-Everything that a search over sets works on, made from flights and a model.
+Unreported wind: an airspeed sensor reports the speed of the air but not its direction, which
+determines how much of it flows through the leaning rotors (axial inflow) and the force of
+accelerating against drag. Without a reported wind both are computed for still air. The error varies
+with heading and lean; drag, climb inflow and late channels together could imitate it, so it is a
+nuisance.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     candidates_of,
     derivatives,
-    predicted,
+    predicted_modes,
     unnamed_candidates,
 )
 from thrustmargin.models.identification.rows.noise import Whitening, whitening_of
@@ -37,9 +36,9 @@ from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flig
 from thrustmargin.models.identification.sets.discrepancy import (
     WANDER,
     free_columns,
-    learn,
+    law_uncertainty,
+    learn_variances,
     wander_columns,
-    what_laws_leave,
 )
 from thrustmargin.models.identification.sets.nuisance import WIDE, Nuisance
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -48,24 +47,27 @@ from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.physics.atmosphere import SEA_LEVEL_TEMPERATURE
 from thrustmargin.models.physics.flight_phases import TURN_RATE
 
-#: the channels that the direction of the air decides; moments of flow have a channel of their own,
-#: which is not known at all without a wind
+#: channels that depend on the direction of the wind; moments of flow have a channel of their own,
+#: which is unknown without a wind
 OF_DIRECTION = (
     *("advance_ratio", "climb_ratio", "load_factor", "load_factor_shifts"),
     "manoeuvre_load_shifts",
 )
 
 
-def unreported_wind(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
-    """(N, R, 2) rpm in modes by a wind from south and one from west, as strong as the strongest of
-    the good flights; no column where these flights report the wind, or the good ones did not."""
+def unreported_wind_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
+    """Return the change (N, R, 2), rpm in modes, by a wind from south and by one from west.
+
+    Its speed is the strongest of the good flights. No column if these flights report the wind or
+    the good ones did not.
+    """
     domain = reduced.model.training_domain
     strongest = np.nan if domain is None else domain.wind_speed[1]
     lacking = [not np.isfinite(track.wind_ned).any() for track in tracks]
     columns = np.zeros((*reduced.measured_rpm.shape, 0))
     if not strongest > 0.0 or not any(lacking):
         return columns
-    still = predicted(reduced, ())
+    still = predicted_modes(reduced, ())
     for wind in strongest * np.eye(3)[:2]:
         blown = [
             replace(track, wind_ned=np.tile(wind, (track.time_s.size, 1))) if lacks else track
@@ -75,38 +77,38 @@ def unreported_wind(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
         moved = replace(
             reduced.channels, **{name: getattr(channels, name) for name in OF_DIRECTION}
         )
-        change = np.nan_to_num(predicted(replace(reduced, channels=moved), ()) - still)
+        change = np.nan_to_num(predicted_modes(replace(reduced, channels=moved), ()) - still)
         columns = np.concatenate([columns, change[:, :, None]], axis=2)
     return columns
 
 
-#: of the mean rotor speed: what a curve of the discrepancy, and the slow noise, begin with where no
-#: good flights tell; a trained model is off by 0.1 to 0.5 % along its own inputs
+#: of the mean rotor speed: size of a discrepancy curve and of slow noise without good
+#: flights; the error of trained models is 0.1 to 0.5 % along their own inputs
 USUAL_SHARE = 0.001
-SURE = (0.5, 10.0)  # times what is usual, that a learnt scatter may be
-FREE_EFFECTS = 100.0  # times their scatter: any effect may be there while slow noise is learnt
-TAILS = 1.4  # root mean square over what the median gives, of noise with the tails of Laplace's
-LOADED = 0.03  # of the load factor: a gust or two
-LEAST_SHARE = 0.0005  # of the same: few good flights cannot show that there is nothing
-AT_ENDS = 2.0  # times the RMS of a curve, that it has at the ends of its channel
-SEASONS = 2.0  # that of the good flights and this one, of which each has its own thermometer
-RIDGE = 1e-2  # of columns of size about one, in the regression that leaves the noise
+SCATTER_LIMITS = (0.5, 10.0)  # limits of a learned scatter, in usual sizes
+FREE_EFFECTS = 100.0  # times their scatter: effects are nearly free while slow noise is estimated
+TAILS = 1.4  # root mean square over median-based size, for noise with Laplace tails
+LOADED = 0.03  # deviation of the load factor from 1, beyond which a mean counts as a manoeuvre
+LEAST_SHARE = 0.0005  # of the mean rotor speed, least size of a curve
+AT_ENDS = 2.0  # times its RMS, that a curve reaches at the ends of its channel
+SEASONS = 2.0  # the good flights' season and this one, each with its own thermometer error
+RIDGE = 1e-2  # ridge, for columns of size about one, in the regression whose residual is the noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SearchSpace:
-    """F flights reduced, what may be missing, and what is not asked for."""
+    """F flights as means, with candidates, noise and nuisances."""
 
     reduced: Reduced
     candidates: tuple[Candidate, ...]
-    unnamed: tuple[Candidate, ...]  # causes without a name, which compete with them
+    unnamed: tuple[Candidate, ...]  # unnamed causes, which compete with the candidates
     nuisance: Nuisance
     groups: tuple[str, ...]  # (H,) the channel of each hat of the discrepancy
     hats: Floats  # (N, H)
     sizes: Floats  # (R, H) rpm of each hat on a sound aircraft
-    wander_rpm: Floats  # (R,) size of the flights' slow noise in each mode
-    #: of a single flight: (N, R, P) rpm in modes by the values of each candidate, at its start
-    at_start: Mapping[int, Floats]
+    wander_rpm: Floats  # (R,) size of these flights' slow noise in each mode
+    #: for a single flight: candidate -> derivatives (N, R, P), rpm in modes, at its start
+    start_derivatives: Mapping[int, Floats]
 
 
 def search_space(
@@ -115,23 +117,30 @@ def search_space(
     catalogue: Sequence[Effect],
     means: Reduced | None = None,
 ) -> SearchSpace:
-    """`means` are those of the flights, if at hand; raises as `problem.assemble`."""
+    """Build the search space of some flights; raises like `problem.assemble`.
+
+    `means` avoids reducing the flights again.
+    """
     reduced = reduce_flights(model, tracks) if means is None else means
-    candidates = _tellable(reduced, candidates_of(reduced, catalogue))
-    residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
-    anything, at_start = _moved(reduced, candidates)
+    candidates = _drop_constant_shares(reduced, candidates_of(reduced, catalogue))
+    residual = np.nan_to_num(
+        reduced.mode_amplitudes(reduced.measured_rpm) - predicted_modes(reduced, ())
+    )
+    anything, start_derivatives = _effect_columns(reduced, candidates)
     sizes_of = _scatter_sizes(candidates, model.good_flights)
     offsets, shared = _flight_offsets(reduced, residual)
     form = (anything * sizes_of)[:, :, sizes_of > 0.0]
     hats, groups = free_columns(reduced.channels, reduced.flight)
-    if offsets.any():  # how flights differ as a whole is known, and is nobody else's
-        form = _within_flights(form, reduced.flight)
+    if (
+        offsets.any()
+    ):  # offsets explain constant differences between flights, so no other column may
+        form = _subtract_flight_means(form, reduced.flight)
         hats[:, 0] = 0.0
-    shared = np.concatenate([shared, _of_thermometer(reduced, tracks)], axis=2)
-    scatter = np.concatenate([form, offsets, unreported_wind(reduced, tracks)], axis=2)
-    filter_ = _noise(reduced, residual, anything, hats)
+    shared = np.concatenate([shared, _thermometer_columns(reduced, tracks)], axis=2)
+    scatter = np.concatenate([form, offsets, unreported_wind_columns(reduced, tracks)], axis=2)
+    filter_ = _noise_filter(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())
-    wander, own = _wander(reduced, scatter.shape[2])
+    wander, own = _slow_noise_columns(reduced, scatter.shape[2])
     sizes = _free_sizes(reduced, groups, model.good_flights, speed)
     whole = np.repeat(hats[:, None, :], residual.shape[1], axis=1)
     nuisance = Nuisance(
@@ -140,20 +149,20 @@ def search_space(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(reduced.flights)
         ),
         scatter=filter_.apply(np.concatenate([scatter, wander], axis=2)),
-        uncertainty=filter_.apply(np.concatenate([what_laws_leave(reduced), shared], axis=2)),
+        uncertainty=filter_.apply(np.concatenate([law_uncertainty(reduced), shared], axis=2)),
         free=np.moveaxis(filter_.apply(whole), 1, 0) * sizes[:, None, :],
     )
     unnamed = tuple(unnamed_candidates(reduced))
     anywhere = filter_.apply(
-        np.concatenate([FREE_EFFECTS * anything, _curves(reduced, unnamed)], 2)
+        np.concatenate([FREE_EFFECTS * anything, _unnamed_columns(reduced, unnamed)], 2)
     )
     open_ = replace(nuisance, uncertainty=np.concatenate([nuisance.uncertainty, anywhere], axis=2))
-    size = learn(open_, residual, groups, own, WIDE).scatter
+    size = learn_variances(open_, residual, groups, own, WIDE).scatter
     usual = USUAL_SHARE * speed
     if model.good_flights is not None and model.good_flights.slow_rpm:
         slow = np.array(model.good_flights.slow_rpm) / usual
         size = np.where(own >= 0, np.maximum(size, slow[own]), size)
-    noise = _left_noise(replace(open_, scatter=nuisance.scatter * size), residual)
+    noise = _unexplained_noise(replace(open_, scatter=nuisance.scatter * size), residual)
     return SearchSpace(
         reduced=reduced,
         candidates=candidates,
@@ -169,27 +178,35 @@ def search_space(
         hats=hats,
         sizes=sizes,
         wander_rpm=usual * np.array([size[own == mode][0] for mode in range(residual.shape[1])]),
-        at_start=at_start if reduced.flights == 1 else {},
+        start_derivatives=start_derivatives if reduced.flights == 1 else {},
     )
 
 
-def _tellable(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Drop what shifts the balance by a constant, where motor outputs are all and no sound flight
-    is known: `answer.standing_shares` reports it."""
+def _drop_constant_shares(
+    reduced: Reduced, candidates: Sequence[Candidate]
+) -> tuple[Candidate, ...]:
+    """Drop candidates that shift the balance by a constant, for motor outputs without known sound
+    flights.
+
+    `answer.standing_shares` reports them instead.
+    """
     if not (reduced.of_outputs and lacks_sound_flights(reduced.model)):
         return tuple(candidates)
     kept = []
     for one in candidates:
         main = [k for k, p in enumerate(one.parameters) if not p.detail]
-        change = np.nan_to_num(derivatives(reduced, [one.at_start], 0))[:, :, main]
+        change = np.nan_to_num(derivatives(reduced, [one.initial_effect], 0))[:, :, main]
         if not is_constant_share(change, reduced.flight):
             kept.append(one)
     return tuple(kept)
 
 
-def _wander(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
-    """(N, R, R W) rpm: slow noise of the usual size in each mode, and of it and `others` before it
-    the mode of each."""
+def _slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
+    """Return slow noise of the usual size (N, R, R W), rpm, in each mode, and the mode of each
+    column.
+
+    The modes (K,) begin with `others` columns that have none (-1).
+    """
     x, modes = reduced.channels, reduced.measured_rpm.shape[1]
     curves = wander_columns(
         x.time_s, reduced.flight, WANDER * froude_time_scale(reduced.model.airframe)
@@ -200,29 +217,31 @@ def _wander(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
     return columns, own.astype(np.intp)
 
 
-def _left_noise(open_: Nuisance, residual: Floats) -> Floats:
-    """(n, R) size of what nothing explains, of each flight and mode, where it is more than noise.
+def _unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
+    """Return the factor (n, R) by which the remaining residual of each flight and mode exceeds its
+    noise.
 
-    Wild seconds hide behind the median that noise is taken from; more than they is no noise.
+    Noise is estimated by a median, which ignores outliers. The factor is between 1 and TAILS: a
+    larger excess is no noise.
     """
     z = open_.whitening.apply(residual)
     shared, _ = open_.sums(residual[:, :, None])
-    mean = open_.solved(WIDE).shared @ shared[:, 0]
+    mean = open_.marginalise(WIDE).shared @ shared[:, 0]
     known = open_.uncertainty.shape[2]
     free = mean[known:].reshape(open_.free.shape[0], -1)
     left = z - open_.uncertainty @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
     out = np.ones_like(z)
     for of, rows in zip(open_.by_flight, open_.flights, strict=True):
-        # Of what the shared ones leave, the scatter takes S (I + S'S)^-1 S'.
+        # Of the residual after the shared columns, scatter absorbs S (I + S'S)^-1 S'.
         seen = (of.columns @ left[rows].T[:, :, None]).sum(axis=0)[:, 0]
-        draws = np.linalg.solve(np.eye(of.acts.size) + of.gram, seen)
+        draws = np.linalg.solve(np.eye(of.active.size) + of.gram, seen)
         left[rows] -= (draws @ of.columns).T
         out[rows] = np.clip(np.sqrt(np.mean(left[rows] ** 2, axis=0)), 1.0, TAILS)
     return out
 
 
 def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
-    """(candidate, its free value, "effect_key.parameter") of every value that makes an effect."""
+    """List (candidate, free value, "effect_key.parameter") of every shared main value."""
     names = []
     for c, one in enumerate(candidates):
         for k, (_, flight) in enumerate(one.free):
@@ -232,54 +251,60 @@ def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
     return names
 
 
-def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Floats, dict[int, Floats]]:
-    """(N, R, K) rpm in modes: what `smallest` of every value that makes an effect changes, and the
-    derivatives (N, R, P) of each candidate that has such a value."""
+def _effect_columns(
+    reduced: Reduced, candidates: Sequence[Candidate]
+) -> tuple[Floats, dict[int, Floats]]:
+    """Return the changes (N, R, K), rpm in modes, by the `smallest` size of every main value.
+
+    Also return the derivatives (N, R, P) of each candidate that has such a value.
+    """
     columns = []
     at: dict[int, Floats] = {}
     for c, k, _ in main_values(candidates):
         one = candidates[c]
         if c not in at:
-            at[c] = np.nan_to_num(derivatives(reduced, [one.at_start], 0))
+            at[c] = np.nan_to_num(derivatives(reduced, [one.initial_effect], 0))
         columns.append(at[c][:, :, k] * one.parameters[k].smallest)
     if not columns:
         return np.zeros((*reduced.measured_rpm.shape, 0)), at
     return np.stack(columns, axis=2), at
 
 
-def _curves(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
-    """(N, R, K) rpm in modes: what causes without a name may do at most, knot by knot, along
-    channels as slow as the noise that they could be taken for."""
+def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
+    """Return the largest changes (N, R, K), rpm in modes, by knots of unnamed causes along slow
+    channels.
+
+    Those channels vary as slowly as slow noise, which must not absorb them.
+    """
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
     for one in (c for c in unnamed if place_of(c.term.effect)[1] in SLOW):
         most = np.array([p.upper for p in one.parameters])
-        columns.append(most * derivatives(reduced, [one.at_start], 0))
+        columns.append(most * derivatives(reduced, [one.initial_effect], 0))
     return np.nan_to_num(np.concatenate(columns, axis=2))
 
 
 def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
-    """(K,) scatter of each value from flight to flight, in units of its `smallest`.
+    """Return the between-flight scatter (K,) of each main value, in units of its `smallest`.
 
-    As good flights showed, within SURE of what is usual: few flights say little of a scatter, and
-    short ones much too much. A sound propeller does not change from flight to flight, so rotors
-    have none.
+    From the good flights, kept within SCATTER_LIMITS of the usual, as few or short flights estimate
+    it poorly. 0 for rotors: a sound propeller does not change between flights.
     """
     learnt = {} if known is None else known.scatter
     sizes = []
     for c, k, name in main_values(candidates):
         usual = candidates[c].parameters[k].smallest
-        size = np.clip(learnt.get(name, usual) / usual, *SURE)
+        size = np.clip(learnt.get(name, usual) / usual, *SCATTER_LIMITS)
         sizes.append(0.0 if candidates[c].term.rotor is not None else float(size))
     return np.array(sizes)
 
 
 def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
-    """(N, R, R) rpm: by how much each mode differs from flight to flight, whatever it comes from,
-    and by how much all flights differ from those that the model was made from.
+    """Return the size (N, R, R), rpm, of each mode's offset by flight, and of an offset that all
+    flights share.
 
-    As good flights showed that were left out of it: of n, their mean is known to 1/n of their
-    variance. Of motor outputs, whose shares hang on wind and battery, at least as these flights
-    show themselves, and without good flights as much as it takes to name nothing.
+    Sizes are those of the n good flights, which were held out of the model; their mean is uncertain
+    by 1/n of the variance. For motor outputs, whose shares depend on wind and battery, sizes are at
+    least these flights' own; without good flights, too large to report anything.
     """
     model, modes = reduced.model, residual.shape[1]
     size = np.array(model.background_rpm or np.zeros(modes))
@@ -290,30 +315,32 @@ def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]
     return each / np.sqrt(1.0 + 1.0 / good), each / np.sqrt(good + 1.0)
 
 
-def _of_thermometer(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
-    """(N, R, 1 or 0) rpm: what a thermometer that good flights taught is off by in all flights.
+def _thermometer_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
+    """Return the change (N, R, 1), rpm, by an error of the thermometer correction in all flights.
 
-    Its board is aired, shaded and loaded otherwise in one season than in another: in that of the
-    good flights and in this one by as much, it is taken, as from one flight to the next. N goes
-    with the root of the air's temperature (Eq. 1, and the gas law).
+    No column if no correction is used. The board is ventilated, shaded and loaded differently in
+    each season: by assumption, as much between SEASONS as between flights. Rotor speed varies with
+    the root of the air temperature (Eq. 1 and the gas law).
     """
-    known, base = reduced.model.thermometer, np.nan_to_num(predicted(reduced, ()))
+    known, base = reduced.model.thermometer, np.nan_to_num(predicted_modes(reduced, ()))
     if known is None or not any(needs_thermometer(track) for track in tracks):
         return np.zeros((*base.shape, 0))
     error = SEASONS**0.5 * known.error_k / SEA_LEVEL_TEMPERATURE
     return (0.5 * error * base)[:, :, None]
 
 
-def _within_flights(columns: Floats, flight: NDArray[np.intp]) -> Floats:
-    """Columns (N, R, K) less their means over each flight, which stand in the modes' scatter."""
+def _subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
+    """Return columns (N, R, K) less their mean over each flight, which the flight
+    offsets contain."""
     out = np.empty_like(columns)
     for f in np.unique(flight):
         out[flight == f] = columns[flight == f] - columns[flight == f].mean(axis=0)
     return out
 
 
-def _noise(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
-    """The filter of what no effect and no curve can explain, each flight with its own values."""
+def _noise_filter(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
+    """Estimate the noise filter from the residual that no effect and no discrepancy
+    curve explains."""
     left = np.empty_like(residual)
     for mode in range(residual.shape[1]):
         known = scatter[:, mode, :]
@@ -324,13 +351,13 @@ def _noise(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) ->
             gram, columns.T @ residual[:, mode]
         )
     speed = float(reduced.measured_rpm.mean())
-    busy = _busy(reduced)
+    busy = _manoeuvre_mask(reduced)
     found = whitening_of(left, reduced.flight, reduced.follows, busy, speed)
     return replace(found, weight=found.weight * reduced.scored_modes)
 
 
-def _busy(reduced: Reduced) -> Bools:
-    """(N,) means in a manoeuvre or beside one."""
+def _manoeuvre_mask(reduced: Reduced) -> Bools:
+    """Return a mask (N,), True for means in a manoeuvre or directly before or after one."""
     x = reduced.channels
     with np.errstate(invalid="ignore"):
         moved = (np.abs(x.yaw_rate) > TURN_RATE) | (np.abs(x.load_factor - 1.0) > LOADED)
@@ -343,7 +370,7 @@ def _busy(reduced: Reduced) -> Bools:
 def _free_sizes(
     reduced: Reduced, groups: Sequence[str], known: GoodFlights | None, speed: float
 ) -> Floats:
-    """(R, H) rpm: size of each hat of the discrepancy on a sound aircraft."""
+    """Return the size (R, H), rpm, of each hat of the discrepancy on a sound aircraft."""
     learnt = {} if known is None else known.curve_rpm
     usual, least = USUAL_SHARE * speed, LEAST_SHARE * speed
     return np.array(

@@ -1,10 +1,10 @@
-"""The search over sets of effects.
+"""Search for the most probable sets of effects.
 
-About a set at its likeliest values everything is linear: one Gram matrix holds the derivatives by
-the values of all candidates, what each candidate does by coming in or going out, and the residual.
-On it a beam of sets is grown, and neighbours of the best are tried, thousands in a second. What
-ranks high is fitted in full, with the effects as they are, and the search goes on about the best
-until it stays.
+About a fitted set everything is linear: one Gram matrix contains the derivatives by the values of
+all candidates, each candidate's change by entering or leaving, and the residual. On it a beam
+search grows sets, and neighbours of the best set are tried, thousands a second. The highest-ranked
+sets are refitted with the nonlinear effects. The search then restarts around the best of them, and
+stops when the best set no longer changes.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     TrialEffect,
-    predicted,
+    predicted_modes,
     value_columns,
 )
 from thrustmargin.models.identification.rows.reduced import Reduced
-from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
+from thrustmargin.models.identification.rows.value_columns import ValueColumns, concatenate_columns
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
     TEMPERATURE,
@@ -33,31 +33,33 @@ from thrustmargin.models.identification.sets.evidence import (
     score,
 )
 from thrustmargin.models.identification.sets.linear_sets import (
-    ColumnsAbout,
+    FilteredColumns,
     FittedSet,
     Key,
-    Linear,
-    Prepared,
+    LinearisedSets,
+    SetColumns,
 )
 from thrustmargin.models.identification.sets.nuisance import Nuisance
 
-BEAM = 12  # sets that are grown at each size beyond one
-FITTED = 6  # sets that are fitted in full in each round
-NEXT = 4  # the same of those one effect away, however they rank: far from it a line misleads
+BEAM = 12  # sets that are grown further at each size
+FITTED = 6  # sets that are fitted with nonlinear effects in each round
+#: sets one effect away that are fitted whatever their linear score, which may be inaccurate
+NEXT = 4
 ROUNDS = 6
 MOST_EFFECTS = 10
-HOPELESS = 500.0  # the same, from which a set takes no more steps: a lag alone may bring 200
+#: below the best log evidence, at which the fit of a set ends: a lag alone may gain 200
+HOPELESS = 500.0
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
-FAR = 3 * NEAR  # the same, from which a set is left as it is once its steps promise no more
+FAR = 3 * NEAR  # below the best, at which the fit of a set ends if its steps cannot make up for it
 
-STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
-CONVERGED = 0.02  # the same, below which no more steps are taken
+STALE = 2.0  # gain in -2 log likelihood below which derivatives are recomputed
+CONVERGED = 0.02  # gain in -2 log likelihood below which a fit has converged
 
 Progress = Callable[[str, float], None]
 
 
 class Search:
-    """Sets fitted so far, about which the search goes on."""
+    """A search in progress: candidates, and the sets fitted so far."""
 
     def __init__(
         self,
@@ -65,26 +67,35 @@ class Search:
         nuisance: Nuisance,
         candidates: Sequence[Candidate],
     ) -> None:
+        """Prepare a search over `candidates`, with the noise raised by TEMPERATURE."""
         filter_ = nuisance.whitening
-        # How outputs of flights differ is taken with Student's t already.
+        # For outputs, between-flight variation has been widened by Student's t already.
         self.temperature = 1.0 if reduced.of_outputs else TEMPERATURE
         tempered = replace(filter_, scale=self.temperature * filter_.scale)
         self.reduced, self.nuisance = reduced, replace(nuisance, whitening=tempered)
         self.candidates = list(candidates)
-        self.solved = self.nuisance.solved()
+        self.solved = self.nuisance.marginalise()
         self.fitted: dict[Key, FittedSet] = {}
-        self.start = [TrialEffect(candidate=c, values=self._begin(c)) for c in self.candidates]
+        self.start = [
+            TrialEffect(candidate=c, values=self._start_values(c)) for c in self.candidates
+        ]
 
-    def _begin(self, one: Candidate) -> Floats:
-        """(F, K) where its values start: a delay has more than one likely value, and steps from
-        nothing may end at a small wrong one, so it starts where rows show it."""
+    def _start_values(self, one: Candidate) -> Floats:
+        """Return the start values (F, K) of a candidate.
+
+        A delay starts at the median that rows show: its likelihood has several maxima, and steps
+        from zero may end at a small wrong one.
+        """
         if not one.term.effect.delays:
             return one.start
         return np.full_like(one.start, np.median(self.reduced.delay_s[:, 0]))
 
     def run(self, progress: Progress | None = None) -> None:
-        """Search until the best set stays. What is likely about a set that is far from the best
-        found meanwhile is looked for anew about that one."""
+        """Search until the best set no longer changes, at most ROUNDS times.
+
+        If a much better set is found within a round, the round ends and the search restarts about
+        that set.
+        """
         if not self.fitted:
             self.fit(frozenset(), ())
         best = self.best
@@ -92,49 +103,61 @@ class Search:
             if progress:
                 progress(f"round {number + 1}", number / ROUNDS)
             linear = self.linearise(best)
-            for key in self.promising(linear):
-                self.fit(key, linear.held)
+            for key in self.promising_sets(linear):
+                self.fit(key, linear.trials)
                 if self.best.total > best.total + FAR:
                     break
             if self.best.key == best.key:
-                self._again(linear)
+                self._refit_from_best(linear)
             if self.best.key == best.key:
                 break
             best = self.best
 
-    def _again(self, linear: Linear) -> None:
-        """Fit sets anew from the values of the best, where about it they promise to be likelier
-        than they were found from elsewhere: of an exponent or a lag steps may end short."""
+    def _refit_from_best(self, linear: LinearisedSets) -> None:
+        """Refit sets whose linearised score around the best set exceeds the score they converged
+        to.
+
+        Gauss-Newton can stop early for exponents and lags.
+        """
         best = self.fitted[linear.about.key]
-        for key in self.possible:
+        for key in self.possible_sets:
             found = self.fitted[key]
             promised = linear.score(key).log_evidence
             if promised > max(found.total + STALE, best.total - NEAR):
-                other = self._fit(key, [linear.held[c] for c in sorted(key)], 8, best.total)
+                other = self._fit(key, [linear.trials[c] for c in sorted(key)], 8, best.total)
                 self.fitted[key] = max(found, other, key=lambda one: one.total)
 
     def add(self, more: Sequence[Candidate], beside: Key) -> bool:
-        """Candidates that were found on the way, each tried alone and beside a set; True where one
-        comes near the best, so that the search is to go on."""
+        """Add candidates `more` and fit each alone and together with the set `beside`.
+
+        Return whether one of these sets comes within FAR of the best, so that the search should
+        continue.
+        """
         near = {
-            c: h for f in self.fitted.values() for c, h in zip(sorted(f.key), f.held, strict=True)
+            c: h for f in self.fitted.values() for c, h in zip(sorted(f.key), f.trials, strict=True)
         }
         found = []
         for one in more:
             self.candidates.append(one)
-            self.start.append(one.at_start)
+            self.start.append(one.initial_effect)
             new = len(self.candidates) - 1
             values = [near.get(c, self.start[c]) for c in range(new + 1)]
             found += [self.fit(key, values) for key in (frozenset({new}), beside | {new})]
         return any(one.total > self.best.total - FAR for one in found)
 
     def fit_near(self, key: Key, near: Mapping[int, TrialEffect]) -> FittedSet:
-        """A set fitted from the values of a neighbour, without a place among the sets."""
+        """Fit a set from the values `near` of a similar set, without storing it among the fitted
+        sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 8)
 
-    def open_members(self, key: Key) -> list[int]:
-        """What of a set may go into a model without a name: causes without one, what is steady of
-        the loss of a rotor that has one, and what is of no rotor and lasts."""
+    def unnamed_members(self, key: Key) -> list[int]:
+        """List the candidates, by index, that may enter a model as unnamed causes if `key` is the
+        set.
+
+        They are: unnamed causes in `key`; the steady degradation of each rotor with an unnamed
+        cause in `key`, itself in `key` or not; and members of `key` that act on no rotor, are no
+        step in time and hold for later flights.
+        """
         every = self.candidates
         uneven = {every[c].term.rotor for c in key if every[c].unnamed} - {None}
         found = []
@@ -147,62 +170,67 @@ class Search:
         return found
 
     @property
-    def possible(self) -> list[Key]:
-        """Sets that can be."""
+    def possible_sets(self) -> list[Key]:
+        """Return the fitted sets with all main values inside their bounds."""
         return [key for key, found in self.fitted.items() if found.total > IMPOSSIBLE / 2]
 
     @property
     def best(self) -> FittedSet:
+        """Return the fitted set with the highest log evidence."""
         return max(self.fitted.values(), key=lambda f: f.total)
 
-    def linearise(self, about: FittedSet) -> Linear:
-        """All candidates about a fitted set."""
-        columns = self.columns_about(about)
+    def linearise(self, about: FittedSet) -> LinearisedSets:
+        """Linearise all candidates about a fitted set."""
+        columns = self.set_columns(about)
         return columns.linear(self.solved, self.nuisance.sums(columns.whole))
 
-    def columns_about(self, about: FittedSet, *, alone: bool = False) -> ColumnsAbout:
-        """What all candidates do about a fitted set, by the means; `alone` what its own do, and the
-        others nothing."""
-        inside = dict(zip(sorted(about.key), about.held, strict=True))
-        base = predicted(self.reduced, about.held)
-        held, columns, changes, places = [], [], [], []
+    def set_columns(self, about: FittedSet, *, alone: bool = False) -> SetColumns:
+        """Return the columns of all candidates about a fitted set.
+
+        With `alone`, candidates outside the set have no values and no change.
+        """
+        inside = dict(zip(sorted(about.key), about.trials, strict=True))
+        base = predicted_modes(self.reduced, about.trials)
+        trials, columns, changes, places = [], [], [], []
         first = 0
         for c, at_start in enumerate(self.start):
             if c in inside:
-                members = list(about.held)
+                members = list(about.trials)
                 of = sorted(about.key).index(c)
                 rest = [h for k, h in enumerate(members) if k != of]
-                changes.append(predicted(self.reduced, rest) - base)
+                changes.append(predicted_modes(self.reduced, rest) - base)
             elif alone:
-                held.append(replace(at_start, candidate=replace(at_start.candidate, free=())))
+                trials.append(replace(at_start, candidate=replace(at_start.candidate, free=())))
                 changes.append(np.zeros_like(base))
                 places.append(slice(first, first))
                 continue
             else:
-                members, of = [*about.held, at_start], len(about.held)
-                changes.append(predicted(self.reduced, members) - base)
+                members, of = [*about.trials, at_start], len(about.trials)
+                changes.append(predicted_modes(self.reduced, members) - base)
             columns.append(value_columns(self.reduced, members, of))
-            held.append(members[of])
+            trials.append(members[of])
             places.append(slice(first, first + columns[-1].count))
             first = places[-1].stop
-        residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
+        residual = self.reduced.mode_amplitudes(self.reduced.measured_rpm) - base
         both = np.stack([*changes, residual], axis=2)
-        whole = side_by_side([*columns, ValueColumns.of_all(both)])
-        return ColumnsAbout(
+        whole = concatenate_columns([*columns, ValueColumns.from_values(both)])
+        return SetColumns(
             about=about,
-            held=tuple(held),
+            trials=tuple(trials),
             columns=tuple(places),
-            whole=whole.without_nan(),
+            whole=whole.replace_nan(),
             temperature=self.temperature,
         )
 
-    def promising(self, linear: Linear) -> list[Key]:
-        """Sets that are not fitted yet and would be likely, by the linear problem."""
+    def promising_sets(self, linear: LinearisedSets) -> list[Key]:
+        """Return unfitted sets to fit next: the highest-ranked by linear score, and neighbours of
+        the best."""
         found: dict[Key, float] = {}
         best = self.fitted[linear.about.key]
 
         @cache
         def look(key: Key) -> float:
+            """Score a set on the linear problem and keep the result."""
             found[key] = linear.score(key).log_evidence
             return found[key]
 
@@ -210,24 +238,29 @@ class Search:
         if about:
             fewer = (about - {*gone} for n in range(3) for gone in combinations(about, n))
             self._grow(linear, list(fewer), look)
-        # Others may stand in the place of all, and two of which neither alone says much.
+        # Grow from single effects too: other sets may replace all, pairs may gain only together.
         self._grow(linear, [frozenset({c}) for c in range(len(self.candidates))], look)
         ranked = sorted(found, key=lambda k: -found[k])
-        top = max([best.total, *found.values()])  # of no candidate nothing is found
+        top = max([best.total, *found.values()])  # `found` is empty without candidates
         near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
         more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
         return list(dict.fromkeys([*near[:FITTED], *more[:NEXT]]))
 
-    def _grow(self, linear: Linear, starts: Sequence[Key], look: Callable[[Key], float]) -> None:
-        """Look at sets that grow from each of some, then from the likeliest of each size, until
-        they get no likelier."""
+    def _grow(
+        self, linear: LinearisedSets, starts: Sequence[Key], look: Callable[[Key], float]
+    ) -> None:
+        """Score sets grown one candidate at a time from `starts`, then from the BEAM best of each
+        size.
+
+        Stop when the best of a size falls NEAR below the best of the size before.
+        """
         everything = range(len(self.candidates))
         beam = {key: look(key) for key in starts}
         grown_from = len(beam)
         while True:
             grown: dict[Key, float] = {}
             for key in sorted(beam, key=lambda k: -beam[k])[:grown_from]:
-                pool = [c for c in everything if c not in key and not self._twice(key, c)]
+                pool = [c for c in everything if c not in key and not self._is_duplicate(key, c)]
                 if len(key) >= MOST_EFFECTS or not pool:
                     continue
                 gains = linear.gains(key, pool)
@@ -239,9 +272,9 @@ class Search:
                 break
             beam, grown_from = grown, BEAM
 
-    def _twice(self, key: Key, c: int) -> bool:
-        """True where the same effect of the same rotor, or the only load on a cable, is in a set in
-        another form."""
+    def _is_duplicate(self, key: Key, c: int) -> bool:
+        """Return whether a set has another variant of candidate `c`: of its rotor, or of a
+        one-variant effect."""
         term = self.candidates[c].term
         return (term.effect.of_one_rotor or term.effect.one_variant) and any(
             self.candidates[k].term.rotor == term.rotor
@@ -250,8 +283,12 @@ class Search:
         )
 
     def fit(self, key: Key, near: Sequence[TrialEffect], steps: int = 8) -> FittedSet:
-        """Fit a set in full from the values in `near` (of all candidates) or from the starts. One
-        far from the best is left where it stands."""
+        """Fit a set with the nonlinear effects, from the values `near` of all candidates or from
+        the starts.
+
+        The fit of a set far below the best ends early. If a main value ends at its bound, the set
+        without that effect is fitted as well.
+        """
         if key in self.fitted:
             return self.fitted[key]
         best = self.best.total if self.fitted else -np.inf
@@ -259,78 +296,88 @@ class Search:
             key, [near[c] if near else self.start[c] for c in sorted(key)], steps, best
         )
         self.fitted[key] = found
-        if found.possible != key:
-            self.fit(found.possible, near)  # what cannot be may hide what is beside it
+        if found.possible_key != key:
+            self.fit(found.possible_key, near)  # an impossible effect may hide the others
         return found
 
     def _fit(
-        self, key: Key, held: Sequence[TrialEffect], steps: int, best: float = -np.inf
+        self, key: Key, trials: Sequence[TrialEffect], steps: int, best: float = -np.inf
     ) -> FittedSet:
-        """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more,
-        and where even these promise far less than the `best` log evidence, that is the end."""
-        measured = self.reduced.in_modes(self.reduced.measured_rpm)
-        columns, fresh = self._prepared(held), True
-        residual = np.nan_to_num(measured - predicted(self.reduced, held))
-        gram, merit = self._normal(columns, held, residual)
+        """Fit by Gauss-Newton with step halving; recompute derivatives once steps gain less than
+        STALE.
+
+        Stop early if even the linear score stays far below `best`, a log evidence.
+        """
+        measured = self.reduced.mode_amplitudes(self.reduced.measured_rpm)
+        columns, fresh = self._filtered_columns(trials), True
+        residual = np.nan_to_num(measured - predicted_modes(self.reduced, trials))
+        gram, merit = self._normal_equations(columns, trials, residual)
         promised = np.inf
-        for number in range(steps if held else 0):
+        for number in range(steps if trials else 0):
             if fresh:
-                found = self._scored(key, columns, held, residual)
+                found = self._fitted_set(key, columns, trials, residual)
                 change, promised = abs(found.total - promised), found.total
                 if (number and promised < best - HOPELESS) or promised + 2 * change < best - FAR:
                     return found
-            prior = prior_of(held)
+            prior = prior_of(trials)
             taken = score(prior, gram).step
             gained = 0.0
             for shrink in (1.0, 0.3, 0.1):
-                parts = zip(held, prior.groups, strict=True)
+                parts = zip(trials, prior.groups, strict=True)
                 moved = [h.moved(shrink * taken[group]) for h, group in parts]
-                new = np.nan_to_num(measured - predicted(self.reduced, moved))
-                trial, value = self._normal(columns, moved, new)
+                new = np.nan_to_num(measured - predicted_modes(self.reduced, moved))
+                trial, value = self._normal_equations(columns, moved, new)
                 if value < merit:
                     gained = merit - value
-                    held, residual, gram, merit = moved, new, trial, value
+                    trials, residual, gram, merit = moved, new, trial, value
                     break
             if gained < CONVERGED and fresh:
                 break
             if gained < STALE:
-                columns = self._prepared(held)
-                gram, merit = self._normal(columns, held, residual)
+                columns = self._filtered_columns(trials)
+                gram, merit = self._normal_equations(columns, trials, residual)
             fresh = gained < STALE
-        if held and not fresh:
-            columns = self._prepared(held)
-        return self._scored(key, columns, held, residual)
+        if trials and not fresh:
+            columns = self._filtered_columns(trials)
+        return self._fitted_set(key, columns, trials, residual)
 
-    def _normal(
-        self, columns: Prepared, held: Sequence[TrialEffect], residual: Floats
+    def _normal_equations(
+        self, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
     ) -> tuple[Floats, float]:
-        """The normal equations of a set at its values, and what these cost."""
-        gram, prior = columns.gram(residual), prior_of(held)
+        """Return the Gram matrix (P + 1, P + 1) of the columns and `residual`, and the cost at the
+        values of `trials`.
+
+        The cost is the sum of squares, nuisances marginalised, plus that of the prior.
+        """
+        gram, prior = columns.gram(residual), prior_of(trials)
         away = prior.values - prior.centre
         return gram, float(gram[-1, -1]) + float(np.sum(prior.weight * away**2))
 
-    def _scored(
-        self, key: Key, columns: Prepared, held: Sequence[TrialEffect], residual: Floats
+    def _fitted_set(
+        self, key: Key, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
     ) -> FittedSet:
-        """A set as it stands, with all that the derivatives promise."""
-        scored = score(prior_of(held), columns.gram(residual), self.temperature)
+        """Return a set at its present values, scored with the linear step to the optimum."""
+        scored = score(prior_of(trials), columns.gram(residual), self.temperature)
         total = scored.log_evidence
-        return FittedSet(key=key, held=tuple(held), scored=scored, total=total, residual=residual)
+        return FittedSet(
+            key=key, trials=tuple(trials), set_score=scored, total=total, residual=residual
+        )
 
-    def stepped(self, best: FittedSet) -> Floats:
-        """(N, R) rpm in modes by which a set's prediction moves to its likeliest values."""
+    def final_step_change(self, best: FittedSet) -> Floats:
+        """Return the change in prediction (N, R), rpm in modes, by a set's linear step to its
+        optimum."""
         moved, first = np.zeros_like(best.residual), 0
-        step = best.scored.step
-        for k in range(len(best.held)):
-            columns = value_columns(self.reduced, best.held, k).without_nan()
+        step = best.set_score.step
+        for k in range(len(best.trials)):
+            columns = value_columns(self.reduced, best.trials, k).replace_nan()
             last = first + columns.count
-            moved += columns.wide(self.reduced.flight) @ step[first:last]
+            moved += columns.dense(self.reduced.flight) @ step[first:last]
             first = last
         return moved
 
-    def _prepared(self, held: Sequence[TrialEffect]) -> Prepared:
-        """Derivatives by the free values of a set."""
-        nothing = ValueColumns.of_all(np.zeros((*self.reduced.measured_rpm.shape, 0)))
-        parts = [value_columns(self.reduced, held, k) for k in range(len(held))]
-        whole = side_by_side([nothing, *parts]).without_nan()
-        return Prepared.of(self.nuisance, self.solved, whole)
+    def _filtered_columns(self, trials: Sequence[TrialEffect]) -> FilteredColumns:
+        """Return the filtered derivatives by a set's free values."""
+        nothing = ValueColumns.from_values(np.zeros((*self.reduced.measured_rpm.shape, 0)))
+        parts = [value_columns(self.reduced, trials, k) for k in range(len(trials))]
+        whole = concatenate_columns([nothing, *parts]).replace_nan()
+        return FilteredColumns.from_columns(self.nuisance, self.solved, whole)

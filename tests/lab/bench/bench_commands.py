@@ -7,7 +7,7 @@ difference of two runs, one of many flights and one of few.
 from pathlib import Path
 
 from tests.lab.bench.bench_ingest import MODULE, make_logs, seconds_of_pymavlink, timed
-from tests.mission.coverage.fields_made import outline, rectangle
+from tests.mission.fields_made import outline, rectangle
 from thrustmargin.gcs_plugin.office.cover.coverage_plan import CoverageOrder, cover_field
 
 FEW, MANY = 4, 34

@@ -30,10 +30,10 @@ LOOP = "thrustmargin.models.identification"
 LATER = ("next_flight", "season", "good_flights", "answer.floor")
 #: numbers by themselves, or sizes of arrays
 FIXED = ("sets.evidence.LOG_2_PI", "sets.evidence.IMPOSSIBLE", "sets.evidence.STIFF")
-FIXED += ("rows.whitening.ORDER",)
+FIXED += ("rows.noise.ORDER",)
 #: below 1
-SHARES = ("certainty.SURE", "certainty.CHOICE", "rows.whitening.MOST_MEMORY")
-SHARES += ("answer.unexplained.ACTS", "answer.model_update.COVERAGE")
+SHARES = ("certainty.SURE", "certainty.CHOICE", "rows.noise.MOST_MEMORY")
+SHARES += ("answer.acceptance.MAIN_SHARE", "answer.model_update.COVERAGE")
 QUANTILES = "rows.candidates.RANGE"
 SAME_ERROR = 0.01
 

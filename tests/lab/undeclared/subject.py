@@ -130,11 +130,11 @@ def told_the_names(
         for i in implants
     ]
     found = search.fit(frozenset(c for c in places if c is not None), ())
-    error = np.sqrt(found.scored.variance)
+    error = np.sqrt(found.set_score.variance)
     sizes, first = {}, 0
-    for c, held in zip(sorted(found.key), found.held, strict=True):
+    for c, trial in zip(sorted(found.key), found.trials, strict=True):
         truth = implants[places.index(c)].truth
-        own = held.candidate.parameters
+        own = trial.candidate.parameters
         sizes[c] = [
             (truth[p.name] - (p.absent or 0.0)) / e
             for p, e in zip(own, error[first : first + len(own)], strict=True)

@@ -6,7 +6,7 @@ from thrustmargin.models.identification.sets import discrepancy
 
 
 def test_a_changed_constant_is_changed_where_it_is_used_and_only_for_a_while():
-    with changed("answer.borne_out", "LEAST_FALL", 0.04):
+    with changed("answer.acceptance", "LEAST_FALL", 0.04):
         assert (acceptance.LEAST_FALL, open_causes.LEAST_FALL) == (0.04, 0.04)
     assert (acceptance.LEAST_FALL, open_causes.LEAST_FALL) == (0.02, 0.02)
 
@@ -23,4 +23,4 @@ def test_numbers_are_scaled_as_what_they_are():
     assert scaled("sets.set_search.BEAM", 12, 0.5) == 6
     assert scaled("rows.candidates.RANGE", (0.02, 0.98), 2.0) == (0.04, 0.96)
     assert scaled("certainty.SURE", 0.95, 2.0) == 0.95**0.5
-    assert scaled("sets.search_space.SURE", (0.5, 10.0), 2.0) == (1.0, 20.0)
+    assert scaled("sets.search_space.SCATTER_LIMITS", (0.5, 10.0), 2.0) == (1.0, 20.0)

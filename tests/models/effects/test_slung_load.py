@@ -13,7 +13,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.candidates import (
     Term,
     candidate,
-    predicted,
+    predicted_modes,
 )
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows, half_widths
@@ -233,16 +233,20 @@ def test_mass_and_cable_of_a_known_load_are_found_from_rotor_speeds():
         key=lambda e: abs(np.log(e.parameters[1].start / cable)),
     )
     terms = (Term(effect=table["load_factor"]), Term(effect=near))
-    held = [one.at_start for one in (candidate(t, len(tracks)) for t in terms)]
-    fit = fit_rows(problem, held)
-    found = fit.held[1].values[0]
+    trials = [one.initial_effect for one in (candidate(t, len(tracks)) for t in terms)]
+    fit = fit_rows(problem, trials)
+    found = fit.trials[1].values[0]
     assert found[0] == pytest.approx(load, rel=0.05)
     assert found[1] == pytest.approx(cable, rel=0.02)
     count = fit.columns.shape[2]
     half = half_widths(fit.sums, np.zeros((count, 0)))[0]
     assert found[0] > half[-2] > 0.0
     before, after = (
-        np.std((problem.in_modes(problem.measured_rpm) - predicted(problem, f.held))[:, 0])
-        for f in (fit_rows(problem, held[:1]), fit)
+        np.std(
+            (problem.mode_amplitudes(problem.measured_rpm) - predicted_modes(problem, f.trials))[
+                :, 0
+            ]
+        )
+        for f in (fit_rows(problem, trials[:1]), fit)
     )
     assert after < 0.4 * before

@@ -285,7 +285,7 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
 
 
 def test_the_next_flight_says_what_it_tells_apart_and_where_its_mission_is(worn):
-    hover = manoeuvres(FlownLimits.of(made_flights(3)))[2]
+    hover = manoeuvres(FlownLimits.from_tracks(made_flights(3)))[2]
     following = NextFlight(
         separates=((weak(0), MASS), (weak(0), GAUGE)),
         manoeuvre=hover,
@@ -374,7 +374,7 @@ def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
     limits = tuple(
         Excluded(term=weak(k), parameter="loss", unit="1", above=0.018) for k in range(4)
     )
-    hover = manoeuvres(FlownLimits.of(made_flights(3)))[2]
+    hover = manoeuvres(FlownLimits.from_tracks(made_flights(3)))[2]
     following = NextFlight(
         separates=((MASS,), (GAUGE,)), manoeuvre=hover, repeats=2, nats=6.0, certainty=0.96
     )

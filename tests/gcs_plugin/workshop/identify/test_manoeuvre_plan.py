@@ -20,7 +20,7 @@ TAKEOFF = 22
 WAYPOINT = 16
 
 LOWEST = 2.0  # m above home
-LIMITS = replace(FlownLimits.of(made_flights(3)), height=(3.0, 20.0), climb=2.0)
+LIMITS = replace(FlownLimits.from_tracks(made_flights(3)), height=(3.0, 20.0), climb=2.0)
 LIBRARY = {m.name: m for m in manoeuvres(LIMITS)}
 
 

@@ -57,7 +57,7 @@ def test_a_search_holds_one_flight_at_a_time_and_answers_as_from_memory(tmp_path
     found = identify_checked(aside, model, catalogue=few)
     other = identify(tracks, model, catalogue=few)
     assert found.to_json() == other.to_json()
-    assert FlownLimits.of(aside) == FlownLimits.of(tracks)
+    assert FlownLimits.from_tracks(aside) == FlownLimits.from_tracks(tracks)
     assert aside.most == 2  # one, and the one before it while it is read
 
 

@@ -6,7 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thrustmargin.models.identification.answer.acceptance import shown_again, worth_a_look
+from thrustmargin.models.identification.answer.acceptance import (
+    needs_inspection,
+    unnamed_terms_worth_keeping,
+)
 
 
 @pytest.mark.parametrize(
@@ -22,7 +25,7 @@ from thrustmargin.models.identification.answer.acceptance import shown_again, wo
 def test_a_rotor_is_asked_for_where_it_is_likely_and_flights_left_out_bear_it_out(
     probability, without_rpm, with_rpm, asked
 ):
-    assert worth_a_look(probability, without_rpm, with_rpm) is asked
+    assert needs_inspection(probability, without_rpm, with_rpm) is asked
 
 
 @pytest.mark.parametrize(("of_choice", "kept"), [(8.0, [7]), (9.9, [])])
@@ -30,16 +33,18 @@ def test_what_has_no_name_is_kept_where_its_choice_without_each_flight_helps_too
     """With the given set flights left out go from 10 to 8 rpm; what counts is the choice anew."""
     asked = []
 
-    def with_set(members):
+    def with_effects(members):
         return np.full((4, 4), 8.0 if 7 in members else 10.0)
 
-    def with_choice(members, aside, *, open_=False):
+    def with_selected_effects(members, aside, *, open_=False):
         asked.append((sorted(members), sorted(aside), open_))
         return np.full((4, 4), of_choice if open_ else 10.0)
 
-    left_out: Any = SimpleNamespace(with_set=with_set, with_choice=with_choice)
-    search = SimpleNamespace(open_members=lambda key: sorted(key - {1}))
+    left_out: Any = SimpleNamespace(
+        with_effects=with_effects, with_selected_effects=with_selected_effects
+    )
+    search = SimpleNamespace(unnamed_members=lambda key: sorted(key - {1}))
     answer: Any = SimpleNamespace(search=search, best=SimpleNamespace(key=frozenset({1, 3, 7, 9})))
-    assert shown_again(left_out, answer, [3], [1, 3, 7]) == kept
+    assert unnamed_terms_worth_keeping(left_out, answer, [3], [1, 3, 7]) == kept
     assert asked == [([3], [1, 7], False), ([3, 7], [1], True)]
-    assert shown_again(left_out, answer, [3, 7], [1, 3, 7]) == []
+    assert unnamed_terms_worth_keeping(left_out, answer, [3, 7], [1, 3, 7]) == []

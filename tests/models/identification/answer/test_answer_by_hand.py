@@ -31,7 +31,7 @@ from thrustmargin.models.network.validity import calibrate, measure_coverage
 
 MASS = Term(effect=BY_KEY["extra_mass"])
 WORN = Term(effect=ROTOR_DEGRADATION, rotor=2)
-LEFT = Unexplained(
+MOST_UNEXPLAINED = Unexplained(
     mode=1, modes=(1,), channel="airspeed", channels=("airspeed",), share=0.6, rms_rpm=7.0
 )
 
@@ -81,7 +81,7 @@ def test_the_json_of_an_answer():
         rows_of(4),
         found=(found_by_hand(ROTOR_DEGRADATION, [[0.08, 0.5]] * 2, rotor=2),),
         followed=(found_by_hand(BY_KEY["wind"], [[6.0, 0.0]] * 2),),
-        left=LEFT,
+        left=MOST_UNEXPLAINED,
         closest=(WORN,),
         alternatives=(SetWeight(probability=0.7, terms=(WORN, MASS)),),
         one_of=(OneOf(terms=(MASS, WORN), probabilities=(0.6, 0.3)),),
@@ -147,7 +147,7 @@ def test_an_answer_in_a_line(problem, held_out, words):
 
 def test_what_is_followed_or_unexplained_has_its_own_line():
     wind = found_by_hand(BY_KEY["wind"], [[6.0, 0.0]])
-    lines = repr(answer(rows_of(3), followed=(wind,), left=LEFT)).splitlines()
+    lines = repr(answer(rows_of(3), followed=(wind,), left=MOST_UNEXPLAINED)).splitlines()
     assert lines[2].endswith(", which a channel reports already")
     assert lines[3] == "unexplained: roll along airspeed, 60 % of the variance left"
 

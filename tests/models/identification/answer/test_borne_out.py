@@ -6,11 +6,11 @@ import pytest
 from tests.models.identification.answer.test_posterior import a_set, answer_of
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.models.identification.answer.acceptance import (
-    borne_out,
-    is_worse,
-    of_flights_left_out,
+    cross_validated_posterior,
+    drop_unconfirmed_sets,
+    is_clearly_worse,
 )
-from thrustmargin.models.identification.answer.cross_validation import LeftOut
+from thrustmargin.models.identification.answer.cross_validation import CrossValidation
 from thrustmargin.models.identification.answer.posterior import posterior_of
 from thrustmargin.models.identification.rows.reduced import rows_and_means
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -27,11 +27,11 @@ def kept(*sets, rpm):
     """Keys of the sets that stay, where each leaves so many rpm of every flight left out."""
     asked = []
 
-    def squares(one):
+    def fold_squares(one):
         asked.append(one.key)
         return np.square(rpm[one.key] + np.zeros(4))
 
-    answer = of_flights_left_out(answer_of(*sets), squares)
+    answer = drop_unconfirmed_sets(answer_of(*sets), fold_squares)
     assert len(asked) == len(set(asked))  # each is worked out once
     return [one.key for one in answer.sets], asked
 
@@ -83,11 +83,13 @@ def test_worse_is_by_two_percent_and_by_students_paired_test():
     other = np.array([100.0, 110.0, 90.0, 100.0])
     apart = 10.0 * SCATTER
     error = float(apart.std(ddof=1)) / 2.0
-    assert is_worse(other + 3.3 * error + apart, other)
-    assert not is_worse(other + 3.0 * error + apart, other)
-    assert is_worse(1.041 * other, other)
-    assert not is_worse(1.040 * other, other)
-    assert not is_worse(np.array([120.0]), np.array([100.0]))  # one part says nothing of scatter
+    assert is_clearly_worse(other + 3.3 * error + apart, other)
+    assert not is_clearly_worse(other + 3.0 * error + apart, other)
+    assert is_clearly_worse(1.041 * other, other)
+    assert not is_clearly_worse(1.040 * other, other)
+    assert not is_clearly_worse(
+        np.array([120.0]), np.array([100.0])
+    )  # one part says nothing of scatter
 
 
 def test_what_is_left_out_is_about_the_best_set_that_stays():
@@ -97,12 +99,14 @@ def test_what_is_left_out_is_about_the_best_set_that_stays():
     space = search_space(model, flights, table(["rotor_degradation", "extra_mass"]), means)
     search = Search(space.reduced, space.nuisance, space.candidates)
     search.run()
-    answer, left_out = borne_out(problem, posterior_of(search))
+    answer, left_out = cross_validated_posterior(problem, posterior_of(search))
     words = [search.candidates[c].term.words for c in answer.best.key]
     assert words == ["rotor_degradation of rotor 1"]
     assert all(fold.linear.about.key == answer.best.key for fold in left_out.folds)
-    own = left_out.with_set(answer.best.key)
+    own = left_out.with_effects(answer.best.key)
     by_hand = [np.mean(own[problem.flight == f] ** 2) for f in range(3)]
-    np.testing.assert_allclose(left_out.squares(own), by_hand)
-    alone = LeftOut.of(problem, search, answer.best, alone=True).with_set(answer.best.key)
+    np.testing.assert_allclose(left_out.fold_squares(own), by_hand)
+    alone = CrossValidation.about_set(problem, search, answer.best, alone=True).with_effects(
+        answer.best.key
+    )
     np.testing.assert_allclose(own, alone, rtol=1e-6)

@@ -7,14 +7,19 @@ import pytest
 
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.identification.answer.acceptance import that_matter
+from thrustmargin.models.identification.answer.acceptance import needed_effects
 from thrustmargin.models.identification.answer.cross_validation import (
-    LeftOut,
-    own_values,
-    residual_of_unseen,
+    CrossValidation,
+    refit_flight_values,
+    residual_on_other_flights,
 )
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate, placed
+from thrustmargin.models.identification.rows.candidates import (
+    Term,
+    TrialEffect,
+    candidate,
+    placed_effects,
+)
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.reduced import rows_and_means
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -26,16 +31,16 @@ MOST_FOLDS = 20
 WORN = "rotor_degradation"
 
 
-def left_out(flights, keys=(WORN, "extra_mass")) -> LeftOut:
+def left_out(flights, keys=(WORN, "extra_mass")) -> CrossValidation:
     model = curve_model()
     problem, means = rows_and_means(model, flights)
     space = search_space(model, flights, table(list(keys)), means)
     search = Search(space.reduced, space.nuisance, space.candidates)
     search.run()
-    return LeftOut.of(problem, search, search.best)
+    return CrossValidation.about_set(problem, search, search.best)
 
 
-def of(found: LeftOut, words: str) -> int:
+def of(found: CrossValidation, words: str) -> int:
     return [c.term.words for c in found.search.candidates].index(words)
 
 
@@ -47,9 +52,9 @@ def test_a_flight_is_predicted_with_what_the_other_flights_name_and_say():
     """Only the last of three flights has a worn rotor: the others cannot know of it."""
     found = left_out([made_flight(1), made_flight(2), made_flight(3, loss=0.2)])
     rotor = of(found, "rotor_degradation of rotor 1")
-    assert [rotor in fold.named(found.search) for fold in found.folds[-1:]] == [False]
+    assert [rotor in fold.named_candidates(found.search) for fold in found.folds[-1:]] == [False]
     last = found.problem.flight == 2
-    without = found.with_choice([rotor], [])
+    without = found.with_selected_effects([rotor], [])
     np.testing.assert_allclose(without[last], found.residual({})[last])
     values = found.folds[2].values(found.search, [rotor])[rotor]
     assert abs(values[0, 0]) < 0.02
@@ -61,7 +66,7 @@ def test_what_is_in_a_flight_never_reaches_its_own_prediction():
     one, other = left_out(flights), left_out([*flights[:2], turned])
     rotor = of(one, "rotor_degradation of rotor 1")
     values = [f.folds[2].values(f.search, [rotor])[rotor][0, 0] for f in (one, other)]
-    whole = [f.search.fitted[frozenset({rotor})].held[0].values[0, 0] for f in (one, other)]
+    whole = [f.search.fitted[frozenset({rotor})].trials[0].values[0, 0] for f in (one, other)]
     assert abs(values[0] - values[1]) < 0.05 * abs(whole[0] - whole[1])
 
 
@@ -70,7 +75,7 @@ def test_a_part_that_is_left_out_is_in_none_of_the_sums_of_the_rest(flights):
     """Its sums are those of the means of the others alone, made from nothing else."""
     found = left_out(made_flights(flights, loss=0.08, duration=100.0), (WORN, "tank_zero"))
     search = found.search
-    columns, n = search.columns_about(search.best), search.nuisance
+    columns, n = search.set_columns(search.best), search.nuisance
     everything = frozenset().union(*search.fitted)
     begins = [found.problem.channels.time_s[fold.rows][0] for fold in found.folds]
     begins = np.array([-np.inf, *begins[1:], np.inf])
@@ -78,13 +83,13 @@ def test_a_part_that_is_left_out_is_in_none_of_the_sums_of_the_rest(flights):
     for k, fold in enumerate(found.folds):
         if flights > 1:
             assert fold.flights == (k,)
-            rest = n.of_means(n.whitening.flight != k)
-            expected = columns.linear(rest.solved(), rest.sums(columns.whole))
-            expected = expected.only(everything, (k,))
+            rest = n.select_means(n.whitening.flight != k)
+            expected = columns.linear(rest.marginalise(), rest.sums(columns.whole))
+            expected = expected.restrict(everything, (k,))
         else:
             inside = (time_s >= begins[k]) & (time_s < begins[k + 1])
-            rest = n.of_means(~inside)
-            expected = columns.linear(rest.solved(), rest.sums(columns.whole))
+            rest = n.select_means(~inside)
+            expected = columns.linear(rest.marginalise(), rest.sums(columns.whole))
         assert fold.linear.gram.shape == expected.gram.shape
         size = np.sqrt(expected.gram.diagonal())
         off = (fold.linear.gram - expected.gram) / (size[:, None] * size + 1e-9)
@@ -94,15 +99,17 @@ def test_a_part_that_is_left_out_is_in_none_of_the_sums_of_the_rest(flights):
 def test_names_are_chosen_anew_in_each_fold():
     found = left_out(made_flights(3, loss=0.08))
     rotor = of(found, "rotor_degradation of rotor 1")
-    assert all(rotor in fold.named(found.search) for fold in found.folds)
-    assert rmse(found.with_choice([rotor], [])) < 0.4 * rmse(found.residual({}))
-    aside = found.with_choice([], [rotor])
+    assert all(rotor in fold.named_candidates(found.search) for fold in found.folds)
+    assert rmse(found.with_selected_effects([rotor], [])) < 0.4 * rmse(found.residual({}))
+    aside = found.with_selected_effects([], [rotor])
     np.testing.assert_allclose(aside, found.residual({}))
 
 
 def test_where_nothing_is_named_the_error_is_that_of_the_model_as_it_stays(monkeypatch):
     """Whatever single folds would have named."""
-    monkeypatch.setattr(LeftOut, "with_choice", lambda self, *_: self.residual({}) + 100.0)
+    monkeypatch.setattr(
+        CrossValidation, "with_selected_effects", lambda self, *_: self.residual({}) + 100.0
+    )
     found = identify(made_flights(2), curve_model(), catalogue=table([WORN]))
     assert found.found == ()
     assert found.after == found.before
@@ -131,28 +138,32 @@ def test_many_flights_are_left_out_some_at_a_time():
 def test_a_value_of_one_flight_is_found_on_its_other_blocks():
     problem = assemble(curve_model(), made_flights(2, duration=80.0))
     one = candidate(Term(effect=BY_KEY["tank_zero"]), 2)
-    held = [one.at_start]
+    trials = [one.initial_effect]
     heavy = problem.block % 2 == 0  # in every other block the gauge reads 1.5 kg too little
     truth = [TrialEffect(candidate=one, values=np.full((2, 1), 1.5))]
-    speeds = np.where(heavy[:, None], problem.speeds(placed(problem, truth)), problem.speeds())
+    speeds = np.where(
+        heavy[:, None], problem.speeds(placed_effects(problem, truth)), problem.speeds()
+    )
     problem = replace(problem, measured_rpm=speeds)
     even = np.arange(problem.block_flight.size) % 2 == 0
-    assert own_values(problem, held, even)[0].values == pytest.approx(
+    assert refit_flight_values(problem, trials, even)[0].values == pytest.approx(
         np.full((2, 1), 1.5), abs=0.02
     )
-    assert own_values(problem, held, ~even)[0].values == pytest.approx(np.zeros((2, 1)), abs=0.02)
+    assert refit_flight_values(problem, trials, ~even)[0].values == pytest.approx(
+        np.zeros((2, 1)), abs=0.02
+    )
     # So each half is predicted with the other half's value: all of 1.5 kg off.
-    off = np.abs(residual_of_unseen(problem, held))
-    size = np.abs(problem.speeds(placed(problem, truth)) - problem.speeds())
+    off = np.abs(residual_on_other_flights(problem, trials))
+    size = np.abs(problem.speeds(placed_effects(problem, truth)) - problem.speeds())
     assert off.mean() == pytest.approx(size.mean(), rel=0.05)
 
 
 def test_a_shared_value_stays_where_it_was_put_while_own_values_are_found():
     problem = assemble(curve_model(), made_flights(2, hidden_mass=2.0))
     mass, zero = (candidate(Term(effect=BY_KEY[key]), 2) for key in ("extra_mass", "tank_zero"))
-    held = [TrialEffect(candidate=mass, values=np.full((2, 1), 0.7))]
-    held.append(zero.at_start)
-    found = own_values(problem, held, np.ones(problem.block_flight.size, dtype=bool))
+    trials = [TrialEffect(candidate=mass, values=np.full((2, 1), 0.7))]
+    trials.append(zero.initial_effect)
+    found = refit_flight_values(problem, trials, np.ones(problem.block_flight.size, dtype=bool))
     np.testing.assert_array_equal(found[0].values, 0.7)
     assert found[1].values == pytest.approx(np.full((2, 1), 1.3), abs=0.1)
 
@@ -161,7 +172,7 @@ def test_an_effect_that_hardly_moves_the_error_is_not_worth_a_name():
     """20 g of hidden mass are there, and take less than 2 % of what is left."""
     found = left_out(made_flights(3, loss=0.08, hidden_mass=0.02))
     rotor, mass = of(found, "rotor_degradation of rotor 1"), of(found, "extra_mass")
-    assert that_matter(lambda some: rmse(found.with_set(some)), [mass, rotor]) == [rotor]
+    assert needed_effects(lambda some: rmse(found.with_effects(some)), [mass, rotor]) == [rotor]
 
 
 def test_a_rotor_that_failed_in_one_flight_is_predicted_in_the_rest_of_that_flight():
@@ -174,4 +185,4 @@ def test_a_rotor_that_failed_in_one_flight_is_predicted_in_the_rest_of_that_flig
 def test_two_effects_that_only_undo_each_other_are_both_put_aside():
     """Each alone would be needed: a gauge that reads 1 kg too little, and 1 kg less of mass."""
     error = {(): 10.0, (0,): 40.0, (1,): 40.0, (0, 1): 9.95}
-    assert that_matter(lambda some: error[tuple(some)], [0, 1]) == []
+    assert needed_effects(lambda some: error[tuple(some)], [0, 1]) == []

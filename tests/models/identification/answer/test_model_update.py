@@ -58,7 +58,7 @@ def found_by_hand(effect, rows: list[list[float]], rotor: int | None = None) -> 
 @pytest.mark.parametrize("rotor", [0, 2])
 def test_a_rotor_that_went_bad_in_flight_is_said_by_its_number_and_flight(rotor):
     found = found_by_hand(ROTOR_DEGRADATION_ONSET, [[0.0, 60.0, 1.0], [0.1, 60.0, 1.0]], rotor)
-    words = model_update._left_behind(found, ("first.tlog", "second.tlog"))
+    words = model_update._omission_note(found, ("first.tlog", "second.tlog"))
     flight = ("first.tlog", "second.tlog")[found.flight]
     assert words.startswith(f"rotor {rotor + 1} went bad during {flight}: the new model has it bad")
 
@@ -241,10 +241,10 @@ def test_errors_by_rotor_are_of_the_same_rows_as_the_errors_in_all(worn):
         assert one.after.rmse_ci95_rpm[0] < one.after.rmse_rpm < one.after.rmse_ci95_rpm[1]
     assert rotors[0].before.bias_rpm > 50.0
     assert abs(rotors[0].after.bias_rpm) < 2.0
-    held = worn.held_out
-    assert held is not None
+    trials = worn.held_out
+    assert trials is not None
     for k, one in enumerate(rotors):
-        spread = np.sum((held.measured_rpm[:, k] - held.measured_rpm[:, k].mean()) ** 2)
+        spread = np.sum((trials.measured_rpm[:, k] - trials.measured_rpm[:, k].mean()) ** 2)
         left = np.sum(unseen[-1].after_rpm[:, k] ** 2)
         assert one.after.r2 == pytest.approx(1.0 - left / spread)
 

@@ -76,11 +76,11 @@ def test_the_new_model_and_the_margin_hold_it(pitching, tmp_path):
     cause, record = pitching.open_causes[0], new.effects[0]
     assert (record.parameters["low"].value, record.parameters["high"].value) == cause.range
     unused = with_causes([[PITCH]] * (FLIGHTS + 1))[-1]
-    old, held = (
+    old, trials = (
         np.nanmean((analyse(unused, m).prediction.rotor_speed_rpm - unused.rotor_speed_rpm) ** 2)
         for m in (MODEL, new)
     )
-    assert held < 0.25 * old
+    assert trials < 0.25 * old
     steps, whole = margin_changes(pitching)
     assert steps == ()
     assert whole.worst_after < whole.worst_before - 0.01

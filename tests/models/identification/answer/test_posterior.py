@@ -12,7 +12,7 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, posterior_of
 from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate
-from thrustmargin.models.identification.sets.evidence import Scored
+from thrustmargin.models.identification.sets.evidence import SetScore
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
 
 MASS, GAUGE, CG = (
@@ -28,18 +28,18 @@ def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
     """A set: the first value of each effect and its standard error by name."""
     names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3, "last": 4, "since": 5}
     key = frozenset(names[n] for n in values)
-    held, errors = [], []
+    trials, errors = [], []
     for n in sorted(values, key=lambda name: names[name]):
         one = ALL[names[n]]
         start = one.start.copy()
         start[0, 0] = values[n][0]
-        held.append(TrialEffect(candidate=one, values=start))
+        trials.append(TrialEffect(candidate=one, values=start))
         errors += [values[n][1]] + [0.1] * (len(one.free) - 1)
-    scored = Scored(log_evidence=0.0, step=np.zeros(len(errors)), variance=np.square(errors))
+    scored = SetScore(log_evidence=0.0, step=np.zeros(len(errors)), variance=np.square(errors))
     return FittedSet(
         key=key,
-        held=tuple(held),
-        scored=scored,
+        trials=tuple(trials),
+        set_score=scored,
         total=float(np.log(weight)),
         residual=np.zeros((1, 4)),
     )
@@ -55,7 +55,7 @@ def test_what_nearly_all_weight_holds_is_named():
         a_set(0.60, loss=(0.08, 0.01)), a_set(0.36, loss=(0.08, 0.01), mass=(1.0, 0.2)), a_set(0.04)
     )
     assert found.weights == pytest.approx([0.60, 0.36, 0.04])
-    assert found.named() == [3]
+    assert found.named_candidates() == [3]
     assert found.probability([3]) == pytest.approx(0.96)
     assert found.probability([0]) == pytest.approx(0.36)
 
@@ -68,7 +68,7 @@ def test_a_rotor_is_named_though_it_may_be_weak_from_the_start_or_since_a_moment
         a_set(0.03, since=(0.15, 0.01), mass=(1.0, 0.2)),
         a_set(0.03),
     )
-    assert found.named() == [5]
+    assert found.named_candidates() == [5]
     assert found.estimate(5).probability == pytest.approx(0.97)
     assert found.one_of([5]) == ()
     assert found.mentioned([5]) == ()
@@ -76,21 +76,23 @@ def test_a_rotor_is_named_though_it_may_be_weak_from_the_start_or_since_a_moment
 
 def test_two_rotors_or_two_effects_of_which_one_is_there_are_no_name():
     rotors = answer_of(a_set(0.5, loss=(0.15, 0.01)), a_set(0.5, last=(0.15, 0.01)))
-    assert rotors.named() == []
+    assert rotors.named_candidates() == []
     assert rotors.estimate(3).probability == pytest.approx(0.5)
-    assert answer_of(a_set(0.5, mass=(1.0, 0.2)), a_set(0.5, cg=(0.1, 0.01))).named() == []
+    assert (
+        answer_of(a_set(0.5, mass=(1.0, 0.2)), a_set(0.5, cg=(0.1, 0.01))).named_candidates() == []
+    )
 
 
 def test_both_that_nearly_all_weight_holds_are_named():
     both = answer_of(a_set(0.97, loss=(0.15, 0.01), since=(0.05, 0.01)), a_set(0.03))
-    assert both.named() == [3, 5]
+    assert both.named_candidates() == [3, 5]
 
 
 def test_a_size_that_may_be_nothing_is_no_name():
-    assert answer_of(a_set(1.0, mass=(0.3, 0.2))).named() == []
-    assert answer_of(a_set(1.0, mass=(0.5, 0.2))).named() == [0]
-    assert answer_of(a_set(1.0, gauge=(0.9, 0.02))).named() == [1]
-    assert answer_of(a_set(1.0, gauge=(1.03, 0.02))).named() == []
+    assert answer_of(a_set(1.0, mass=(0.3, 0.2))).named_candidates() == []
+    assert answer_of(a_set(1.0, mass=(0.5, 0.2))).named_candidates() == [0]
+    assert answer_of(a_set(1.0, gauge=(0.9, 0.02))).named_candidates() == [1]
+    assert answer_of(a_set(1.0, gauge=(1.03, 0.02))).named_candidates() == []
 
 
 def test_values_are_averaged_over_the_sets_with_what_lies_between_them():
@@ -103,7 +105,7 @@ def test_values_are_averaged_over_the_sets_with_what_lies_between_them():
 
 def test_a_value_is_a_step_away_from_where_its_set_was_linearised():
     one = a_set(1.0, mass=(1.0, 0.2))
-    one = replace(one, scored=replace(one.scored, step=np.array([0.5])))
+    one = replace(one, set_score=replace(one.set_score, step=np.array([0.5])))
     search: Any = SimpleNamespace(fitted={one.key: one}, candidates=ALL)
     estimate = posterior_of(search, 0.15).estimate(0)
     assert estimate.value[0, 0] == pytest.approx(1.5)
@@ -117,7 +119,7 @@ def test_a_value_is_a_step_away_from_where_its_set_was_linearised():
 
 def test_one_of_two_where_only_together_they_hold_the_weight():
     found = answer_of(a_set(0.55, mass=(1.0, 0.2)), a_set(0.42, gauge=(1.1, 0.02)), a_set(0.03))
-    assert found.named() == []
+    assert found.named_candidates() == []
     (group,) = found.one_of([])
     assert [t.effect.name for t in group.terms] == ["extra_mass", "tank_scale"]
     assert group.probabilities == pytest.approx((0.55, 0.42))
@@ -201,12 +203,12 @@ def test_an_interval_has_the_error_the_finest_step_and_the_share_that_no_rows_le
 @pytest.mark.parametrize(("weight", "names"), [(0.949, []), (0.951, [0])])
 def test_a_name_needs_95_percent_of_the_weight(weight, names):
     found = answer_of(a_set(weight, mass=(2.0, 0.1)), a_set(1.0 - weight))
-    assert found.named() == names
+    assert found.named_candidates() == names
 
 
 @pytest.mark.parametrize(("times", "names"), [(1.95, []), (1.97, [0]), (-1.95, []), (-1.97, [0])])
 def test_a_name_is_clear_of_nothing_by_1_96_standard_errors(times, names):
-    assert answer_of(a_set(1.0, mass=(0.2 * times, 0.2))).named() == names
+    assert answer_of(a_set(1.0, mass=(0.2 * times, 0.2))).named_candidates() == names
 
 
 @pytest.mark.parametrize(("both", "groups"), [(0.49, 1), (0.51, 0)])
@@ -232,19 +234,19 @@ def law_error(c: int, k: int) -> float:
 def excluded(value: float, error: float, *sets: FittedSet, named=()):
     """What is excluded where each effect alone beside the best set would have this value."""
 
-    def score(key: frozenset[int]) -> Scored:
+    def score(key: frozenset[int]) -> SetScore:
         free = sum(len(ALL[c].free) for c in key)
         first = np.zeros(free)
         first[0] = value
-        return Scored(log_evidence=0.0, step=first, variance=np.full(free, error**2))
+        return SetScore(log_evidence=0.0, step=first, variance=np.full(free, error**2))
 
-    held = []
+    trials = []
     for one in ALL:
         absent = one.start.copy()
         for k, p in enumerate(one.parameters):
             absent[:, k] = p.start if p.absent is None else p.absent
-        held.append(TrialEffect(candidate=one, values=absent))
-    linear: Any = SimpleNamespace(score=score, held=held, law_error=law_error)
+        trials.append(TrialEffect(candidate=one, values=absent))
+    linear: Any = SimpleNamespace(score=score, trials=trials, law_error=law_error)
     return {e.term.effect.name: e for e in answer_of(*sets).excluded(linear, named)}
 
 
@@ -270,23 +272,23 @@ def test_a_detail_is_no_size_and_a_value_that_is_never_absent_neither():
     )
     effect = replace(MASS.term.effect, parameters=(first, *more))
     made = candidate(Term(effect=effect), 1)
-    scored = Scored(log_evidence=0.0, step=np.array([0.3, 9.0, 9.0]), variance=np.full(3, 0.04))
+    scored = SetScore(log_evidence=0.0, step=np.array([0.3, 9.0, 9.0]), variance=np.full(3, 0.04))
     search: Any = SimpleNamespace(fitted={frozenset(): a_set(1.0)}, candidates=[made])
     linear: Any = SimpleNamespace(
         law_error=law_error,
         score=lambda *_: scored,
-        held=[TrialEffect(candidate=made, values=np.zeros((1, 3)))],
+        trials=[TrialEffect(candidate=made, values=np.zeros((1, 3)))],
     )
     (one,) = posterior_of(search).excluded(linear, [])
     assert (one.parameter, one.above) == (
         "mass",
         pytest.approx(0.3 + norm.ppf(0.95) * np.hypot(0.2, 0.03)),
     )
-    held = TrialEffect(candidate=made, values=np.array([[0.1, 9.0, 9.0]]))
+    trials = TrialEffect(candidate=made, values=np.array([[0.1, 9.0, 9.0]]))
     still = replace(scored, step=np.zeros(3))
-    sure = replace(a_set(1.0), key=frozenset({0}), held=(held,), scored=still)
+    sure = replace(a_set(1.0), key=frozenset({0}), trials=(trials,), set_score=still)
     search.fitted = {sure.key: sure}
-    assert posterior_of(search).named() == []
+    assert posterior_of(search).named_candidates() == []
 
 
 @pytest.mark.parametrize(("of_bound", "said"), [(0.999, True), (1.001, False)])
@@ -316,18 +318,18 @@ def test_values_of_single_flights_are_averaged_flight_by_flight():
     assert [flight for _, flight in zero.free] == [0, 1]
 
     def at(weight: float, values, steps, key) -> FittedSet:
-        scored = Scored(
+        scored = SetScore(
             log_evidence=0.0,
             step=np.array(steps),
             variance=np.array([0.01, 0.04, 9.0][: len(steps)]),
         )
-        held = [TrialEffect(candidate=zero, values=np.array(values)[:, None])]
+        trials = [TrialEffect(candidate=zero, values=np.array(values)[:, None])]
         if len(key) > 1:
-            held.append(TrialEffect(candidate=MASS, values=np.zeros((2, 1))))
+            trials.append(TrialEffect(candidate=MASS, values=np.zeros((2, 1))))
         return FittedSet(
             key=frozenset(key),
-            held=tuple(held),
-            scored=scored,
+            trials=tuple(trials),
+            set_score=scored,
             total=float(np.log(weight)),
             residual=np.zeros((1, 4)),
         )
@@ -345,11 +347,11 @@ def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
     values = onset.start.copy()
     values[:, 0] = [0.02, 0.09, 0.05]
     errors = np.array([0.01 if k == 0 else 0.0 for k, _ in onset.free], dtype=np.float64)
-    scored = Scored(log_evidence=0.0, step=0.0 * errors, variance=errors**2)
+    scored = SetScore(log_evidence=0.0, step=0.0 * errors, variance=errors**2)
     rare = FittedSet(
         key=frozenset({0}),
-        held=(TrialEffect(candidate=onset, values=values),),
-        scored=scored,
+        trials=(TrialEffect(candidate=onset, values=values),),
+        set_score=scored,
         total=float(np.log(0.2)),
         residual=np.zeros((1, 4)),
     )
@@ -366,13 +368,13 @@ def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
 def test_what_is_excluded_beside_a_set_is_read_at_its_own_place():
     """Beside mass (one value) and a shifted load (two) a loss is the fourth value."""
 
-    def score(key: frozenset[int]) -> Scored:
+    def score(key: frozenset[int]) -> SetScore:
         count = sum(len(ALL[c].free) for c in key)
         places = np.arange(1.0, count + 1.0, dtype=np.float64)
-        return Scored(log_evidence=0.0, step=0.01 * places, variance=(0.001 * places) ** 2)
+        return SetScore(log_evidence=0.0, step=0.01 * places, variance=(0.001 * places) ** 2)
 
-    held = [one.at_start for one in ALL]
-    linear: Any = SimpleNamespace(score=score, held=held, law_error=law_error)
+    trials = [one.initial_effect for one in ALL]
+    linear: Any = SimpleNamespace(score=score, trials=trials, law_error=law_error)
     best = a_set(1.0, mass=(1.0, 0.1), cg=(0.02, 0.001))
     found = answer_of(best).excluded(linear, [0, 2])
     loss = next(e for e in found if e.term.rotor == 2)
@@ -452,15 +454,15 @@ def test_a_rotor_is_named_by_a_steady_loss_and_one_along_a_channel_together(alon
     errors = np.full(len(uneven.free), 0.01)
     other = FittedSet(
         key=frozenset({len(ALL)}),
-        held=(TrialEffect(candidate=uneven, values=uneven.start + 0.05),),
-        scored=Scored(log_evidence=0.0, step=0.0 * errors, variance=errors**2),
+        trials=(TrialEffect(candidate=uneven, values=uneven.start + 0.05),),
+        set_score=SetScore(log_evidence=0.0, step=0.0 * errors, variance=errors**2),
         total=float(np.log(along)),
         residual=np.zeros((1, 4)),
     )
     sets = [a_set(0.78, loss=(0.08, 0.01)), other, a_set(0.22 - along)]
     search: Any = SimpleNamespace(fitted={s.key: s for s in sets}, candidates=[*ALL, uneven])
     found = posterior_of(search)
-    assert found.named() == named
+    assert found.named_candidates() == named
     assert found.estimate(3).probability == pytest.approx(0.78 + along)
     assert found.one_of([]) == ()
 
@@ -475,8 +477,8 @@ def test_a_knot_that_no_flight_reaches_is_as_the_last_that_one_does():
     def estimate(*errors: float) -> list[float]:
         one = FittedSet(
             key=frozenset({0}),
-            held=(TrialEffect(candidate=curve, values=values),),
-            scored=Scored(log_evidence=0.0, step=np.zeros(3), variance=np.square(errors)),
+            trials=(TrialEffect(candidate=curve, values=values),),
+            set_score=SetScore(log_evidence=0.0, step=np.zeros(3), variance=np.square(errors)),
             total=0.0,
             residual=np.zeros((1, 4)),
         )

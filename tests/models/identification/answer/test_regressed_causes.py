@@ -11,7 +11,7 @@ from tests.models.made_flights import curve_model, made_flights
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.unnamed import UNNAMED
-from thrustmargin.models.identification.answer.open_causes import change_on, open_causes
+from thrustmargin.models.identification.answer.open_causes import change_by_causes, open_causes
 from thrustmargin.models.identification.rows.problem import assemble
 
 NOISE = 5.0  # rpm
@@ -52,7 +52,7 @@ def test_a_cause_in_every_flight_is_found_where_it_acts_and_leaves_the_noise(pro
     assert rms(residual - found.left_out_rpm) < 1.05 * NOISE
     assert rms(residual - found.change_rpm) < 1.02 * NOISE
     wanted = problem.speeds([PITCH]) - problem.speeds()
-    assert rms(change_on(problem, found.causes) - wanted) < 0.2 * rms(wanted)
+    assert rms(change_by_causes(problem, found.causes) - wanted) < 0.2 * rms(wanted)
     wide = (first.found.upper - first.found.lower)[0] / 2.0
     assert 0.0 < wide[:4].max() < 0.01
     assert wide[4:].tolist() == [0.0, 0.0]

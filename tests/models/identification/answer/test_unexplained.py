@@ -9,23 +9,23 @@ from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.acceptance import (
-    _matters,
-    acts_in,
-    closest_to,
-    imitates,
-    unexplained,
+    _exceeds_limits,
+    changes_mostly,
+    effects_resembling,
+    find_unexplained,
+    resembles_unexplained,
 )
 from thrustmargin.models.identification.answer.posterior import Posterior, posterior_of
 from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.loop import identify_checked
 from thrustmargin.models.identification.rows.candidates import (
     TrialEffect,
-    predicted,
+    predicted_modes,
     slopes,
     unnamed_candidates,
 )
 from thrustmargin.models.identification.rows.modes import modes
-from thrustmargin.models.identification.sets.evidence import Scored
+from thrustmargin.models.identification.sets.evidence import SetScore
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
@@ -80,14 +80,14 @@ def with_loss(law: str) -> list[FlightTrack]:
 @pytest.mark.parametrize("mode", [0, 3])
 def test_a_wave_that_no_effect_has_is_left_in_its_mode_with_its_size_along_its_channel(mode):
     space, _, answer = searched(with_wave(mode))
-    left = unexplained(space, answer)
+    left = find_unexplained(space, answer)
     assert left is not None
     assert (left.mode, left.modes, left.rotor) == (mode, (mode,), None)
     assert {"airspeed", "forward_speed"} & {*left.channels}  # without wind they are the same
     wave = SIZE * np.sin(0.7 * space.reduced.channels.airspeed)
     assert left.rms_rpm == pytest.approx(np.sqrt(np.mean(wave**2)), rel=0.3)
     assert 0.6 < left.share <= 1.0
-    assert answer.named() == []
+    assert answer.named_candidates() == []
 
 
 @pytest.fixture(scope="module")
@@ -97,8 +97,8 @@ def sound():
 
 def test_sound_flights_leave_nothing(sound):
     space, _, answer = sound
-    assert unexplained(space, answer) is None
-    assert answer.named() == []
+    assert find_unexplained(space, answer) is None
+    assert answer.named_candidates() == []
 
 
 def test_a_steady_loss_keeps_its_name():
@@ -142,14 +142,14 @@ def test_the_slopes_of_a_curve_are_those_of_what_it_does():
     space = search_space(MODEL, with_wave(None)[:2], effects_for(F16, table(KEYS)))
     x = space.reduced
     for one in space.unnamed[:: max(1, len(space.unnamed) // 7)]:
-        start = one.at_start
+        start = one.initial_effect
         found = slopes(x, [start], 0)
         for k in range(found.shape[2]):
             ends = []
             for sign in (1e-4, -1e-4):
                 values = one.start.copy()
                 values[:, k] += sign
-                ends.append(predicted(x, [TrialEffect(candidate=one, values=values)]))
+                ends.append(predicted_modes(x, [TrialEffect(candidate=one, values=values)]))
             by_hand = np.nan_to_num((ends[0] - ends[1]) / 2e-4)
             scale = max(float(np.abs(by_hand).max()), 1.0)
             np.testing.assert_allclose(np.nan_to_num(found[:, :, k]), by_hand, atol=0.02 * scale)
@@ -190,13 +190,13 @@ def test_an_effect_acts_in_the_mode_of_most_of_its_change(sound):
     _, search, _ = sound
     by_key = {c.key: c for c in search.candidates if not c.unnamed}
     mass = TrialEffect(candidate=by_key["extra_mass"], values=np.full((3, 1), 2.0))
-    assert [acts_in(search, mass, [m]) for m in range(4)] == [True, False, False, False]
+    assert [changes_mostly(search, mass, [m]) for m in range(4)] == [True, False, False, False]
     one = by_key["rotor_degradation@1"]
     values = one.start.copy()
     values[:, 0] = 0.1
     rotor = TrialEffect(candidate=one, values=values)
-    assert not any(acts_in(search, rotor, [m, n]) for m in range(4) for n in range(m))
-    assert acts_in(search, rotor, [0, 1, 2])
+    assert not any(changes_mostly(search, rotor, [m, n]) for m in range(4) for n in range(m))
+    assert changes_mostly(search, rotor, [0, 1, 2])
 
 
 def test_a_name_by_the_channel_that_the_unexplained_goes_with_is_only_closest():
@@ -204,22 +204,22 @@ def test_a_name_by_the_channel_that_the_unexplained_goes_with_is_only_closest():
     space, search, answer = searched(with_wave(1), names)
     by_key = {c.key: k for k, c in enumerate(search.candidates) if not c.unnamed}
     mass, drag, cg = (by_key[name] for name in names)
-    left = unexplained(space, answer)
+    left = find_unexplained(space, answer)
     assert left is not None
     search.fitted = {answer.best.key: search.fit(frozenset({mass, drag, cg}), ())}
     answer = posterior_of(search)
     left = replace(left, channels=("airspeed",))
     # Drag acts in the collective alone, but by airspeed; a mass does neither.
-    assert closest_to(left, [mass, drag, cg], answer) == [drag, cg]
+    assert effects_resembling(left, [mass, drag, cg], answer) == [drag, cg]
     elsewhere = replace(left, channels=("time_s",), modes=(3,))
-    assert closest_to(elsewhere, [mass, drag, cg], answer) == []
-    assert closest_to(None, [mass, drag, cg], answer) == []
+    assert effects_resembling(elsewhere, [mass, drag, cg], answer) == []
+    assert effects_resembling(None, [mass, drag, cg], answer) == []
 
 
 def test_a_rotor_is_named_by_all_that_says_it_is_weak():
     """By a steady loss, and by one along a channel, together, where the first is likelier."""
     _, search, answer = searched(with_loss("steady"))
-    (loss,) = answer.named()
+    (loss,) = answer.named_candidates()
     of_rotor = {
         c
         for c, one in enumerate(search.candidates)
@@ -246,40 +246,40 @@ def wandering(size_rpm: float, slow_rpm: tuple[float, ...], mode: int = 2):
 def test_a_mode_that_comes_and_goes_more_than_in_good_flights_is_unexplained_and_takes_no_name():
     """Steps of 40 rpm over 25 s are slow noise of 40 / 0.75 rpm: three times 17.8."""
     space, answer = wandering(40.0, (17.0,) * 4)
-    left = unexplained(space, answer)
+    left = find_unexplained(space, answer)
     assert left is not None
     assert (left.mode, left.modes, left.channel, left.wanders) == (2, (2,), "time_s", True)
     assert left.rms_rpm == pytest.approx(40.0, rel=0.15)
     assert 0.8 < left.share <= 1.0
-    assert closest_to(replace(left, modes=(0, 1, 2, 3)), [0], answer) == []
-    assert unexplained(*wandering(40.0, (20.0,) * 4)) is None
-    assert unexplained(*wandering(40.0, ())) is None
+    assert effects_resembling(replace(left, modes=(0, 1, 2, 3)), [0], answer) == []
+    assert find_unexplained(*wandering(40.0, (20.0,) * 4)) is None
+    assert find_unexplained(*wandering(40.0, ())) is None
     space, answer = wandering(40.0, (17.0,) * 4, mode=0)
-    assert unexplained(space, answer) is not None
+    assert find_unexplained(space, answer) is not None
     space = replace(space, reduced=replace(space.reduced, of_outputs=True))
-    assert unexplained(space, answer) is None  # outputs are not measured thrust
+    assert find_unexplained(space, answer) is None  # outputs are not measured thrust
 
 
 def test_beside_a_slightly_uneven_loss_its_rotor_is_named_and_nothing_else():
     """A loss of 6 % that goes by a tenth of itself with the load is steady enough."""
     steady = np.array([100.0, 30.0, 30.0, 20.0])
     sound = np.full(4, 0.01)
-    assert _matters(0.16**2 * steady, steady, sound, of_rotor=True)
-    assert not _matters(0.14**2 * steady, steady, sound, of_rotor=True)
+    assert _exceeds_limits(0.16**2 * steady, steady, sound, of_rotor=True)
+    assert not _exceeds_limits(0.14**2 * steady, steady, sound, of_rotor=True)
 
 
 @pytest.mark.parametrize(("share", "open_"), [(0.14, False), (0.16, True)])
 def test_names_may_leave_15_percent_of_what_is_explained_in_a_mode(share, open_):
     wave = np.array([0.0, 40.0, 0.0, 0.0])
     names = np.array([1000.0, 40.0 * (1.0 - share) / share, 0.0, 0.0])
-    assert _matters(wave, names, np.full(4, 0.01), of_rotor=False) is open_
+    assert _exceeds_limits(wave, names, np.full(4, 0.01), of_rotor=False) is open_
 
 
 @pytest.mark.parametrize(("times", "open_"), [(2.9, False), (3.1, True)])
 def test_what_is_left_is_three_times_what_a_sound_aircraft_leaves(times, open_):
     usual = np.array([9.0, 4.0, 1.0, 1.0])
     wave = np.array([0.0, 4.0 * times**2, 0.0, 0.0])
-    assert _matters(wave, np.zeros(4), usual, of_rotor=False) is open_
+    assert _exceeds_limits(wave, np.zeros(4), usual, of_rotor=False) is open_
 
 
 def test_beside_a_loss_that_goes_along_a_channel_no_other_name_stands():
@@ -287,14 +287,14 @@ def test_beside_a_loss_that_goes_along_a_channel_no_other_name_stands():
     _, search, answer = searched(with_loss("in fast flight"), KEYS[:1] + KEYS[2:])
     by_key = {c.key: k for k, c in enumerate(search.candidates) if not c.unnamed}
     mass, rotor = by_key["extra_mass"], by_key[f"rotor_degradation@{ROTOR + 1}"]
-    assert closest_to(None, [mass, rotor], answer) == [mass]
+    assert effects_resembling(None, [mass, rotor], answer) == [mass]
     steady = searched(with_loss("steady"), KEYS[:1] + KEYS[2:])[2]
-    assert closest_to(None, [mass, rotor], steady) == []
+    assert effects_resembling(None, [mass, rotor], steady) == []
     # A choice of which one is that rotor's loss is none that only makes up for it.
     terms = [search.candidates[c].term for c in (mass, rotor)]
     alone, both = (OneOf(terms=tuple(of), probabilities=()) for of in (terms[:1], terms))
-    assert [imitates(one, None, answer) for one in (alone, both)] == [True, False]
-    assert not imitates(alone, None, steady)
+    assert [resembles_unexplained(one, None, answer) for one in (alone, both)] == [True, False]
+    assert not resembles_unexplained(alone, None, steady)
 
 
 def test_two_curves_that_take_back_each_other_are_as_large_as_what_they_do_together(sound):
@@ -302,7 +302,7 @@ def test_two_curves_that_take_back_each_other_are_as_large_as_what_they_do_toget
     space, search, _ = sound
     by_key = {c.key: k for k, c in enumerate(search.candidates)}
 
-    def held(channel: str, size: float) -> tuple[int, TrialEffect]:
+    def trials(channel: str, size: float) -> tuple[int, TrialEffect]:
         c = by_key[f"unnamed_cause:pitch along {channel}"]
         values = search.candidates[c].start.copy()
         values[:, 1:4] = size
@@ -313,16 +313,16 @@ def test_two_curves_that_take_back_each_other_are_as_large_as_what_they_do_toget
         count = sum(len(h.candidate.free) for _, h in kept)
         return FittedSet(
             key=frozenset(c for c, _ in kept),
-            held=tuple(h for _, h in kept),
-            scored=Scored(log_evidence=0.0, step=np.zeros(count), variance=np.ones(count)),
+            trials=tuple(h for _, h in kept),
+            set_score=SetScore(log_evidence=0.0, step=np.zeros(count), variance=np.ones(count)),
             total=0.0,
             residual=np.zeros_like(space.reduced.measured_rpm),
         )
 
-    one = held("airspeed", 0.05)
+    one = trials("airspeed", 0.05)
     sizes = []
-    for fitted in (alone(one), alone(one, held("forward_speed", -0.04))):
-        left = unexplained(space, Posterior.of(search, [fitted]))
+    for fitted in (alone(one), alone(one, trials("forward_speed", -0.04))):
+        left = find_unexplained(space, Posterior.from_sets(search, [fitted]))
         assert left is not None
         sizes.append(left.rms_rpm)
     assert sizes[0] > 20.0

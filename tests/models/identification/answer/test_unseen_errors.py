@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.identification.answer.held_out_errors import (
-    Unseen,
+    HeldOutResidual,
     errors_of,
     rotor_errors,
 )
@@ -42,7 +42,9 @@ def test_an_interval_is_that_of_flights_drawn_and_blocks_drawn_in_them(block_fli
 
 
 def test_each_rotor_has_its_own_errors_before_and_after():
-    unseen = Unseen(problem=problem(), before_rpm=2 * RESIDUAL, after_rpm=RESIDUAL, role="fit")
+    unseen = HeldOutResidual(
+        problem=problem(), before_rpm=2 * RESIDUAL, after_rpm=RESIDUAL, role="fit"
+    )
     together, *each = rotor_errors(unseen)
     assert together.rotor is None
     assert [e.rotor for e in each] == [0, 1]

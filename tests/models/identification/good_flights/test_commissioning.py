@@ -11,10 +11,10 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.good_flights import commissioning, standard_effects
 from thrustmargin.models.identification.good_flights.commissioning import (
     _folds,
-    chain_of,
     commission,
+    network_is_worse,
+    validated_chain,
     with_delays,
-    worse,
 )
 from thrustmargin.models.model.predict import predict
 from thrustmargin.models.model.training import Fold
@@ -39,7 +39,7 @@ def few_effects():
 def chain(tracks, said=lambda _: None):
     folds = tuple(Fold(model=curve_model(), flights=(k,)) for k in range(len(tracks)))
     used = list(range(len(tracks)))
-    return chain_of(curve_model(), folds, tracks, used, gather(tracks), INPUTS, said)
+    return validated_chain(curve_model(), folds, tracks, used, gather(tracks), INPUTS, said)
 
 
 @pytest.fixture(scope="module")
@@ -89,9 +89,11 @@ def test_the_network_stays_unless_flights_left_out_are_worse_with_it(known):
     def off(*by: float):
         return replace(one, predicted_rpm=measured + np.array(by)[flight][:, None])
 
-    assert not worse(off(10.0, 10.0, 10.0), off(20.0, 25.0, 20.0))
-    assert worse(off(20.0, 25.0, 20.0), off(10.0, 10.0, 10.0))
-    assert not worse(off(20.0, 10.0, 10.0), off(10.0, 10.0, 10.1))  # one flight proves nothing
+    assert not network_is_worse(off(10.0, 10.0, 10.0), off(20.0, 25.0, 20.0))
+    assert network_is_worse(off(20.0, 25.0, 20.0), off(10.0, 10.0, 10.0))
+    assert not network_is_worse(
+        off(20.0, 10.0, 10.0), off(10.0, 10.0, 10.1)
+    )  # one flight proves nothing
 
 
 def test_three_flights_without_a_network_make_a_model_with_effects_and_interval():

@@ -12,18 +12,18 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.good_flights import flight_scatter
 from thrustmargin.models.identification.good_flights.flight_scatter import (
-    LeftOutFlights,
-    _at_the_model,
+    HeldOutFlights,
+    _flight_estimates,
     _harmonics,
-    _own_estimates,
-    _pooled,
+    _pool_scatter,
+    _separate_effect,
     _splines,
     confirmed_curve_rms,
     good_flights,
     mean_and_error,
     own_estimate,
 )
-from thrustmargin.models.identification.rows.noise import plain
+from thrustmargin.models.identification.rows.noise import unfiltered_whitening
 from thrustmargin.models.identification.rows.problem import assemble
 
 
@@ -37,15 +37,15 @@ def test_an_effect_that_the_model_has_is_estimated_anew_about_its_value():
     mass = record("extra_mass", "mass", 2.2, "kg")
     gauge = record("tank_scale", "gain", 1.0, "1")
     model = replace(curve_model(), effects=(gauge, mass))
-    rest, values = _at_the_model(model, BY_KEY["extra_mass"])
+    rest, values = _separate_effect(model, BY_KEY["extra_mass"])
     assert values == [2.2]
     assert rest.effects == (gauge,)
-    assert _at_the_model(model, BY_KEY["cg_offset"]) == (model, [0.0, 0.0])
+    assert _separate_effect(model, BY_KEY["cg_offset"]) == (model, [0.0, 0.0])
     problem = assemble(model, [made_flight(1, hidden_mass=2.0), made_flight(2, hidden_mass=3.0)])
-    modes = problem.in_modes(problem.measured_rpm - problem.speeds())
-    own = _own_estimates(problem, plain(modes, problem.flight), [BY_KEY["extra_mass"]])[
-        "extra_mass.mass", None
-    ]
+    modes = problem.mode_amplitudes(problem.measured_rpm - problem.speeds())
+    own = _flight_estimates(
+        problem, unfiltered_whitening(modes, problem.flight), [BY_KEY["extra_mass"]]
+    )["extra_mass.mass", None]
     assert own[:, 0] == pytest.approx([2.0, 3.0], abs=0.06)
     assert np.all((own[:, 1] > 0.0) & (own[:, 1] < 0.1))
 
@@ -142,8 +142,8 @@ def test_the_scatter_of_rotors_is_that_of_one_of_them_and_blind_flights_are_no_f
         ("loss", 0): [np.array(alike)],
         ("loss", 1): [apart[:1], apart[1:]],
     }
-    assert _pooled(estimates) == pytest.approx({"loss": 1.0}, rel=1e-6)  # with 0 of the other
-    assert _pooled({("loss", 0): [np.array([alike[0], *blind])]}) == {}
+    assert _pool_scatter(estimates) == pytest.approx({"loss": 1.0}, rel=1e-6)  # with 0 of the other
+    assert _pool_scatter({("loss", 0): [np.array([alike[0], *blind])]}) == {}
 
 
 def test_flights_are_the_same_in_one_part_or_in_two():
@@ -151,8 +151,8 @@ def test_flights_are_the_same_in_one_part_or_in_two():
         with_weight_forward(t, 0.004 * k) for k, t in enumerate(made_flights(4, duration=60.0))
     ]
     model = curve_model()
-    whole = good_flights([LeftOutFlights(model=model, tracks=tuple(tracks))])
-    parts = [LeftOutFlights(model=model, tracks=tuple(tracks[k : k + 2])) for k in (0, 2)]
+    whole = good_flights([HeldOutFlights(model=model, tracks=tuple(tracks))])
+    parts = [HeldOutFlights(model=model, tracks=tuple(tracks[k : k + 2])) for k in (0, 2)]
     shown = good_flights(parts)
     assert shown.flights == 4
     assert shown.scatter["cg_offset.x"] == pytest.approx(whole.scatter["cg_offset.x"], rel=0.01)
@@ -171,7 +171,7 @@ def test_slow_noise_of_a_small_aircraft_has_knots_nearer_together(monkeypatch):
     monkeypatch.setattr(flight_scatter, "slow_wander", seen)
     monkeypatch.setattr(flight_scatter, "froude_time_scale", lambda _: 0.5)
     tracks = tuple(made_flights(2, duration=60.0))
-    good_flights([LeftOutFlights(model=curve_model(), tracks=tracks)])
+    good_flights([HeldOutFlights(model=curve_model(), tracks=tracks)])
     assert asked == [12.5]  # of 25 s
 
 
@@ -192,8 +192,8 @@ def test_flights_that_differ_show_by_how_much_and_in_what_alone():
     metres = np.array([-3.0, -1.0, 1.0, 3.0, -3.0, -1.0, 1.0, 3.0]) / 1000.0
     odd = [with_weight_forward(t, m) for t, m in zip(tracks, metres, strict=True)]
     model = curve_model()
-    shown = good_flights([LeftOutFlights(model=model, tracks=tuple(odd))])
-    alike = good_flights([LeftOutFlights(model=model, tracks=tuple(tracks))])
+    shown = good_flights([HeldOutFlights(model=model, tracks=tuple(odd))])
+    alike = good_flights([HeldOutFlights(model=model, tracks=tuple(tracks))])
     assert shown.flights == 8
     assert shown.scatter["cg_offset.x"] == pytest.approx(np.std(metres, ddof=1), rel=0.1)
     assert shown.scatter["cg_offset.y"] < 0.0002

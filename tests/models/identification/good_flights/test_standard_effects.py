@@ -15,7 +15,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.good_flights import standard_effects as module
 from thrustmargin.models.identification.good_flights.standard_effects import (
     gain_and_error,
-    held_at_absent,
+    sums_without_effects,
     with_standard_effects,
 )
 from thrustmargin.models.identification.rows.candidates import Term, candidate
@@ -81,17 +81,17 @@ def fitted(tracks, keys, known_rpm: Floats | float = 0.0):
     """The rows, and some effects fitted to them together."""
     problem = assemble(curve_model(), tracks)
     each = [candidate(Term(effect=BY_KEY[key]), problem.flights) for key in keys]
-    held = [one.at_start for one in each]
-    return problem, fit_rows(problem, held, known_rpm=known_rpm)
+    trials = [one.initial_effect for one in each]
+    return problem, fit_rows(problem, trials, known_rpm=known_rpm)
 
 
 def test_what_stays_takes_the_place_of_a_like_effect_that_goes():
     tracks = [with_weight_forward(t, 0.003) for t in made_flights(3, duration=90.0)]
     problem, whole = fitted(tracks, ("cg_offset", "cg_offset:tank"))
-    tank = whole.held[1]
-    sums = held_at_absent(whole, [tank])
+    tank = whole.trials[1]
+    sums = sums_without_effects(whole, [tank])
     moved = sums.move(sums.sums.sum(axis=0))
-    alone = fit_rows(problem, [tank]).held[0].values[0, 0]
+    alone = fit_rows(problem, [tank]).trials[0].values[0, 0]
     assert tank.values[0, 0] + moved[0] == pytest.approx(alone, rel=0.05)
     assert alone > 0.003 > 5.0 * abs(tank.values[0, 0])
 
@@ -119,8 +119,8 @@ def test_a_delay_stays_where_flights_left_out_gain_more_than_the_error_and_its_w
     problem, whole = fitted(tracks, ("cg_offset", "yaw_trim"))
     monkeypatch.setattr(module, "gain_and_error", lambda *_: (gain, error))
     asked = {} if worth is None else {"worth": worth}
-    kept = module._without_if_unneeded(problem, whole, "cg_offset", np.zeros(4), **asked)
-    assert ("cg_offset" in {h.candidate.key for h in kept.held}) == stays
+    kept = module._drop_if_unneeded(problem, whole, "cg_offset", np.zeros(4), **asked)
+    assert ("cg_offset" in {h.candidate.key for h in kept.trials}) == stays
 
 
 @pytest.mark.parametrize(("gain", "stays"), [(0.5, True), (0.3, False), (-0.5, False)])
@@ -128,16 +128,16 @@ def test_an_effect_stays_that_gains_more_than_the_error_of_it(monkeypatch, gain,
     tracks = [with_weight_forward(t, 0.02) for t in made_flights(3)]
     _, whole = fitted(tracks, ("cg_offset",))
     monkeypatch.setattr(module, "gain_and_error", lambda *_: (gain, 0.4))
-    assert bool(module._needed(whole)) == stays
+    assert bool(module._needed_effects(whole)) == stays
 
 
 def test_what_the_base_may_be_off_by_is_the_root_of_its_summed_squares(monkeypatch):
     """Deviations of 3 and 4 rpm in the collective, 12 in yaw of every other row."""
     asked = []
 
-    def seen(problem, held, *, known_rpm, **given):
+    def seen(problem, trials, *, known_rpm, **given):
         asked.append(known_rpm)
-        return fit_rows(problem, held, known_rpm=known_rpm, **given)
+        return fit_rows(problem, trials, known_rpm=known_rpm, **given)
 
     def off(_model, _base, x):
         directions, rows = modes(F16).directions, x.time_s.size
@@ -174,14 +174,16 @@ def test_leaving_an_effect_out_by_the_sums_is_leaving_it_out_of_the_fit():
     alike = np.full(4, 40.0)  # rpm, beside which the modes' own sizes are nothing
     problem, whole = fitted(tracks, ("cg_offset", "yaw_trim", "translational_lift"), alike)
     np.testing.assert_allclose(
-        held_at_absent(whole, whole.held).left_out_costs(), whole.sums.left_out_costs()
+        sums_without_effects(whole, whole.trials).held_out_costs(), whole.sums.held_out_costs()
     )
     for k in range(3):
-        rest = [h for h in whole.held if h is not whole.held[k]]
-        again = fit_rows(problem, rest, known_rpm=alike).sums.left_out_costs().sum()
-        assert held_at_absent(whole, rest).left_out_costs().sum() == pytest.approx(again, rel=0.05)
-    worse = held_at_absent(whole, whole.held[1:]).left_out_costs().sum()
-    assert worse > 1.2 * whole.sums.left_out_costs().sum()
+        rest = [h for h in whole.trials if h is not whole.trials[k]]
+        again = fit_rows(problem, rest, known_rpm=alike).sums.held_out_costs().sum()
+        assert sums_without_effects(whole, rest).held_out_costs().sum() == pytest.approx(
+            again, rel=0.05
+        )
+    worse = sums_without_effects(whole, whole.trials[1:]).held_out_costs().sum()
+    assert worse > 1.2 * whole.sums.held_out_costs().sum()
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.next_flight.next_flight import (
     Explanation,
     fitted_explanation,
-    scatter,
+    scatter_columns,
     second_noise_rpm,
 )
 from thrustmargin.models.identification.rows.candidates import (
@@ -37,7 +37,7 @@ def explanations(first, second) -> tuple[Explanation, Explanation]:
 
 def value(found: Explanation) -> float:
     """The only value of the only effect, on the only flight that it stands for."""
-    ((number,),) = found.held[0].values
+    ((number,),) = found.trials[0].values
     return float(number)
 
 
@@ -49,24 +49,24 @@ def test_a_rival_is_fitted_to_the_flown_rows():
 
 
 def test_the_scatter_of_good_flights_takes_the_place_of_the_usual_one():
-    usual = scatter(PROBLEM, 0.0)
+    usual = scatter_columns(PROBLEM, 0.0)
     good = GoodFlights(flights=5, scatter={"extra_mass.mass": 0.0, "yaw_trim.moment": 1.0})
-    shown = scatter(replace(PROBLEM, model=replace(MODEL, good_flights=good)), 0.0)
+    shown = scatter_columns(replace(PROBLEM, model=replace(MODEL, good_flights=good)), 0.0)
     assert shown.shape[2] == usual.shape[2] - 1
     one = candidate(LOSS, PROBLEM.flights)
-    moment = derivatives(PROBLEM, [one.at_start], 0)
+    moment = derivatives(PROBLEM, [one.initial_effect], 0)
     assert np.isclose(shown - moment, 0.0).all(axis=(0, 1)).any()
 
 
 def test_the_scatter_of_effects_behind_those_that_begin_in_flight_counts_too():
     good = GoodFlights(flights=5, scatter={"translational_lift.gain": 0.0})
-    without = scatter(replace(PROBLEM, model=replace(MODEL, good_flights=good)), 0.0)
-    assert without.shape[2] == scatter(PROBLEM, 0.0).shape[2] - 1
+    without = scatter_columns(replace(PROBLEM, model=replace(MODEL, good_flights=good)), 0.0)
+    assert without.shape[2] == scatter_columns(PROBLEM, 0.0).shape[2] - 1
 
 
 def test_a_sound_flight_s_mean_is_off_in_each_mode_by_its_own_scatter():
     rpm = np.array([8.0, 3.0, 5.0, 1.0])
-    means = scatter(PROBLEM, rpm)[:, :, :4]
+    means = scatter_columns(PROBLEM, rpm)[:, :, :4]
     np.testing.assert_allclose(means, [np.diag(rpm)] * len(means), atol=1e-12)
 
 
@@ -77,9 +77,9 @@ def test_a_step_in_flight_counts_as_it_is_afterwards():
 
 def test_a_cause_without_a_name_goes_along_what_the_flights_have_of_its_channel():
     term = Term(effect=UNNAMED["collective", "airspeed"])
-    (held,) = fitted_explanation(PROBLEM, (term,), NOISE).held
+    (trial,) = fitted_explanation(PROBLEM, (term,), NOISE).trials
     speed = PROBLEM.channels.airspeed
-    assert held.values[0, -2:] == pytest.approx(np.quantile(speed, [0.02, 0.98]), abs=0.02)
+    assert trial.values[0, -2:] == pytest.approx(np.quantile(speed, [0.02, 0.98]), abs=0.02)
 
 
 def test_values_stay_within_their_bounds():
@@ -97,7 +97,7 @@ def test_a_rival_that_is_far_from_nothing_is_fitted_all_the_way():
     """A quarter of a rotor's thrust: N² goes with 1/(1 - loss), which one step overshoots."""
     problem = assemble(MODEL, [made_flight(k, loss=0.25) for k in range(2)])
     worn = Term(effect=BY_KEY["rotor_degradation"], rotor=0)
-    loss = fitted_explanation(problem, (worn,), NOISE).held[0].values[0, 0]
+    loss = fitted_explanation(problem, (worn,), NOISE).trials[0].values[0, 0]
     assert loss == pytest.approx(0.25, abs=0.003)
 
 
@@ -105,8 +105,8 @@ def test_a_value_is_half_of_what_rows_say_where_they_weigh_as_much_as_what_is_us
     """1 kg is hidden; noise such that the rows know it to one usual size of a hidden mass."""
     size = MASS.effect.parameters[0].scale
     one = candidate(MASS, PROBLEM.flights)
-    held = TrialEffect(candidate=one, values=np.full_like(one.start, 0.5))
-    column = derivatives(PROBLEM, [held], 0)[:, :, 0]
+    trials = TrialEffect(candidate=one, values=np.full_like(one.start, 0.5))
+    column = derivatives(PROBLEM, [trials], 0)[:, :, 0]
     row_s = float(PROBLEM.durations.sum()) / PROBLEM.measured_rpm.shape[0]
     rows_know = float(np.linalg.norm(column / (NOISE / np.sqrt(row_s))))
     found = fitted_explanation(PROBLEM, (MASS,), NOISE * rows_know * size)

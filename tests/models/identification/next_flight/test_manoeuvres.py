@@ -12,7 +12,7 @@ from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     corners_ned,
     flown_track,
-    lightest,
+    lightest_manoeuvres,
     manoeuvres,
 )
 
@@ -20,7 +20,7 @@ from thrustmargin.models.identification.next_flight.manoeuvres import (
 ACCELERATION = 2.0
 
 LIMITS = replace(
-    FlownLimits.of(made_flights(3)),
+    FlownLimits.from_tracks(made_flights(3)),
     height=(3.0, 20.0),
     climb=2.0,
     turn_rate=1.0,
@@ -124,10 +124,10 @@ def test_drag_tilts_the_aircraft_into_the_wind():
 def test_flights_that_never_left_the_ground_bound_nothing():
     track = replace(made_flight(1), flying=np.zeros(600, dtype=np.bool_))
     with pytest.raises(DataError, match="in flight"):
-        FlownLimits.of([track])
+        FlownLimits.from_tracks([track])
 
 
 def test_an_aircraft_that_may_have_a_bad_rotor_is_asked_for_the_least_fill_alone():
-    asked = lightest(LIBRARY)
+    asked = lightest_manoeuvres(LIBRARY)
     assert {m.name for m in asked} == set(NAMES) - {"speed steps"}
     assert {m.fills_kg for m in asked} == {(1.5,)}

@@ -158,7 +158,7 @@ def test_limits_are_those_of_the_rows_in_flight():
             }.items()
         },
     )
-    found = FlownLimits.of([track])
+    found = FlownLimits.from_tracks([track])
     assert found.place_ne == pytest.approx((30.0, 25.0))
     assert found.reach == pytest.approx(49.0)  # 1 to 99 m in the longer way
     assert found.height == pytest.approx((1.0, 19.0))

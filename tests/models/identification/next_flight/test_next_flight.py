@@ -27,17 +27,17 @@ from thrustmargin.models.identification.next_flight.manoeuvres import (
 )
 from thrustmargin.models.identification.next_flight.next_flight import (
     explanations_of,
-    following_flight,
     next_flight,
+    plan_next_flight,
     rows_of,
-    scatter,
+    scatter_columns,
 )
-from thrustmargin.models.identification.rows.candidates import Term, derivatives, predicted
+from thrustmargin.models.identification.rows.candidates import Term, derivatives, predicted_modes
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 CHANCE = 0.6
 
-LIMITS = FlownLimits.of(FLIGHTS)
+LIMITS = FlownLimits.from_tracks(FLIGHTS)
 
 
 def test_hidden_mass_and_gauge_are_told_apart_by_another_fill():
@@ -63,16 +63,18 @@ def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
         for one in explanations((MASS,), (GAUGE, LOSS))
     )
     track = flown_track(hover, MODEL, LIMITS, hover.fills_kg[0])
-    gram = module._gram([module._flown_once(MODEL, (first, second), track, NOISE, 3.0, False)])
+    gram = module._gram([module._fly_once(MODEL, (first, second), track, NOISE, 3.0, False)])
     rows = rows_of(MODEL, track, [t.effect for t in (MASS, GAUGE, LOSS)], False)
     noise = (NOISE / np.sqrt(2.0))[None, :]
-    d = ((predicted(rows, first.held) - predicted(rows, second.held)) / noise).ravel()
+    d = (
+        (predicted_modes(rows, first.trials) - predicted_modes(rows, second.trials)) / noise
+    ).ravel()
     whole = np.eye(d.size)
-    for held in (first.held, second.held):
-        for k in range(len(held)):
-            j = (derivatives(rows, held, k)[:, :, 0] / noise).ravel()
+    for trials in (first.trials, second.trials):
+        for k in range(len(trials)):
+            j = (derivatives(rows, trials, k)[:, :, 0] / noise).ravel()
             whole += 0.04 * np.outer(j, j)
-    n = (scatter(rows, 3.0) / noise[:, :, None]).reshape(d.size, -1)
+    n = (scatter_columns(rows, 3.0) / noise[:, :, None]).reshape(d.size, -1)
     whole += n @ n.T
     assert module._distance_square(gram, 1) == pytest.approx(
         d @ np.linalg.solve(whole, d), rel=1e-6
@@ -84,12 +86,14 @@ def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
 
 def test_a_root_of_a_covariance_gives_it_back():
     covariance = np.array([[4.0, 1.2], [1.2, 9.0]])
-    root = module._root(covariance)
+    root = module._covariance_root(covariance)
     np.testing.assert_allclose(root @ root.T, covariance, atol=1e-12)
 
 
 def test_values_are_shared_by_fills_and_scatter_is_each_flight_s_own():
-    one = module._Flown(shared=np.ones((2, 1)), apart=np.ones((2, 1)), difference=np.ones(2))
+    one = module._FlownManoeuvre(
+        shared=np.ones((2, 1)), scatter=np.ones((2, 1)), difference=np.ones(2)
+    )
     gram = module._gram([one, one])
     # Columns: shared 1111, apart 1100 and 0011, difference 1111.
     assert gram.tolist() == [[4, 2, 2, 4], [2, 2, 0, 2], [2, 0, 2, 2], [4, 2, 2, 4]]
@@ -99,9 +103,9 @@ def test_values_are_shared_by_fills_and_scatter_is_each_flight_s_own():
 
 def test_nothing_is_an_explanation_too():
     nothing, loss = explanations((), (LOSS,))
-    assert (nothing.held, nothing.covariance.size) == ((), 0)
-    strong = replace(loss.held[0], values=np.array([[1.0]]))
-    far = replace(loss, held=(strong,), covariance=0.01 * np.eye(1))
+    assert (nothing.trials, nothing.covariance.size) == ((), 0)
+    strong = replace(loss.trials[0], values=np.array([[1.0]]))
+    far = replace(loss, trials=(strong,), covariance=0.01 * np.eye(1))
     chosen = next_flight(MODEL, (nothing, far), limits=LIMITS, noise_rpm=NOISE)
     assert chosen.certainty > 0.9
 
@@ -151,7 +155,7 @@ def test_a_flight_that_tells_no_more_than_chance_is_not_asked_for():
             problem=PROBLEM,
             residual_after_rpm=PROBLEM.measured_rpm - PROBLEM.measured_rpm.mean(axis=0),
         )
-        return following_flight(found, FLIGHTS)  # type: ignore[arg-type]
+        return plan_next_flight(found, FLIGHTS)  # type: ignore[arg-type]
 
     assert after(MASS, MASS) is None
     told = after(MASS, LOSS)
@@ -195,7 +199,7 @@ def test_two_fills_are_two_flights_each_as_long_as_any():
 def test_a_manoeuvre_is_predicted_every_fifth_of_a_second():
     hover = manoeuvres(LIMITS)[0]  # 30 s
     track = flown_track(hover, MODEL, LIMITS, hover.fills_kg[0])
-    flown = module._flown_once(MODEL, explanations((MASS,), (GAUGE,)), track, NOISE, 0.0, False)
+    flown = module._fly_once(MODEL, explanations((MASS,), (GAUGE,)), track, NOISE, 0.0, False)
     assert flown.difference.size == 150 * 4
 
 
@@ -207,14 +211,14 @@ def test_a_flight_is_worth_it_from_60_percent_on(louder, asked_for):
         problem=PROBLEM,
         residual_after_rpm=louder * (PROBLEM.measured_rpm - PROBLEM.measured_rpm.mean(axis=0)),
     )
-    told = following_flight(found, FLIGHTS)  # type: ignore[arg-type]
+    told = plan_next_flight(found, FLIGHTS)  # type: ignore[arg-type]
     assert (told is not None) == asked_for
 
 
 def test_outputs_show_shares_alone_so_that_what_all_rotors_have_in_common_tells_nothing():
     pair = explanations((MASS,), (LOSS,))
     of = {
-        outputs: module._flown_once(
+        outputs: module._fly_once(
             MODEL, pair, flown_track(h, MODEL, LIMITS, 8.0), NOISE, 0.0, outputs
         )
         for h in manoeuvres(LIMITS)[:1]

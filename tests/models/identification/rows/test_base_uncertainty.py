@@ -32,9 +32,9 @@ def mass_found(model):
     """Value and half width of the mass that flights ask for on top, and their rows."""
     problem = assemble(model, [made_flight(k, hidden_mass=3.0) for k in (1, 2, 3)])
     one = candidate(Term(effect=EXTRA_MASS), 3)
-    fit = fit_rows(problem, [one.at_start])
-    half = _half_widths(fit, problem.in_modes(doubt_of(problem)))
-    return fit.held[0].values[0, 0], half[0], problem
+    fit = fit_rows(problem, [one.initial_effect])
+    half = _half_widths(fit, problem.mode_amplitudes(doubt_of(problem)))
+    return fit.trials[0].values[0, 0], half[0], problem
 
 
 def doubt_of(problem):
@@ -55,7 +55,7 @@ def test_of_two_values_the_one_that_is_not_sure_is_in_doubt():
     model = replace(physics_model(F16), effects=(record,))
     problem = assemble(model, [made_flight(1)])
     (doubt,) = doubt_of(problem)
-    roll = np.abs(problem.in_modes(doubt[None])[0]).mean(axis=0)
+    roll = np.abs(problem.mode_amplitudes(doubt[None])[0]).mean(axis=0)
     assert roll[1] > 5.0 * roll[2]  # to the side it rolls, ahead it would pitch
 
 
@@ -73,14 +73,14 @@ def windy(sitl_logs):
 
 def test_beyond_its_airspeeds_the_base_is_in_doubt_as_far_as_physics_carries_it(windy):
     known = windy.model.known_airspeed
-    held = replace(
+    trials = replace(
         windy.model,
         forward_flight=replace(
             windy.model.forward_flight, known_airspeed=float(windy.channels.airspeed.max())
         ),
     )
     more = np.sum(doubt_of(windy) ** 2, axis=(0, 2))
-    less = np.sum(base_uncertainty_rpm(held, windy.base, windy.channels) ** 2, axis=(0, 2))
+    less = np.sum(base_uncertainty_rpm(trials, windy.base, windy.channels) ** 2, axis=(0, 2))
     fast = windy.channels.airspeed > known + 3.0
     assert fast.sum() > 100
     assert np.sqrt(more[fast].mean()) > np.sqrt(less[fast].mean()) + 5.0

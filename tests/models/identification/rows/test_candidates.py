@@ -15,8 +15,8 @@ from thrustmargin.models.identification.rows.candidates import (
     candidate,
     candidates_of,
     derivatives,
-    placed,
-    predicted,
+    placed_effects,
+    predicted_modes,
     slopes,
 )
 from thrustmargin.models.identification.rows.reduced import reduce_flights
@@ -167,12 +167,12 @@ def test_values_of_single_flights_are_free_one_by_one():
 
 def test_values_move_within_their_bounds_each_where_it_belongs():
     wind = candidate(Term(effect=BY_KEY["wind"]), 2)
-    held = TrialEffect(candidate=wind, values=np.array([[1.0, 2.0], [3.0, 4.0]]))
-    np.testing.assert_array_equal(held.free_values, [1.0, 3.0, 2.0, 4.0])
-    moved = held.moved(np.array([0.1, 0.2, 0.3, 0.4]))
+    trial = TrialEffect(candidate=wind, values=np.array([[1.0, 2.0], [3.0, 4.0]]))
+    np.testing.assert_array_equal(trial.free_values, [1.0, 3.0, 2.0, 4.0])
+    moved = trial.moved(np.array([0.1, 0.2, 0.3, 0.4]))
     np.testing.assert_allclose(moved.values, [[1.1, 2.3], [3.2, 4.4]])
     most = wind.term.effect.parameters[0].upper
-    assert held.moved(np.array([1e9, 0.0, 0.0, 0.0])).values[0, 0] == most
+    assert trial.moved(np.array([1e9, 0.0, 0.0, 0.0])).values[0, 0] == most
     mass = TrialEffect(candidate=candidate(Term(effect=MASS), 2), values=np.zeros((2, 1)))
     np.testing.assert_allclose(mass.moved(np.array([1.5])).values, [[1.5], [1.5]])
 
@@ -180,9 +180,11 @@ def test_values_move_within_their_bounds_each_where_it_belongs():
 def test_values_that_differ_between_flights_go_to_their_rows(reduced):
     wind = candidate(Term(effect=BY_KEY["wind"]), 3)
     same = TrialEffect(candidate=wind, values=np.full((3, 2), 2.0))
-    assert placed(reduced, [same])[0].values == {p.name: 2.0 for p in wind.term.effect.parameters}
+    assert placed_effects(reduced, [same])[0].values == {
+        p.name: 2.0 for p in wind.term.effect.parameters
+    }
     own = TrialEffect(candidate=wind, values=np.array([[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]))
-    (item,) = placed(reduced, [own])
+    (item,) = placed_effects(reduced, [own])
     first, second = (item.values[p.name] for p in wind.term.effect.parameters)
     np.testing.assert_array_equal(first, reduced.flight + 1.0)
     assert second == 0.0
@@ -190,24 +192,26 @@ def test_values_that_differ_between_flights_go_to_their_rows(reduced):
 
 def test_a_derivative_by_the_value_of_one_flight_is_nothing_in_the_others(reduced):
     wind = candidate(Term(effect=BY_KEY["wind"]), 3)
-    held = [TrialEffect(candidate=wind, values=np.full((3, 2), 1.0))]
-    by_parameter, by_value = slopes(reduced, held, 0), derivatives(reduced, held, 0)
+    trials = [TrialEffect(candidate=wind, values=np.full((3, 2), 1.0))]
+    by_parameter, by_value = slopes(reduced, trials, 0), derivatives(reduced, trials, 0)
     assert by_value.shape[2] == 6
     for column, (k, flight) in enumerate(wind.free):
         mine = reduced.flight == flight
         np.testing.assert_array_equal(by_value[mine][:, :, column], by_parameter[mine][:, :, k])
         assert not by_value[~mine][:, :, column].any()
-    only = slopes(reduced, held, 0, [1])
+    only = slopes(reduced, trials, 0, [1])
     np.testing.assert_array_equal(only[:, :, 0], by_parameter[:, :, 1])
 
 
 def test_a_slope_at_a_bound_is_that_to_the_inner_side(reduced):
     one = candidate(Term(effect=MASS), 3)
     p = MASS.parameters[0]
-    held = TrialEffect(candidate=one, values=np.full((3, 1), p.upper))
+    trials = TrialEffect(candidate=one, values=np.full((3, 1), p.upper))
     inner = TrialEffect(candidate=one, values=np.full((3, 1), p.upper - 1e-3 * p.scale))
-    expected = (predicted(reduced, [held]) - predicted(reduced, [inner])) / (1e-3 * p.scale)
-    np.testing.assert_allclose(slopes(reduced, [held], 0)[:, :, 0], expected, rtol=1e-6)
+    expected = (predicted_modes(reduced, [trials]) - predicted_modes(reduced, [inner])) / (
+        1e-3 * p.scale
+    )
+    np.testing.assert_allclose(slopes(reduced, [trials], 0)[:, :, 0], expected, rtol=1e-6)
 
 
 def test_what_only_differs_from_flight_to_flight_is_not_sought_in_one():

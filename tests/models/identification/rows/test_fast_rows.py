@@ -51,7 +51,7 @@ def test_its_error_makes_no_delay_as_unlikely_as_rows_do(recorded):
 
     def size(delay: float) -> np.ndarray:
         placed = Placed(effect=BY_KEY["sensor_lag:rotor speed"], values={"lag": delay}, rotor=None)
-        left = flight.in_modes(flight.measured_rpm - flight.speeds([placed]))
+        left = flight.mode_amplitudes(flight.measured_rpm - flight.speeds([placed]))
         means = np.stack([left[bins == b].mean(axis=0) for b in bins])
         return np.sqrt(np.sum((left - means) ** 2, axis=0))
 

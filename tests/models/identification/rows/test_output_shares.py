@@ -77,7 +77,7 @@ def test_one_flight_names_a_rotor_only_beside_what_good_flights_have_shown():
     good = identify([by_outputs(k) for k in range(4)], curve_model(), catalogue=few)
     # These may not be sound either: only `train` makes a model of sound flights.
     assert with_effects(curve_model(), good).background_rpm == ()
-    modes = good.problem.in_modes(good.residual_after_rpm)
+    modes = good.problem.mode_amplitudes(good.residual_after_rpm)
     spread = tuple(learnt_spread(modes, good.problem.flight).tolist())
     learnt = replace(curve_model(), background_rpm=spread)
     beside = identify(by_outputs(9, loss=0.3), learnt, catalogue=few)

@@ -16,9 +16,9 @@ from thrustmargin.models.identification.rows.problem import (
     airspeed_is_ground_speed,
     assemble,
     assemble_flight,
-    flown_s,
-    stride_of,
-    thinned,
+    row_stride,
+    thin_rows,
+    usable_seconds,
 )
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import Meaning
@@ -95,27 +95,27 @@ def test_some_rows_keep_their_order_and_follow_only_where_none_is_left_out(probl
 
 
 def test_thinning_keeps_every_so_many_rows(problem):
-    found = thinned(problem, 3)
+    found = thin_rows(problem, 3)
     np.testing.assert_array_equal(found.measured_rpm, problem.measured_rpm[::3])
     assert not found.follows.any()
-    assert thinned(problem, 1) is problem
+    assert thin_rows(problem, 1) is problem
 
 
 def test_many_flights_are_thinned_alike_to_about_the_most_rows(three):
     rows = sum(int(training_rows(t).sum()) for t in three)
-    assert stride_of(MODEL, three) == 1
+    assert row_stride(MODEL, three) == 1
     many = three * 6
     assert 6 * rows > MOST_ROWS
-    assert stride_of(MODEL, many) == -(-6 * rows // MOST_ROWS) == 2
+    assert row_stride(MODEL, many) == -(-6 * rows // MOST_ROWS) == 2
     exactly = int(MOST_ROWS // rows)
-    assert stride_of(MODEL, three * exactly) == 1
+    assert row_stride(MODEL, three * exactly) == 1
 
 
 def test_the_time_flown_is_that_of_the_rows_that_can_be_fitted(three):
     track = three[0]
-    assert flown_s(MODEL, track) == pytest.approx(STEP_S * training_rows(track).sum())
+    assert usable_seconds(MODEL, track) == pytest.approx(STEP_S * training_rows(track).sum())
     ground = replace(track, flying=np.zeros(track.time_s.size, dtype=bool))
-    assert flown_s(MODEL, ground) == 0.0
+    assert usable_seconds(MODEL, ground) == 0.0
 
 
 def test_predictions_hold_the_effects_beside_the_model(problem):
@@ -137,9 +137,9 @@ def test_an_effect_of_the_model_is_in_its_predictions_and_can_be_marginalised(th
 
 def test_modes_of_speeds_keep_their_squares(problem):
     speed = problem.measured_rpm - problem.speeds()
-    in_modes = problem.in_modes(speed)
-    np.testing.assert_allclose(np.sum(in_modes**2, axis=1), np.sum(speed**2, axis=1))
-    np.testing.assert_allclose(in_modes[:, 0], speed.sum(axis=1) / 2)
+    mode_amplitudes = problem.mode_amplitudes(speed)
+    np.testing.assert_allclose(np.sum(mode_amplitudes**2, axis=1), np.sum(speed**2, axis=1))
+    np.testing.assert_allclose(mode_amplitudes[:, 0], speed.sum(axis=1) / 2)
 
 
 def test_a_channel_that_few_rows_lack_costs_those_rows_and_one_that_many_lack_is_not_there():

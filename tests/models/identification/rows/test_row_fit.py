@@ -16,19 +16,19 @@ from thrustmargin.models.identification.rows.candidates import (
     Term,
     TrialEffect,
     candidate,
-    predicted,
+    predicted_modes,
     slopes,
 )
-from thrustmargin.models.identification.rows.noise import Whitening, plain
+from thrustmargin.models.identification.rows.noise import Whitening, unfiltered_whitening
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import (
     RowSums,
     _merit,
     block_sums,
-    costs_by,
+    bounded_step,
     fit_rows,
     half_widths,
-    inside_bounds,
+    held_out_costs_with,
 )
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -65,18 +65,18 @@ def test_a_flight_is_scored_under_the_value_that_the_other_flights_give_alone():
     g, h, c = [6.0, 2.0, 20.0], [2.0, 2.0, 5.0], [30.0, 40.0, 90.0]
     others = [(2.0 + 20.0) / 7.0, (6.0 + 20.0) / 7.0, (6.0 + 2.0) / 4.0]
     expected = [cost_under(v, *b) for v, b in zip(others, zip(g, h, c, strict=True), strict=True)]
-    assert sums([0, 1, 2], g, h, c).left_out_costs() == pytest.approx(expected)
+    assert sums([0, 1, 2], g, h, c).held_out_costs() == pytest.approx(expected)
 
 
 def test_all_blocks_of_a_flight_are_left_out_together():
     s = sums([0, 0, 1, 1], [6.0, 8.0, 1.0, 3.0], [1.0] * 4, [99.0] * 4)
     first = cost_under(2.0, 14.0, 2.0, 198.0)
-    assert s.left_out_costs() == pytest.approx([first, cost_under(7.0, 4.0, 2.0, 198.0)])
+    assert s.held_out_costs() == pytest.approx([first, cost_under(7.0, 4.0, 2.0, 198.0)])
 
 
 def test_a_prior_holds_the_value_back():
     s = sums([0, 1], [4.0, 6.0], [1.0, 1.0], [40.0, 40.0], prior=1.0)
-    assert s.left_out_costs() == pytest.approx(
+    assert s.held_out_costs() == pytest.approx(
         [cost_under(v, g, 1, 40) for v, g in [(3, 4), (2, 6)]]
     )
 
@@ -104,9 +104,9 @@ def test_values_held_elsewhere_leave_the_sums_of_what_is_then_left():
     move = np.array([0.0, 0.5, -0.2])
     left = e - columns @ move
     direct = block_sums(ones, np.stack([columns[:, :, 0], left], axis=2), block)
-    held = s.held_at([0], move)
-    np.testing.assert_allclose(held.sums, direct)
-    assert held.prior == pytest.approx([1.0])
+    trials = s.fix_values([0], move)
+    np.testing.assert_allclose(trials.sums, direct)
+    assert trials.prior == pytest.approx([1.0])
 
 
 @pytest.mark.parametrize("blocks", [2, 6, 21])
@@ -146,15 +146,17 @@ def test_what_the_base_model_does_not_know_is_added_in_squares_and_no_block_teac
 def test_without_a_filter_each_mode_counts_by_its_size_and_a_wild_row_linearly():
     e = np.tile([[1.0, 10.0, 2.0], [-1.0, -10.0, -2.0]], (50, 1))
     e[0] = [60.0, 10.0, 2.0]
-    found = plain(e, np.zeros(100, dtype=np.intp))
+    found = unfiltered_whitening(e, np.zeros(100, dtype=np.intp))
     assert found.scale[0] == pytest.approx(1.4826 * np.array([1.0, 3.0, 2.0]))  # none beyond 3
     z = found.apply(e)
     assert z[1, 0] == pytest.approx(-1.0 / 1.4826)
     size = 60.0 / 1.4826
     assert z[0, 0] == pytest.approx(size * np.sqrt(3.0 / size))
-    known = plain(e, np.zeros(100, dtype=np.intp), known_rpm=np.array([0.0, 0.0, 4.0]))
+    known = unfiltered_whitening(
+        e, np.zeros(100, dtype=np.intp), known_rpm=np.array([0.0, 0.0, 4.0])
+    )
     assert known.scale[0, 2] == pytest.approx(np.hypot(1.4826 * 2.0, 4.0))
-    outputs = plain(e, np.zeros(100, dtype=np.intp), of_outputs=True)
+    outputs = unfiltered_whitening(e, np.zeros(100, dtype=np.intp), of_outputs=True)
     assert outputs.scale[0, 0] == pytest.approx(1.4826 * 2.0)
 
 
@@ -165,18 +167,18 @@ def test_a_loss_is_found_from_its_rows_and_only_from_the_blocks_chosen():
     worse[out] *= 1.3
     problem = replace(problem, measured_rpm=worse)
     one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
-    held = [one.at_start]
+    trials = [one.initial_effect]
     chosen = np.arange(problem.block_flight.size) >= 3
-    loss = fit_rows(problem, held, chosen).held[0].values[0, 0]
+    loss = fit_rows(problem, trials, chosen).trials[0].values[0, 0]
     assert loss == pytest.approx(0.08, abs=0.004)
-    assert abs(fit_rows(problem, held).held[0].values[0, 0] - 0.08) > 2.0 * abs(loss - 0.08)
+    assert abs(fit_rows(problem, trials).trials[0].values[0, 0] - 0.08) > 2.0 * abs(loss - 0.08)
 
 
 def test_steps_go_on_while_they_gain_and_a_large_loss_takes_several():
     problem = assemble(curve_model(), made_flights(2, loss=0.5))
     one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
-    found = fit_rows(problem, [one.at_start])
-    assert found.held[0].values[0, 0] == pytest.approx(0.5, abs=0.001)
+    found = fit_rows(problem, [one.initial_effect])
+    assert found.trials[0].values[0, 0] == pytest.approx(0.5, abs=0.001)
 
 
 def test_steps_end_where_they_gain_nothing_more(monkeypatch):
@@ -190,7 +192,7 @@ def test_steps_end_where_they_gain_nothing_more(monkeypatch):
     monkeypatch.setattr(row_fit, "_columns", counted)
     problem = assemble(curve_model(), made_flights(2, duration=60.0, loss=0.08))
     one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
-    fit_rows(problem, [one.at_start])
+    fit_rows(problem, [one.initial_effect])
     assert 4 < len(asked) < 14  # of 21: ten steps in each of two rounds, and the last
 
 
@@ -220,12 +222,12 @@ def test_slopes_are_those_of_differences_in_the_prediction(problem, effect):
     one = candidate(Term(effect=effect, rotor=1 if effect.of_one_rotor else None), 2)
     scale = np.array([p.scale for p in effect.parameters])
     at = TrialEffect(candidate=one, values=one.start + 0.03 * scale)
-    prediction, found = predicted(problem, [at]), slopes(problem, [at], 0)
+    prediction, found = predicted_modes(problem, [at]), slopes(problem, [at], 0)
     for k, parameter in enumerate(effect.parameters):
         move = np.zeros_like(at.values)
         move[:, k] = STEP * parameter.scale
         ahead, behind = (
-            predicted(problem, [replace(at, values=at.values + s * move)]) for s in (1, -1)
+            predicted_modes(problem, [replace(at, values=at.values + s * move)]) for s in (1, -1)
         )
         expected = (ahead - behind) / (2 * STEP * parameter.scale)
         size = max(np.abs(expected).max(), 1e-6 * np.abs(prediction).max())
@@ -254,21 +256,21 @@ def test_a_value_at_its_bound_stays_and_the_others_move_as_is_best_without_it():
         flights=1,
     )
 
-    def held(lower: float) -> Any:
+    def trials(lower: float) -> Any:
         parameters = tuple(SimpleNamespace(lower=low, upper=9.0) for low in (lower, -9.0))
         candidate = SimpleNamespace(parameters=parameters)
         return [SimpleNamespace(free_values=np.zeros(2), candidate=candidate)]
 
     total = sums.sums.sum(axis=0)
-    assert inside_bounds(sums, total, held(-9.0)) == pytest.approx([-1.0, 4.0])
-    assert inside_bounds(sums, total, held(0.0)) == pytest.approx([0.0, 3.0])
+    assert bounded_step(sums, total, trials(-9.0)) == pytest.approx([-1.0, 4.0])
+    assert bounded_step(sums, total, trials(0.0)) == pytest.approx([0.0, 3.0])
 
 
 def test_a_value_rests_where_nothing_shows_it_by_a_ten_thousandth_of_the_rows():
     problem = assemble(curve_model(), made_flights(2, hidden_mass=2.0))
     mass = candidate(Term(effect=BY_KEY["extra_mass"]), 2)
-    fit = fit_rows(problem, [mass.at_start])
-    value, size = fit.held[0].values[0, 0], mass.parameters[0].scale
+    fit = fit_rows(problem, [mass.initial_effect])
+    value, size = fit.trials[0].values[0, 0], mass.parameters[0].scale
     assert value == pytest.approx(2.0, abs=0.1)
     weight = 1e-4 * problem.measured_rpm.shape[0] / size**2
     np.testing.assert_allclose(fit.sums.prior, [weight])
@@ -277,19 +279,21 @@ def test_a_value_rests_where_nothing_shows_it_by_a_ten_thousandth_of_the_rows():
 
 def test_the_merit_of_values_is_what_they_leave_and_how_far_they_are_from_nothing():
     mass = candidate(Term(effect=BY_KEY["extra_mass"]), 1)
-    held = [TrialEffect(candidate=mass, values=np.array([[-3.0]]))]
-    assert _merit(held, np.array([0.5]), np.array([1.0, 2.0])) == pytest.approx(5.0 + 0.5 * 9.0)
+    trials = [TrialEffect(candidate=mass, values=np.array([[-3.0]]))]
+    assert _merit(trials, np.array([0.5]), np.array([1.0, 2.0])) == pytest.approx(5.0 + 0.5 * 9.0)
 
 
 def test_fits_compare_by_the_filter_of_one_of_them():
     """By their own, a fit that leaves more is seen through a wider one, and costs the same."""
     flown = assemble(curve_model(), made_flights(3, hidden_mass=3.0))
     one = candidate(Term(effect=BY_KEY["extra_mass"]), flown.flights)
-    having = fit_rows(flown, [one.at_start])
+    having = fit_rows(flown, [one.initial_effect])
     without = fit_rows(flown, [])
-    own = having.sums.left_out_costs()
-    np.testing.assert_allclose(costs_by(flown, having, having.filter), own)
+    own = having.sums.held_out_costs()
+    np.testing.assert_allclose(held_out_costs_with(flown, having, having.filter), own)
     wide = replace(having.filter, scale=2.0 * having.filter.scale)
-    np.testing.assert_allclose(costs_by(flown, having, wide), own / 4.0, rtol=1e-4)
-    assert np.all(costs_by(flown, without, having.filter) > 2.0 * own)
-    assert np.all(without.sums.left_out_costs() < 0.5 * costs_by(flown, without, having.filter))
+    np.testing.assert_allclose(held_out_costs_with(flown, having, wide), own / 4.0, rtol=1e-4)
+    assert np.all(held_out_costs_with(flown, without, having.filter) > 2.0 * own)
+    assert np.all(
+        without.sums.held_out_costs() < 0.5 * held_out_costs_with(flown, without, having.filter)
+    )

@@ -5,7 +5,7 @@ import pytest
 
 from thrustmargin.models.identification.season.change_points import (
     changes,
-    drawn_in,
+    clip_outliers,
     penalty_of,
     spread_beyond,
     spread_of,
@@ -37,13 +37,13 @@ def test_one_wild_flight_is_no_change():
     values = np.random.default_rng(4).standard_normal(100)
     values[[20, 60]] = 40.0
     assert changes(values, ONE, penalty_of(100))[0] == []
-    assert drawn_in(values, ONE)[20] < 6.0
+    assert clip_outliers(values, ONE)[20] < 6.0
 
 
 def test_a_sure_flight_among_unsure_ones_keeps_its_value():
     errors = np.where(np.arange(40) % 4 == 0, 0.1, 30.0)
     values = np.where(np.arange(40) % 4 == 0, 1.0, 20.0)
-    np.testing.assert_array_equal(drawn_in(values, errors), values)
+    np.testing.assert_array_equal(clip_outliers(values, errors), values)
 
 
 def test_scatter_beyond_the_errors_is_seen_and_less_is_not_believed():

@@ -11,11 +11,11 @@ from scipy.stats import norm
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import (
     SeasonEntry,
-    _hinge,
+    _fit_hinge,
     changes,
-    drawn_in,
+    clip_outliers,
     penalty_of,
-    placed,
+    recount_flights,
     scatter_of,
     segments,
     spread_beyond,
@@ -79,7 +79,7 @@ SHAPES: dict[str, Callable[[Floats], Floats]] = {
 @pytest.mark.parametrize("name", SHAPES)
 def test_no_other_segments_cost_less(name, seed):
     values, errors = made(SHAPES[name], 22, seed)
-    values = drawn_in(values, errors)
+    values = clip_outliers(values, errors)
 
     def cost(ends) -> float:
         parts = [piece_cost(values[a:b], errors[a:b], 9.0) for a, b in ends]
@@ -91,7 +91,7 @@ def test_no_other_segments_cost_less(name, seed):
 
 def entries(name: str, seed: int = 0) -> tuple[list[SeasonEntry], Floats, Floats, list]:
     values, errors = made(SHAPES[name], 22, seed)
-    drawn = drawn_in(values, errors)
+    drawn = clip_outliers(values, errors)
     return changes(values, errors, 9.0)[0], drawn, errors, segments(drawn, errors, 9.0)
 
 
@@ -168,7 +168,7 @@ def test_a_bend_may_be_from_the_second_flight_to_the_last_but_two(line):
     """Of what does not bend any date is as good: the first flight after it is the third to the
     last but one."""
     straight = 2.0 + 0.3 * line * np.arange(20.0)
-    left, dates = _hinge(straight, np.full(20, 0.5), 4, 16, line=line)
+    left, dates = _fit_hinge(straight, np.full(20, 0.5), 4, 16, line=line)
     assert (left, dates[1:]) == (pytest.approx(0.0, abs=1e-9), (6, 14))
 
 
@@ -268,7 +268,7 @@ def test_a_wild_flight_is_drawn_in_to_three_errors_of_its_neighbours_median():
     by_hand = values.copy()
     by_hand[3] = 3.0 + 3.0 * np.hypot(2.0, 1.0)
     by_hand[4] = 3.0
-    np.testing.assert_allclose(drawn_in(values, errors)[:6], by_hand[:6])
+    np.testing.assert_allclose(clip_outliers(values, errors)[:6], by_hand[:6])
 
 
 def test_an_entry_of_some_flights_is_counted_over_all():
@@ -285,7 +285,7 @@ def test_an_entry_of_some_flights_is_counted_over_all():
         per_flight_error=0.0,
         score=10.0,
     )
-    found = placed(entry, np.array([3, 5, 6, 9]))
+    found = recount_flights(entry, np.array([3, 5, 6, 9]))
     assert (found.flight, found.earliest, found.latest, found.until) == (6, 5, 9, 10)
 
 

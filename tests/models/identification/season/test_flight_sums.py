@@ -79,7 +79,7 @@ def test_about_a_loss_the_sums_are_those_of_an_aircraft_that_has_it():
     evidence = flight_sums(model, implanted(track, worn))
     k = evidence.names.index("rotor_degradation.loss@3")
     values = np.where(np.arange(len(evidence.names)) == k, 0.1, 0.0)
-    about = evidence.about(values)
+    about = evidence.linearise_at(values)
     linear = evidence.gram[k, -1] / evidence.gram[k, k]
     sound = flight_sums(model, track)
     own = sound.gram[k, -1] / sound.gram[k, k]  # what the flight had before
@@ -127,7 +127,7 @@ def test_slow_noise_of_a_flight_is_learnt_as_with_all_nuisances_kept(monkeypatch
         kept.append(level)
         return sums
 
-    monkeypatch.setattr(discrepancy, "_of_draws_alone", keep)
+    monkeypatch.setattr(discrepancy, "_marginalise_shared", keep)
     whole = flight_sums(model, track)
     assert kept
     size = np.sqrt(np.outer(np.diag(whole.gram), np.diag(whole.gram)))

@@ -9,7 +9,7 @@ from tests.models.made_flights import F16, curve_model, made_flight
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import TrialEffect, predicted
+from thrustmargin.models.identification.rows.candidates import TrialEffect, predicted_modes
 from thrustmargin.models.identification.season.change_points import penalty_of, spread_beyond
 from thrustmargin.models.identification.season.flight_sums import (
     FlightEvidence,
@@ -176,7 +176,7 @@ def test_sums_go_to_arrays_and_back_with_all_that_they_say():
 def test_about_a_loss_rows_are_as_an_aircraft_has_them_that_lost_it():
     one = flown(4, noise=0.0, rotor_degradation=0.1)
     k = NAMES.index(LOSS)
-    gram = one.evidence.about(np.where(np.arange(5) == k, 0.1, 0.0))
+    gram = one.evidence.linearise_at(np.where(np.arange(5) == k, 0.1, 0.0))
     steep = one.columns[:, k] + 0.2 * one.bend
     assert gram[k, k] == pytest.approx(steep @ steep)
     # r + 0.1² Q = (J + 0.2 Q) 0.1, exactly.
@@ -193,7 +193,7 @@ def test_columns_of_a_rotor_are_its_loss_how_that_bends_and_how_torque_goes_with
     (worn,) = (c for c in space.candidates if c.key == "rotor_degradation@3")
 
     def done(loss: float, share: float) -> Floats:
-        return predicted(
+        return predicted_modes(
             space.reduced, [TrialEffect(candidate=worn, values=np.array([[loss, share]]))]
         )
 
@@ -201,10 +201,10 @@ def test_columns_of_a_rotor_are_its_loss_how_that_bends_and_how_torque_goes_with
         return (done(1e-5, share) - done(-1e-5, share)) / 2e-5
 
     bend = (done(0.1, 1.0) - done(0.0, 1.0) - 0.1 * slope(1.0)) / 0.1**2
-    residual = space.reduced.in_modes(space.reduced.measured_rpm) - done(0.0, 1.0)
+    residual = space.reduced.mode_amplitudes(space.reduced.measured_rpm) - done(0.0, 1.0)
     columns = [slope(1.0), (slope(1.75) - slope(1.0)) / 0.75, bend, residual]
     sums = space.nuisance.sums(np.stack(columns, axis=2))
-    expected = space.nuisance.solved().reduce(sums)
+    expected = space.nuisance.marginalise().reduce(sums)
     loss, share = (
         evidence.names.index(f"rotor_degradation.{of}@3") for of in ("loss", "torque_share")
     )

@@ -54,4 +54,4 @@ def test_a_delay_is_found_though_half_a_turn_late_looks_like_early(lag):
     found = {search.candidates[c].key for c in search.best.key}
     assert found == ({"sensor_lag:rotor speed"} if lag else set())
     if lag:
-        assert search.best.held[0].values[0, 0] == pytest.approx(lag, abs=0.08)
+        assert search.best.trials[0].values[0, 0] == pytest.approx(lag, abs=0.08)

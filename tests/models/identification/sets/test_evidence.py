@@ -12,7 +12,12 @@ from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
 from thrustmargin.models.identification.rows.candidates import Candidate, Term, TrialEffect
 from thrustmargin.models.identification.rows.fast_rows import Reading
 from thrustmargin.models.identification.sets import evidence as weighed
-from thrustmargin.models.identification.sets.evidence import Scored, ValuePrior, is_shape, prior_of
+from thrustmargin.models.identification.sets.evidence import (
+    SetScore,
+    ValuePrior,
+    is_shape,
+    prior_of,
+)
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 IMPOSSIBLE = -1000000000.0
@@ -21,7 +26,7 @@ MAIN = Parameter(name="a", unit="1", lower=-2.0, upper=2.0, scale=0.5, smallest=
 SHAPE = shaping("b", "1", start=0.3, lower=-5.0, upper=5.0, scale=0.4)
 
 
-def held(*parameters: Parameter, prior: float = 0.0, at=None) -> TrialEffect:
+def trials(*parameters: Parameter, prior: float = 0.0, at=None) -> TrialEffect:
     effect = Effect(
         name="made",
         kind=Kind.DEMAND,
@@ -35,7 +40,7 @@ def held(*parameters: Parameter, prior: float = 0.0, at=None) -> TrialEffect:
     return TrialEffect(candidate=one, values=start if at is None else np.array([at]))
 
 
-def score(prior: ValuePrior, hessian: np.ndarray, gradient: np.ndarray, cost: float) -> Scored:
+def score(prior: ValuePrior, hessian: np.ndarray, gradient: np.ndarray, cost: float) -> SetScore:
     """By J'J (P, P), J'r (P,) and r'r."""
     gram = np.block([[hessian, gradient[:, None]], [np.append(gradient, cost)[None]]])
     return weighed.score(prior, gram)
@@ -48,7 +53,7 @@ def test_nothing_has_the_likelihood_of_its_cost():
 def test_of_two_main_values_the_coarser_says_how_small_an_effect_can_be():
     other = replace(MAIN, name="c", scale=0.2, smallest=0.02, upper=0.9)  # a tenth of its size
     hessian, gradient = np.diag([400.0, 900.0]), np.array([80.0, -90.0])
-    found = score(prior_of([held(MAIN, other)]), hessian, gradient, 50.0)
+    found = score(prior_of([trials(MAIN, other)]), hessian, gradient, 50.0)
     size = np.hypot((0.2 + 1.0 / 20.0) / 0.5, (0.1 + 1.0 / 30.0) / 0.2)
     least, most = 0.1, 2.0 / 0.2
     flat = 1.0 / (2.0 * np.pi * np.log1p(most / least) * (size + least) ** 2) / (0.5 * 0.2)
@@ -58,11 +63,11 @@ def test_of_two_main_values_the_coarser_says_how_small_an_effect_can_be():
 
 def test_the_first_bad_rotor_is_as_likely_as_any_effect_and_one_beside_it_less():
     def rotor(number):
-        one = held(MAIN, prior=float(np.log(0.005)))
+        one = trials(MAIN, prior=float(np.log(0.005)))
         term = replace(one.candidate.term, rotor=number)
         return replace(one, candidate=replace(one.candidate, term=term))
 
-    other = held(MAIN, prior=float(np.log(0.02)))
+    other = trials(MAIN, prior=float(np.log(0.02)))
     assert prior_of([rotor(0)]).log_sets == pytest.approx(np.log(0.02))
     assert prior_of([rotor(0), rotor(2)]).log_sets == pytest.approx(np.log(0.02 * 0.005))
     assert prior_of([other]).log_sets == pytest.approx(np.log(0.02))
@@ -77,7 +82,7 @@ def test_the_evidence_of_one_main_value_by_its_formula(at, lower, upper):
     error, cost = 0.1, 30.0
     h = 1.0 / error**2
     step = at - 1.1
-    found = score(prior_of([held(gauge)]), np.array([[h]]), np.array([h * step]), cost)
+    found = score(prior_of([trials(gauge)]), np.array([[h]]), np.array([h * step]), cost)
     assert found.step[0] == pytest.approx(step)
     least, most = 0.01 / 0.25, max(upper - 1.0, 1.0 - lower) / 0.25
     size = (abs(at - 1.0) + error) / 0.25
@@ -87,7 +92,7 @@ def test_the_evidence_of_one_main_value_by_its_formula(at, lower, upper):
     by_hand += np.log(density) + np.log(inside)
     assert found.log_evidence == pytest.approx(by_hand, abs=1e-6)
     # A shape beside it, of which nothing shows, changes nothing.
-    both = prior_of([held(gauge, SHAPE)])
+    both = prior_of([trials(gauge, SHAPE)])
     free = score(both, np.diag([h, 0.0]), np.array([h * step, 0.0]), cost)
     assert free.log_evidence == pytest.approx(by_hand, abs=1e-6)
     nothing = score(prior_of([]), np.zeros((0, 0)), np.zeros(0), 1.0)
@@ -98,7 +103,7 @@ def test_the_evidence_of_one_main_value_by_its_formula(at, lower, upper):
 def test_a_shape_that_stands_off_its_start_pays_for_it(at):
     """The likelihood is about where it stands, the prior about where it starts."""
     h, g, cost = 40.0, 6.0, 9.0
-    found = score(prior_of([held(SHAPE, at=[at])]), np.array([[h]]), np.array([g]), cost)
+    found = score(prior_of([trials(SHAPE, at=[at])]), np.array([[h]]), np.array([g]), cost)
 
     def density(d):
         likelihood = np.exp(-0.5 * (cost - 2 * g * d + h * d * d))
@@ -113,7 +118,7 @@ def test_a_shape_that_stands_off_its_start_pays_for_it(at):
 @pytest.mark.parametrize(("at", "outward"), [(5.0, 400.0), (-5.0, -400.0)])
 def test_what_a_shape_would_gain_beyond_its_bound_is_no_evidence(at, outward):
     hessian, cost = np.array([[900.0, 90.0], [90.0, 40.0]]), 50.0
-    prior = prior_of([held(MAIN, SHAPE, at=[0.4, at])])
+    prior = prior_of([trials(MAIN, SHAPE, at=[0.4, at])])
     gradient = np.array([60.0, outward])
     found = score(prior, hessian, gradient, cost)
     # The other value moves as it would if the shape were known to stand there.
@@ -134,9 +139,9 @@ def test_what_a_shape_would_gain_beyond_its_bound_is_no_evidence(at, outward):
 def test_a_shape_steps_to_its_bound_and_gains_what_it_does_there():
     near = replace(SHAPE, upper=0.5)
     hessian, gradient, cost = np.array([[900.0, 90.0], [90.0, 40.0]]), np.array([60.0, 20.0]), 50.0
-    free = score(prior_of([held(MAIN, SHAPE)]), hessian, gradient, cost)
+    free = score(prior_of([trials(MAIN, SHAPE)]), hessian, gradient, cost)
     assert free.step[1] > 0.2
-    found = score(prior_of([held(MAIN, near)]), hessian, gradient, cost)
+    found = score(prior_of([trials(MAIN, near)]), hessian, gradient, cost)
     step = np.array([(60.0 - 90.0 * 0.2) / 900.0, 0.2])
     assert found.step == pytest.approx(step, abs=1e-6)
 
@@ -158,13 +163,13 @@ def test_a_shape_that_another_at_its_bound_moves_beyond_its_own_is_held_too(seco
     own = 400.0 + 1.0 / SHAPE.scale**2
     gradient = np.array([[own, 380.0], [380.0, own]]) @ [0.8, second]
     moved = (gradient[1] - 380.0 * 0.5) / own  # of the second, once the first stands at 0.5
-    found = score(prior_of([held(*shapes)]), hessian, gradient, 10.0)
+    found = score(prior_of([trials(*shapes)]), hessian, gradient, 10.0)
     assert found.step == pytest.approx([0.5, moved if stands is None else stands], abs=1e-6)
 
 
 def test_effects_that_do_nothing_alike_have_the_product_of_their_evidence():
     narrow = replace(MAIN, upper=0.8, scale=0.1)
-    sets = [held(narrow, at=[0.3]), held(SHAPE, MAIN, at=[0.5, 0.4]), held(MAIN, SHAPE)]
+    sets = [trials(narrow, at=[0.3]), trials(SHAPE, MAIN, at=[0.5, 0.4]), trials(MAIN, SHAPE)]
     each = [
         (np.array([[500.0]]), np.array([20.0])),
         (np.diag([40.0, 300.0]), np.array([3.0, 5.0])),
@@ -181,10 +186,10 @@ def test_effects_that_do_nothing_alike_have_the_product_of_their_evidence():
 def test_either_bound_is_impossible_and_far_beyond_it_too():
     h = np.array([[400.0]])
     for bound in (-2.0, 2.0):
-        at = prior_of([held(MAIN, at=[bound])])
+        at = prior_of([trials(MAIN, at=[bound])])
         assert score(at, h, np.array([0.0]), 0.0).log_evidence <= IMPOSSIBLE / 2
     # Steps of 0.1 from a twentieth below the bound: within, by 4 and by 8 standard errors beyond.
-    near = prior_of([held(MAIN, at=[1.95])])
+    near = prior_of([trials(MAIN, at=[1.95])])
     four, eight = (score(near, h, h[0] * step, 0.0).log_evidence for step in (0.25, 0.45))
     assert four > IMPOSSIBLE / 2 > eight
 
@@ -198,7 +203,7 @@ def test_a_value_shapes_its_effect_if_it_is_a_detail_or_has_no_absent():
 
 def test_values_that_no_rows_tell_apart_have_no_evidence():
     same = np.ones((2, 2)) * 1e20
-    found = score(prior_of([held(MAIN, MAIN)]), -same, np.zeros(2), 0.0)
+    found = score(prior_of([trials(MAIN, MAIN)]), -same, np.zeros(2), 0.0)
     assert found.log_evidence == IMPOSSIBLE
     np.testing.assert_array_equal(found.step, 0.0)
 
@@ -208,7 +213,7 @@ def test_a_reading_weighs_as_a_measurement_of_the_value_beside_the_means(at):
     """Read 0.3 to 0.04: its likelihood over that of nothing, with 1.25 times the noise."""
     h, cost = 400.0, 30.0
     reading = Reading(values=np.array([0.3]), errors=np.array([0.04]), shared=0.0)
-    plain = held(MAIN, at=[at])
+    plain = trials(MAIN, at=[at])
     one = replace(plain, candidate=replace(plain.candidate, reading=reading))
     gradient = h * (0.2 - at)  # of means that ask for 0.2, and cost 30 where the value stands
     found = score(prior_of([one]), np.array([[h]]), np.array([gradient]), cost)

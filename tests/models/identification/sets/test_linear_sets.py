@@ -7,27 +7,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.models.identification.sets.test_evidence import MAIN, SHAPE, held, score
+from tests.models.identification.sets.test_evidence import MAIN, SHAPE, score, trials
 from thrustmargin.models.identification.rows.fast_rows import Reading
 from thrustmargin.models.identification.sets.evidence import prior_of
-from thrustmargin.models.identification.sets.linear_sets import Linear
+from thrustmargin.models.identification.sets.linear_sets import LinearisedSets
 
 RNG = np.random.default_rng(8)
 #: Of a main value; of a main value and a shape that is off its start; of a shape.
 HELD = (
-    held(MAIN, at=[0.4]),
-    held(replace(MAIN, name="c"), SHAPE, at=[0.3, 0.5]),
-    held(SHAPE, at=[0.1]),
+    trials(MAIN, at=[0.4]),
+    trials(replace(MAIN, name="c"), SHAPE, at=[0.3, 0.5]),
+    trials(SHAPE, at=[0.1]),
 )
 PLACES = (slice(0, 1), slice(1, 3), slice(3, 4))
 COLUMNS = RNG.normal(size=(50, 8))  # four values, three changes, the residual
 COLUMNS[:, -1] += 3.0
 
 
-def linear(about: set[int]) -> Linear:
+def linear(about: set[int]) -> LinearisedSets:
     gram = COLUMNS.T @ COLUMNS
     fitted: Any = SimpleNamespace(key=frozenset(about))
-    return Linear(about=fitted, held=HELD, columns=PLACES, gram=gram, temperature=1.25)
+    return LinearisedSets(about=fitted, trials=HELD, columns=PLACES, gram=gram, temperature=1.25)
 
 
 def parts(about: set[int], key: set[int]) -> tuple[np.ndarray, np.ndarray]:
@@ -75,7 +75,7 @@ def test_what_is_read_of_a_value_counts_for_a_candidate_that_comes_in(about):
     """Read 0.7 to 0.2, as 1.25 times the noise; no effect is at 0, the value stands at 0.4."""
     reading = Reading(values=np.array([0.7]), errors=np.array([0.2]), shared=0.0)
     one = replace(HELD[0], candidate=replace(HELD[0].candidate, reading=reading))
-    read = replace(linear(about), held=(one, *HELD[1:]))
+    read = replace(linear(about), trials=(one, *HELD[1:]))
     weight = 1.0 / (1.25 * 0.2) ** 2
     values, residual = parts(about, {0, 2})
     rows = np.concatenate([values, np.diag([weight**0.5, 1.0 / 0.4])])  # the shape's usual size
@@ -83,26 +83,26 @@ def test_what_is_read_of_a_value_counts_for_a_candidate_that_comes_in(about):
     left = wanted - rows @ np.linalg.lstsq(rows, wanted)[0]
     by_hand = 0.5 * (cost(about, {2}, set()) + 0.7**2 * weight - left @ left)
     assert read.gains(frozenset({2}), [0])[0] == pytest.approx(by_hand, rel=1e-6)
-    of_none = read.only({0}, [0]).held[0].candidate.reading  # that flight alone has read it
+    of_none = read.restrict({0}, [0]).trials[0].candidate.reading  # that flight alone has read it
     assert of_none is None
 
 
 def test_values_of_some_candidates_alone_keep_their_places():
-    shorter = linear({0}).only({1, 2}, ())
+    shorter = linear({0}).restrict({1, 2}, ())
     assert shorter.columns == (slice(0, 0), slice(0, 2), slice(2, 3))
     kept = [1, 2, 3, 4, 5, 6, 7]
     np.testing.assert_array_equal(shorter.gram, linear({0}).gram[np.ix_(kept, kept)])
-    assert [len(one.candidate.free) for one in shorter.held] == [0, 2, 1]
+    assert [len(one.candidate.free) for one in shorter.trials] == [0, 2, 1]
     # Values of flights that are left out go too.
     one = HELD[1].candidate
     of_flights = replace(HELD[1], candidate=replace(one, free=((0, 3), (1, None))))
-    both = replace(linear({0}), held=(HELD[0], of_flights, HELD[2]))
-    without = both.only({0, 1}, {3})
+    both = replace(linear({0}), trials=(HELD[0], of_flights, HELD[2]))
+    without = both.restrict({0, 1}, {3})
     assert without.columns == (slice(0, 1), slice(1, 2), slice(2, 2))
     kept = [0, 2, 4, 5, 6, 7]
     np.testing.assert_array_equal(without.gram, both.gram[np.ix_(kept, kept)])
-    assert without.held[1].candidate.free == ((1, None),)
-    assert both.only({0, 1}, {2}).held[1].candidate.free == of_flights.candidate.free
+    assert without.trials[1].candidate.free == ((1, None),)
+    assert both.restrict({0, 1}, {2}).trials[1].candidate.free == of_flights.candidate.free
 
 
 def test_a_value_out_of_the_set_is_known_no_better_than_the_laws_of_those_in_it():

@@ -253,7 +253,7 @@ def test_steps_are_looked_for_beside_the_other_effects_of_a_set_and_not_beside_i
     heavy = search.fit(frozenset({mass}), ())
     whole = search.fit(frozenset({mass, bad}), ())
     when = search.reduced.channels.time_s >= 30.0
-    about = [*heavy.held, search.start[keys.index("rotor_degradation@2")]]
+    about = [*heavy.trials, search.start[keys.index("rotor_degradation@2")]]
     step = 0.1 * derivatives(search.reduced, about, 1)[:, :, 0] * when[:, None]
     search.fitted[heavy.key] = replace(heavy, residual=step)
     best = onset_candidates(search, whole)[0]

@@ -12,16 +12,16 @@ from tests.models.identification.sets.test_nuisance import FLIGHTS, MODES, ROWS,
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
 from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.effects import BY_KEY, effects_for
-from thrustmargin.models.identification.rows.candidates import derivatives, predicted
+from thrustmargin.models.identification.rows.candidates import derivatives, predicted_modes
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.discrepancy import (
-    _answers,
+    _turn_response,
+    flight_running_mean,
     form_columns,
-    slowly,
-    what_laws_leave,
+    law_uncertainty,
 )
 from thrustmargin.models.identification.sets.search_space import (
-    _left_noise,
+    _unexplained_noise,
     main_values,
     search_space,
 )
@@ -43,7 +43,7 @@ def test_more_than_noise_is_what_a_dense_model_leaves_of_each_flight_and_mode():
     y[ROWS:, 0] *= 0.3
     residual = np.concatenate([np.zeros((2, MODES)), y])
     noise = np.linalg.solve(dense(nuisance, 16.0), y.ravel()).reshape(y.shape)
-    found = _left_noise(nuisance, residual)
+    found = _unexplained_noise(nuisance, residual)
     sizes = []
     for rows in nuisance.flights:
         for mode in range(MODES):
@@ -85,14 +85,14 @@ def test_all_that_is_not_asked_is_in_units_of_the_noise_that_was_found():
     taught = replace(known, thermometer=Thermometer(warmer_k=0.0, error_k=2.0))
     with_it = space_of(warm, taught).nuisance
     season = with_it.uncertainty[:, :, -1]
-    by_heat = with_it.whitening.apply(np.sqrt(2.0) * 0.5 * 2.0 / 288.15 * predicted(x, ()))
+    by_heat = with_it.whitening.apply(np.sqrt(2.0) * 0.5 * 2.0 / 288.15 * predicted_modes(x, ()))
     np.testing.assert_allclose(season, by_heat, rtol=1e-3)
     assert with_it.uncertainty.shape[2] == nuisance.uncertainty.shape[2] + 1
     stated = [replace(t, standard_errors={"temperature": t.temperature * 0 + 1.0}) for t in warm]
     assert space_of(stated, taught).nuisance.uncertainty.shape == nuisance.uncertainty.shape
     # A mass scatters from flight to flight as good flights showed; a rotor does not.
     (mass,) = (c for c in space.candidates if c.key == "extra_mass")
-    moved = 0.3 * derivatives(x, [mass.at_start], 0)[:, :, 0]
+    moved = 0.3 * derivatives(x, [mass.initial_effect], 0)[:, :, 0]
     moved = moved - np.stack([moved[x.flight == f].mean(axis=0) for f in range(3)])[x.flight]
     first = [name for _, _, name in main_values(space.candidates)].index("extra_mass.mass")
     np.testing.assert_allclose(nuisance.scatter[:, :, first], n.apply(moved), atol=1e-9)
@@ -126,12 +126,12 @@ def test_slow_noise_of_a_mode_is_learnt_from_the_flights(mode):
 
 def test_derivatives_at_the_start_are_kept_of_a_single_flight_alone():
     one, two = space_of(made_flights(1)), space_of(made_flights(2))
-    assert set(one.at_start) == set(range(len(one.candidates)))
-    for c, kept in one.at_start.items():
+    assert set(one.start_derivatives) == set(range(len(one.candidates)))
+    for c, kept in one.start_derivatives.items():
         candidate = one.candidates[c]
-        held = [candidate.at_start]
-        np.testing.assert_allclose(kept, derivatives(one.reduced, held, 0))
-    assert two.at_start == {}
+        trials = [candidate.initial_effect]
+        np.testing.assert_allclose(kept, derivatives(one.reduced, trials, 0))
+    assert two.start_derivatives == {}
 
 
 def test_what_a_model_has_may_differ_from_its_form_and_its_shapes_and_a_controller_answers_load():
@@ -145,8 +145,8 @@ def test_what_a_model_has_may_differ_from_its_form_and_its_shapes_and_a_controll
     )
     space = space_of(made_flights(3), model)
     x, found = space.reduced, space.nuisance.uncertainty
-    base = predicted(x, ())
-    without = x.in_modes(x.speeds((), without=0))
+    base = predicted_modes(x, ())
+    without = x.mode_amplitudes(x.speeds((), without=0))
     slow = form_columns(x.channels)
     parts = []
     for mode in range(4):  # a twentieth of what the effect does, along slow curves
@@ -157,15 +157,15 @@ def test_what_a_model_has_may_differ_from_its_form_and_its_shapes_and_a_controll
         parts.append(own)
     moved = recorded("rotor_degradation", rotor=2, loss=0.08, torque_share=0.125)
     other = replace(x, model=replace(model, effects=(moved, model.effects[1])))
-    parts.append((predicted(other, ()) - base)[:, :, None])  # half of a shape's usual 0.75
-    load = base[:, 0] - slowly(base[:, 0], x.flight)
+    parts.append((predicted_modes(other, ()) - base)[:, :, None])  # half of a shape's usual 0.75
+    load = base[:, 0] - flight_running_mean(base[:, 0], x.flight)
     parts.append(load[:, None, None] * np.eye(4)[:, 1:])
     parts.append(np.zeros((*base.shape, 4)))  # how good flights differ, of which none are known
     expected = space.nuisance.whitening.apply(np.concatenate(parts, axis=2))
     np.testing.assert_allclose(found[:, :, -expected.shape[2] :], expected, atol=1e-6)
     before = found.shape[2] - expected.shape[2]
     assert before == x.uncertainty_rpm.shape[0]
-    own = space.nuisance.whitening.apply(np.moveaxis(x.in_modes(x.uncertainty_rpm), 0, 2))
+    own = space.nuisance.whitening.apply(np.moveaxis(x.mode_amplitudes(x.uncertainty_rpm), 0, 2))
     np.testing.assert_allclose(found[:, :, :before], own)
 
 
@@ -178,9 +178,9 @@ def test_an_output_may_answer_a_turn_by_a_third_more_or_less_than_the_others():
         model=SimpleNamespace(placed=[SimpleNamespace(effect=effect) for effect in effects]),
         modes=SimpleNamespace(directions=turn),
         speeds=lambda _items, without: 2000.0 - turning * (without == 1),
-        in_modes=lambda speeds: speeds @ turn,
+        mode_amplitudes=lambda speeds: speeds @ turn,
     )
-    columns = _answers(reduced, np.full((2, 4), 2000.0) @ turn)
+    columns = _turn_response(reduced, np.full((2, 4), 2000.0) @ turn)
     assert len(columns) == 4
     for rotor, column in enumerate(columns):
         expected = np.zeros((2, 4))
@@ -192,12 +192,12 @@ def test_how_a_rotor_answers_to_load_is_uncertain_where_no_flight_has_taught_the
     """A column a rotor: a twentieth of what it is predicted to do about the mean of its flight."""
     reduced = space_of(made_flights(2, duration=60.0, hidden_mass=2.0)).reduced
     taught = replace(reduced.model, good_flights=GoodFlights(flights=3))
-    of_laws = what_laws_leave(replace(reduced, model=taught))
-    found = what_laws_leave(reduced)
+    of_laws = law_uncertainty(replace(reduced, model=taught))
+    found = law_uncertainty(reduced)
     assert found.shape[2] == of_laws.shape[2] + 4
     np.testing.assert_array_equal(found[:, :, :-4], of_laws)
     directions = reduced.modes.directions
-    speed = predicted(reduced, []) @ directions.T
+    speed = predicted_modes(reduced, []) @ directions.T
     each = [speed[reduced.flight == f] for f in range(2)]
     about = np.concatenate([of - of.mean(axis=0) for of in each])
     for rotor in range(4):

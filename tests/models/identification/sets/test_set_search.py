@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.rows.candidates import TrialEffect, predicted
+from thrustmargin.models.identification.rows.candidates import TrialEffect, predicted_modes
 from thrustmargin.models.identification.sets import set_search
 from thrustmargin.models.identification.sets.evidence import prior_of
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -47,8 +47,8 @@ def at(search: Search, key: str, *values: float) -> TrialEffect:
     return TrialEffect(candidate=one, values=np.full(one.start.shape, values))
 
 
-def scale(held: TrialEffect, k: int) -> float:
-    return held.candidate.term.effect.parameters[k].scale
+def scale(trial: TrialEffect, k: int) -> float:
+    return trial.candidate.term.effect.parameters[k].scale
 
 
 def all_sets(search: Search, most: int = 9) -> list[frozenset[int]]:
@@ -65,21 +65,23 @@ def test_a_set_is_fitted_to_where_scipy_has_the_least_squares(names):
     search = searched(MORE, hidden_mass=2.0, loss=0.06)
     found = search.fit(place(search, *names), ())
     x = search.reduced
-    measured = x.in_modes(x.measured_rpm)
-    values = np.concatenate([h.free_values for h in found.held])
-    prior = prior_of(found.held)
-    ends = np.cumsum([len(h.candidate.free) for h in found.held])[:-1]
-    error = 1.25 * np.sqrt(found.scored.variance)  # as sets are weighed
+    measured = x.mode_amplitudes(x.measured_rpm)
+    values = np.concatenate([h.free_values for h in found.trials])
+    prior = prior_of(found.trials)
+    ends = np.cumsum([len(h.candidate.free) for h in found.trials])[:-1]
+    error = 1.25 * np.sqrt(found.set_score.variance)  # as sets are weighed
 
     def squares(off: Floats) -> float:
-        parts = zip(found.held, np.split(off * error, ends), strict=True)
-        residual = np.nan_to_num(measured - predicted(x, [h.moved(part) for h, part in parts]))
+        parts = zip(found.trials, np.split(off * error, ends), strict=True)
+        residual = np.nan_to_num(
+            measured - predicted_modes(x, [h.moved(part) for h, part in parts])
+        )
         left = search.solved.reduce(search.nuisance.sums(residual[:, :, None]))[0, 0]
         return left + float(np.sum(prior.weight * (values + off * error - prior.centre) ** 2))
 
     best = minimize(squares, np.full(values.size, 0.5), method="Powell", options={"xtol": 1e-3})
     np.testing.assert_allclose(best.x, 0.0, atol=0.15)
-    np.testing.assert_allclose(found.scored.step / error, 0.0, atol=0.15)
+    np.testing.assert_allclose(found.set_score.step / error, 0.0, atol=0.15)
     for k in range(values.size):  # one standard error off, the others at their best: one more
         others = np.arange(values.size) != k
 
@@ -96,20 +98,23 @@ def test_a_fitted_set_has_the_evidence_that_all_columns_about_it_give():
     linear = search.linearise(found)
     scored = linear.score(found.key)
     assert found.total == pytest.approx(scored.log_evidence, abs=0.1)
-    np.testing.assert_allclose(found.scored.variance, scored.variance, rtol=0.05)
+    np.testing.assert_allclose(found.set_score.variance, scored.variance, rtol=0.05)
 
 
 def test_a_step_leads_from_values_nearby_to_the_likeliest():
     search = searched(MORE, hidden_mass=2.0, loss=0.06)
     key = place(search, "extra_mass", "rotor_degradation@1")
     found = search.fit(key, ())
-    off = [h.moved(np.array([0.1 * scale(h, k) for k, _ in h.candidate.free])) for h in found.held]
+    off = [
+        h.moved(np.array([0.1 * scale(h, k) for k, _ in h.candidate.free])) for h in found.trials
+    ]
     left = np.nan_to_num(
-        search.reduced.in_modes(search.reduced.measured_rpm) - predicted(search.reduced, off)
+        search.reduced.mode_amplitudes(search.reduced.measured_rpm)
+        - predicted_modes(search.reduced, off)
     )
-    nearby = search._scored(key, search._prepared(off), off, left)
-    wanted = predicted(search.reduced, found.held) - predicted(search.reduced, off)
-    moved = search.stepped(nearby)
+    nearby = search._fitted_set(key, search._filtered_columns(off), off, left)
+    wanted = predicted_modes(search.reduced, found.trials) - predicted_modes(search.reduced, off)
+    moved = search.final_step_change(nearby)
     assert np.sqrt(np.mean(wanted**2)) > 5.0
     assert np.sqrt(np.mean((moved - wanted) ** 2)) < 0.05 * np.sqrt(np.mean(wanted**2))
 
@@ -129,7 +134,7 @@ def test_what_is_promising_is_what_every_subset_tried_has_on_top(about):
     new = [key for key in ranked if key not in search.fitted]
     likely = [key for key in new if value[key] > top - 9.0][:6]
     beside = [key for key in new if len(key ^ found.key) == 1][:4]
-    asked = search.promising(linear)
+    asked = search.promising_sets(linear)
     assert asked[: len(likely)] == likely
     assert set(asked) == {*likely, *beside}
     assert len(asked) == len(set(asked))
@@ -144,14 +149,14 @@ def test_sets_at_most_9_less_likely_than_the_best_are_near(monkeypatch):
     below = {key: max(value.values()) - one for key, one in value.items()}
     near = sorted((key for key in below if below[key] < 9.0), key=lambda key: below[key])
     assert below[near[-1]] > 8.0  # so that a limit of 8 would not do
-    assert search.promising(linear)[: len(near)] == near
-    assert all(len(key) == 1 for key in search.promising(linear)[len(near) :])
+    assert search.promising_sets(linear)[: len(near)] == near
+    assert all(len(key) == 1 for key in search.promising_sets(linear)[len(near) :])
 
 
 def test_no_set_has_more_effects_than_the_most(monkeypatch):
     monkeypatch.setattr(set_search, "MOST_EFFECTS", 2)
     search = searched([*FEW, "tank_scale", "rotor_degradation"], hidden_mass=2.0, loss=0.06)
-    asked = search.promising(search.linearise(search.fit(frozenset(), ())))
+    asked = search.promising_sets(search.linearise(search.fit(frozenset(), ())))
     assert max(len(key) for key in asked) == 2
 
 
@@ -192,7 +197,7 @@ def test_candidates_found_on_the_way_are_tried_alone_and_beside_a_set():
     assert set(search.fitted) == {frozenset(), mass, frozenset({new}), mass | {new}}
     both = search.best
     assert both.key == mass | {new}
-    values = {h.candidate.key: h.free_values[0] for h in both.held}
+    values = {h.candidate.key: h.free_values[0] for h in both.trials}
     assert values["extra_mass"] == pytest.approx(2.0, abs=0.5)
     assert values["rotor_degradation@1"] == pytest.approx(0.06, abs=0.02)
 
@@ -263,9 +268,9 @@ def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect(monkeypatc
     )
     found = search.fit(both, ())
     assert found.total < IMPOSSIBLE / 2
-    assert found.possible == mass
-    assert search.fit(mass, ()).possible == mass
+    assert found.possible_key == mass
+    assert search.fit(mass, ()).possible_key == mass
     search.fitted.clear()
-    monkeypatch.setattr(search, "promising", lambda _: [both])
+    monkeypatch.setattr(search, "promising_sets", lambda _: [both])
     search.run()
     assert search.best.key == mass

@@ -7,20 +7,24 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flight, made_flights, table
 from thrustmargin.models.effects import BY_KEY, effects_for
-from thrustmargin.models.identification.answer.posterior import EffectEstimate, known_to_its_law
+from thrustmargin.models.identification.answer.posterior import EffectEstimate, add_law_error
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.rows.candidates import derivatives, predicted
+from thrustmargin.models.identification.rows.candidates import derivatives, predicted_modes
 from thrustmargin.models.identification.rows.reduced import reduce_flights
 from thrustmargin.models.identification.sets.discrepancy import (
-    _answers_to_load,
+    _load_response,
     free_columns,
     hats,
     wander_columns,
 )
-from thrustmargin.models.identification.sets.onsets import _LossSums, _steps, onset_candidates
+from thrustmargin.models.identification.sets.onsets import (
+    _LossSums,
+    _step_families,
+    onset_candidates,
+)
 from thrustmargin.models.identification.sets.search_space import (
     _flight_offsets,
-    _within_flights,
+    _subtract_flight_means,
     search_space,
 )
 from thrustmargin.models.identification.sets.set_search import Search
@@ -159,14 +163,14 @@ def test_derivatives_are_the_slope_of_the_prediction(key):
     flights = made_flights(2, duration=30.0)
     space = search_space(curve_model(), flights, [BY_KEY[key]])
     one = space.candidates[0]
-    at = one.at_start
+    at = one.initial_effect
     slope = derivatives(space.reduced, [at], 0)
     for k, p in enumerate(one.parameters):
         step = np.zeros(len(one.free))
         step[k] = 0.01 * p.scale
         moved = at.moved(step)
         width = moved.free_values[k] - at.free_values[k]
-        change = predicted(space.reduced, [moved]) - predicted(space.reduced, [at])
+        change = predicted_modes(space.reduced, [moved]) - predicted_modes(space.reduced, [at])
         size = np.abs(change).max()
         assert change == pytest.approx(width * slope[:, :, k], abs=0.1 * size + 1e-3)
 
@@ -196,7 +200,7 @@ def test_how_flights_differ_as_a_whole_stands_once_and_as_good_flights_showed():
     each, all_ = standing[0].diagonal(), shared[0].diagonal()
     assert each**2 + all_**2 == pytest.approx(np.square(known.background_rpm))
     assert (each / all_) ** 2 == pytest.approx(3.0)  # the mean of three is known to a third
-    columns = _within_flights(np.arange(12.0).reshape(6, 2, 1), np.array([0, 0, 0, 1, 1, 1]))
+    columns = _subtract_flight_means(np.arange(12.0).reshape(6, 2, 1), np.array([0, 0, 0, 1, 1, 1]))
     assert columns[:, 0, 0] == pytest.approx([-2.0, 0.0, 2.0, -2.0, 0.0, 2.0])
 
 
@@ -206,20 +210,20 @@ def test_what_gusts_make_a_controller_do_is_no_sign_of_how_rotors_share_the_thru
     gusts = np.where(np.arange(rows) % 2, 30.0, -30.0)
     base = np.zeros((rows, modes))
     base[:, 0] = 7000.0 - np.linspace(0.0, 400.0, rows) + gusts
-    columns = _answers_to_load(space.reduced, base)
+    columns = _load_response(space.reduced, base)
     assert columns.shape == (rows, modes, modes - 1)
     assert not columns[:, 0].any()  # load lifts the collective, and that is known
     inside = slice(30, 60)  # of the first flight, where the running mean is whole
     assert columns[inside, 2, 1] == pytest.approx(gusts[inside], abs=3.0)
     base[:, 0] -= gusts
-    assert np.abs(_answers_to_load(space.reduced, base)[inside]).max() < 3.0
+    assert np.abs(_load_response(space.reduced, base)[inside]).max() < 3.0
     answer = space.nuisance.whitening.apply(columns)
     made = replace(
         space.nuisance,
         uncertainty=np.concatenate([space.nuisance.uncertainty, answer], axis=2),
     )
     residual = columns.sum(axis=2)[:, :, None]
-    left, before = (n.solved().reduce(n.sums(residual))[0, 0] for n in (made, space.nuisance))
+    left, before = (n.marginalise().reduce(n.sums(residual))[0, 0] for n in (made, space.nuisance))
     assert left < 0.05 * before
 
 
@@ -245,9 +249,9 @@ def test_a_set_that_is_far_below_the_best_is_left_soon_and_ranks_as_if_fitted_to
         search, count = Search(space.reduced, space.nuisance, space.candidates), []
         if first:
             search.fit(true, ())
-        prepared, search._prepared = (
-            search._prepared,
-            lambda held: (count.append(1), prepared(held))[1],
+        prepared, search._filtered_columns = (
+            search._filtered_columns,
+            lambda trials: (count.append(1), prepared(trials))[1],
         )
         return search.fit(other, ()).total, len(count)
 
@@ -279,12 +283,12 @@ def test_a_loss_from_a_moment_on_is_summed_as_if_over_all_flights(kind):
     search = Search(space.reduced, space.nuisance, space.candidates)
     nothing = search.fit(frozenset(), ())
     column = derivatives(space.reduced, [search.start[0]], 0)[:, :, 0]
-    step = [s for s in _steps(search) if s.kind == kind][-2 if kind == "since" else -1]
-    gram = _LossSums.of(search, nothing, column).gram(step, step.times)
+    step = [s for s in _step_families(search) if s.kind == kind][-2 if kind == "since" else -1]
+    gram = _LossSums.about_set(search, nothing, column).gram(step, step.times)
     x, flight = space.reduced.channels, space.reduced.flight
     later = x.time_s[:, None] >= step.times
     if step.flight is not None:
-        later = later & (flight == step.flight)[:, None] | step.after[flight][:, None]
+        later = later & (flight == step.flight)[:, None] | step.later_flights[flight][:, None]
     whole = np.concatenate(
         [column[:, :, None] * later[:, None, :], nothing.residual[:, :, None]], axis=2
     )
@@ -320,7 +324,7 @@ def test_a_value_is_known_no_better_than_its_law():
         error = np.full(value.shape, 0.01)
         term = space.candidates[one].term
         known = EffectEstimate(candidate=one, term=term, probability=1.0, value=value, error=error)
-        return known_to_its_law(search, known)
+        return add_law_error(search, known)
 
     mass, loss = widened("extra_mass", 3.0).error, widened("rotor_degradation@1", 0.2).error
     assert mass == pytest.approx(np.full((2, 1), np.hypot(0.01, 0.05 * 3.0)), rel=0.03)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.models.identification.sets.test_evidence import MAIN, held, score
+from tests.models.identification.sets.test_evidence import MAIN, score, trials
 from tests.models.identification.sets.test_evidence import SHAPE as DETAIL
 from tests.models.made_flights import curve_model
 from thrustmargin.models.effects import BY_KEY
@@ -19,22 +19,22 @@ from thrustmargin.models.effects.thrust_effects import (
 )
 from thrustmargin.models.identification.rows.candidates import Term, candidate
 from thrustmargin.models.identification.sets.discrepancy import (
-    _shapes,
+    _shape_columns,
+    flight_running_mean,
     form_columns,
     free_columns,
     hats,
     slow_wander,
-    slowly,
     wander_columns,
 )
 from thrustmargin.models.identification.sets.evidence import prior_of
-from thrustmargin.models.identification.sets.onsets import without_rotors
+from thrustmargin.models.identification.sets.onsets import drop_rotor_effects
 from thrustmargin.models.identification.sets.search_space import (
-    _busy,
     _flight_offsets,
     _free_sizes,
+    _manoeuvre_mask,
     _scatter_sizes,
-    _wander,
+    _slow_noise_columns,
 )
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
@@ -100,7 +100,7 @@ def test_a_mean_is_busy_in_a_turn_or_under_a_load_and_beside_one():
     follows[[0, 9]] = False  # what comes after a pause is beside nothing
     x = SimpleNamespace(yaw_rate=turn, load_factor=load)
     reduced: Any = SimpleNamespace(channels=x, follows=follows)
-    assert np.flatnonzero(_busy(reduced)).tolist() == [1, 2, 3, 7, 8, 9, 10, 11]
+    assert np.flatnonzero(_manoeuvre_mask(reduced)).tolist() == [1, 2, 3, 7, 8, 9, 10, 11]
 
 
 def test_slow_noise_has_a_knot_in_every_25_seconds():
@@ -123,13 +123,13 @@ def test_a_slow_voltage_is_a_mean_over_43_within_its_flight():
     values = np.zeros(200)
     values[50] = 43.0
     flight = np.repeat([0, 1], 100)
-    found = slowly(values, flight)
+    found = flight_running_mean(values, flight)
     assert np.flatnonzero(found).tolist() == list(range(29, 72))
     np.testing.assert_allclose(found[29:72], 1.0)
     # At the ends of a flight it is of fewer; of a short one all of it.
     values[50], values[100] = 0.0, 22.0
-    assert slowly(values, flight)[100] == pytest.approx(1.0)
-    assert not slowly(values, flight)[:100].any()
+    assert flight_running_mean(values, flight)[100] == pytest.approx(1.0)
+    assert not flight_running_mean(values, flight)[:100].any()
 
 
 def test_the_form_of_an_effect_has_a_constant_and_curves_that_have_no_mean():
@@ -145,8 +145,8 @@ def test_the_form_of_an_effect_has_a_constant_and_curves_that_have_no_mean():
 
 def test_a_main_value_without_a_smallest_size_begins_at_a_hundredth_of_the_usual_one():
     h, g, cost = np.array([[400.0]]), np.array([40.0]), 9.0
-    with_none = score(prior_of([held(replace(MAIN, smallest=0.0))]), h, g, cost)
-    with_own = score(prior_of([held(replace(MAIN, smallest=0.005))]), h, g, cost)
+    with_none = score(prior_of([trials(replace(MAIN, smallest=0.0))]), h, g, cost)
+    with_own = score(prior_of([trials(replace(MAIN, smallest=0.005))]), h, g, cost)
     assert with_none.log_evidence == with_own.log_evidence
 
 
@@ -208,7 +208,7 @@ def test_curves_of_the_free_form_go_along_heading_twice_and_along_speed_and_tank
     turns = [np.sin(x.heading), np.cos(x.heading), np.sin(2 * x.heading), np.cos(2 * x.heading)]
     for name, part in (
         ("airspeed", hats(x.airspeed, 5)),
-        ("voltage", hats(slowly(x.voltage, flight), 4)),
+        ("voltage", hats(flight_running_mean(x.voltage, flight), 4)),
         ("heading", np.stack(turns, axis=1)),
         ("airspeed x tank_kg", np.stack(both, axis=1)),
     ):
@@ -228,10 +228,10 @@ def test_a_rotor_is_bad_in_one_form_at_a_time():
         (k, c)
         for k in range(4)
         for c in range(4)
-        if k != c and Search._twice(search, frozenset({k}), c)
+        if k != c and Search._is_duplicate(search, frozenset({k}), c)
     ]
     assert twice == [(0, 1), (1, 0)]
-    assert Search._twice(search, frozenset({2, 3, 0}), 1)
+    assert Search._is_duplicate(search, frozenset({2, 3, 0}), 1)
 
 
 def test_an_aircraft_has_one_load_on_a_cable_whatever_its_length_and_may_be_late_twice():
@@ -243,7 +243,7 @@ def test_an_aircraft_has_one_load_on_a_cable_whatever_its_length_and_may_be_late
     assert len(cables) < len(keys) - 1
     for k in range(len(keys)):
         for c in set(range(len(keys))) - {k}:
-            assert Search._twice(search, frozenset({k}), c) == (k in cables and c in cables)
+            assert Search._is_duplicate(search, frozenset({k}), c) == (k in cables and c in cables)
 
 
 def test_bad_rotors_alone_are_marginalised_of_a_set():
@@ -254,7 +254,7 @@ def test_bad_rotors_alone_are_marginalised_of_a_set():
             for n, unnamed in [*((n, False) for n in names), ("unnamed_cause", True)]
         ]
     )
-    assert without_rotors(search, frozenset(range(5))) == {0, 1, 3}
+    assert drop_rotor_effects(search, frozenset(range(5))) == {0, 1, 3}
 
 
 def test_the_slow_noise_of_each_mode_is_counted_after_what_is_drawn_before_it():
@@ -265,7 +265,7 @@ def test_the_slow_noise_of_each_mode_is_counted_after_what_is_drawn_before_it():
         measured_rpm=np.full((60, 2), 2000.0),
         model=curve_model(),
     )
-    columns, own = _wander(reduced, 3)
+    columns, own = _slow_noise_columns(reduced, 3)
     hats_of_time = wander_columns(
         time_s, reduced.flight, 25.0 * froude_time_scale(reduced.model.airframe)
     )
@@ -279,19 +279,19 @@ def test_the_slow_noise_of_each_mode_is_counted_after_what_is_drawn_before_it():
 
 def test_a_shape_may_be_off_toward_the_middle_of_its_bounds():
     """Speeds are 100 a + 10 b in the place of an effect; its shape b is moved, and a is not."""
-    made = held(MAIN, DETAIL).candidate.term.effect
+    made = trials(MAIN, DETAIL).candidate.term.effect
     placed = [Placed(effect=made, values={"a": 1.0, "b": b}, rotor=None) for b in (0.5, -0.5)]
     reduced: Any = SimpleNamespace(
         model=SimpleNamespace(placed=placed),
         speeds=lambda items, without: np.full(
             (3, 2), 1000.0 * without + 100.0 * items[0].values["a"] + 10.0 * items[0].values["b"]
         ),
-        in_modes=lambda speeds: 2.0 * speeds,
+        mode_amplitudes=lambda speeds: 2.0 * speeds,
     )
     base = np.full((3, 2), 5.0)
     step = 0.5 * DETAIL.scale
     ends = (0.5 - step, -0.5 + step)
-    for k, (column, b) in enumerate(zip(_shapes(reduced, base), ends, strict=True)):
+    for k, (column, b) in enumerate(zip(_shape_columns(reduced, base), ends, strict=True)):
         assert column.shape == (3, 2, 1)
         np.testing.assert_allclose(column, 2.0 * (1000.0 * k + 100.0 + 10.0 * b) - 5.0)
 

@@ -10,7 +10,7 @@ from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.reduced import reduce_flights
-from thrustmargin.models.identification.sets.search_space import unreported_wind
+from thrustmargin.models.identification.sets.search_space import unreported_wind_columns
 from thrustmargin.models.network.validity import TrainingDomain
 
 SLOPE, STRONGEST = 1.5, 4.0
@@ -59,7 +59,7 @@ def test_it_is_the_inflow_of_the_wind_along_the_leaning_axis(windless):
     """N = N_h / sqrt(1 - slope J), J = w 60/(N_h D), w more by -W . (thrust axis)."""
     model = model_of()
     reduced = reduce_flights(model, windless)
-    columns = unreported_wind(reduced, windless)
+    columns = unreported_wind_columns(reduced, windless)
     assert columns.shape == (*reduced.measured_rpm.shape, 2)
     x = reduced.channels
     for k in range(2):
@@ -91,9 +91,9 @@ def test_a_wind_that_is_reported_or_that_good_flights_had_not_either_makes_none(
         for t, w in zip(windless, WINDS, strict=True)
     ]
     for model, flights in ((model_of(), reported), (model_of(np.nan), windless)):
-        assert unreported_wind(reduce_flights(model, flights), flights).shape[2] == 0
+        assert unreported_wind_columns(reduce_flights(model, flights), flights).shape[2] == 0
     some = [reported[0], *windless[1:]]
-    columns = unreported_wind(reduced := reduce_flights(model_of(), some), some)
+    columns = unreported_wind_columns(reduced := reduce_flights(model_of(), some), some)
     assert not columns[reduced.flight == 0].any()
     assert columns[reduced.flight == 1].any()
 
