@@ -1,1 +1,1 @@
-"""A field and a swath in, a route that sprays it out. In plan, geometry is (east, north) in m."""
+"""Plan a route that sprays a field with a given swath. Plane geometry is (east, north) in m."""
