@@ -26,7 +26,7 @@ from thrustmargin.mission.forecast.plan_flight import (
     PlanConditions,
     PlanFlight,
     fly_plan,
-    giving_way,
+    with_slower_yaw,
 )
 from thrustmargin.mission.forecast.way import Course, WayLeg, course, plan_legs, timed_legs
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
@@ -243,7 +243,7 @@ def forecast(
     def fly(way: Course) -> PlanFlight:
         return fly_plan("the rest of the route", way, model, given)
 
-    flight = giving_way(fly(course(legs, limits)), model, partial(course, legs), fly)
+    flight = with_slower_yaw(fly(course(legs, limits)), model, partial(course, legs), fly)
     volts = np.full(flight.track.time_s.size, now.voltage)
     analysis = analyse(replace(flight.track, voltage=volts), model, flight.density, claim=AHEAD)
     items = np.array([leg.item for leg in legs], dtype=np.intp)

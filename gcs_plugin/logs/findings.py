@@ -107,7 +107,7 @@ def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
     ]
 
 
-def repeated(findings: Iterable[Finding]) -> list[Finding]:
+def report_findings(findings: Iterable[Finding]) -> list[Finding]:
     """List the findings to show beside a report's verdict.
 
     They are severe ones, those of the vehicle itself, and those that make rotor names or numbers

@@ -88,7 +88,7 @@ def read_sorties(
         except AirframeError:
             if vehicle is not None or not sought:
                 raise
-            kind, logs = _read_as(path, _that_fits(path, made), made)
+            kind, logs = _read_as(path, _fitting_vehicle(path, made), made)
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file; check the name") from error
     except OSError as error:
@@ -104,7 +104,7 @@ def read_sorties(
     return logs
 
 
-def _that_fits(path: Path, options: Options) -> int | None:
+def _fitting_vehicle(path: Path, options: Options) -> int | None:
     """Return the vehicle in the log with the airframe's number of rotors; None if there is none.
 
     Raise LogError if several vehicles fit.

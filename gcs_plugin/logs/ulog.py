@@ -44,7 +44,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     without_leaps,
 )
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_events
 from thrustmargin.models.errors import LogError
@@ -343,7 +343,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     initial = [(-np.inf, name, value) for name, value in parameters.items()]
     changed = [(at * 1e-6, str(name), float(to)) for at, name, to in log.changed_parameters]
     motors = ulog_motors(topics, parameters)
-    signals = {**ulog_signals(topics), **collected(motors.signals)}
+    signals = {**ulog_signals(topics), **signals_by_channel(motors.signals)}
     notes = motors.notes
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts) * 1e-3

@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
     span_of,
     whole_number,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
@@ -295,7 +295,7 @@ def with_vectors(topic: Topic) -> Topic:
 def ulog_signals(topics: Mapping[str, list[Topic]]) -> Signals:
     """Return the signals of every topic (each a list of its instances) except the motors'."""
     signals = [signal for rule in RULES for signal in _by_rule(rule, topics)]
-    return collected(signals)
+    return signals_by_channel(signals)
 
 
 def _by_rule(rule: Rule, topics: Mapping[str, list[Topic]]) -> Iterator[Signal]:

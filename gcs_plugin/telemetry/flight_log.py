@@ -107,7 +107,7 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
     # What is reported and not in the table, then what a reader met and could not use.
     unused = {
         name: f"in the log ({silent[0].source.words}), not used: "
-        + _unused_because(name, silent, rows)
+        + _unused_reason(name, silent, rows)
         for name in TRACK_CHANNELS
         if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
     } | dict(recording.unused)
@@ -198,7 +198,7 @@ def _as_signal(track: FlightTrack, channel: str) -> Signal:
     return Signal(channel, track.source(channel), track.time_s, getattr(track, channel))
 
 
-def _unused_because(name: str, silent: Iterable[Signal], rows: FlightRows) -> str:
+def _unused_reason(name: str, silent: Iterable[Signal], rows: FlightRows) -> str:
     """Return the reason, in words, why a reported channel has no value in the table."""
     if not any(np.isfinite(signal.values).any() for signal in silent):
         return "never with a value"

@@ -40,7 +40,7 @@ def plausible(channel: str, values: Floats) -> Floats:
     return values if good.all() else np.where(good, values, np.nan)
 
 
-def every(flags: Bools) -> bool:
+def all_true(flags: Bools) -> bool:
     """Return whether all flags are True; five times as fast as `all` for few flags."""
     return int(np.count_nonzero(flags)) == flags.size
 
@@ -75,7 +75,7 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
 def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
     """Return times and values of the reports in range; the last of several at one time."""
     limit, values, time_s = TRACK_CHANNELS[channel], signal.values, signal.time_s
-    if within(channel, values) and every(time_s[1:] > time_s[:-1]):
+    if within(channel, values) and all_true(time_s[1:] > time_s[:-1]):
         return time_s, values
     keep = (values >= limit.low) & (values <= limit.high)
     keep = keep if keep.ndim == 1 else np.logical_and.reduce(keep, axis=1)
@@ -126,7 +126,7 @@ def _shaped(rows: NDArray[Any], like: Floats) -> NDArray[Any]:
 
 
 def _masked(values: Floats, keep: Bools) -> Floats:
-    return values if every(keep) else np.where(_shaped(keep, values), values, np.nan)
+    return values if all_true(keep) else np.where(_shaped(keep, values), values, np.nan)
 
 
 def first_known(
@@ -144,7 +144,7 @@ def first_known(
             if np.any(known_rows(held) & missing):
                 values = np.where(_shaped(missing, values), held, values)
                 used.append(signal)
-        if every(np.isfinite(values)):
+        if all_true(np.isfinite(values)):
             break
     return values, used
 
@@ -153,7 +153,7 @@ def last_before(signal: Signal, time_s: Floats) -> Floats:
     """(T,) or (T, k) last known report at each time, however old; NaN before the first."""
     values, when = signal.values, signal.time_s
     keep = known_rows(values)
-    if not every(keep):
+    if not all_true(keep):
         values, when = values[keep], when[keep]
     if when.size == 0:
         return np.full((time_s.size, *values.shape[1:]), np.nan)
@@ -180,7 +180,7 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
 
 def increasing(values: Floats) -> Floats:
     """As `np.unique`, in a fraction of its time where the values rise already."""
-    if every(values[1:] > values[:-1]):
+    if all_true(values[1:] > values[:-1]):
         return values
     step = np.diff(values)
     if not (step >= 0.0).all():

@@ -41,7 +41,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     airspeed_sources,
     best,
-    turned_down,
+    rejected_sources,
 )
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     PumpedSoFar,
@@ -138,7 +138,7 @@ def flight_rows(
             found = best({channel: there}, channel)
             used = [] if found is None else [found]
             values = None if found is None else sample(channel, found, clock_s, "linear")
-            rejected = () if found is None else turned_down(there, found)
+            rejected = () if found is None else rejected_sources(there, found)
         if values is not None:
             channels[channel], reported[channel] = values, used
             source = used[0].source

@@ -41,7 +41,7 @@ OUTPUTS_OF_PORT = 16  # of SERVO_OUTPUT_RAW: the second has ArduPilot's 17 on, P
 Signals = Mapping[str, tuple[Signal, ...]]
 
 
-def collected(signals: Iterable[Signal]) -> Signals:
+def signals_by_channel(signals: Iterable[Signal]) -> Signals:
     """Group signals by channel, in the order given."""
     channels: dict[str, list[Signal]] = {}
     for signal in signals:
@@ -67,7 +67,7 @@ def best(signals: Signals, channel: str) -> Signal | None:
     return next(s for s, seconds in zip(there, covered, strict=True) if seconds >= 0.9 * most)
 
 
-def turned_down(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
+def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
     """List the sources of a channel other than `used`, each with the reason."""
     found, before = [], True
     for signal in there:
@@ -117,7 +117,7 @@ def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals
     `streams` is emptied in the process to limit memory.
     """
     found = sorted(decoded(streams, airspeed), key=lambda item: item[0])
-    return collected(_used_outputs(s) if s.channel == "servo_us" else s for _, s in found)
+    return signals_by_channel(_used_outputs(s) if s.channel == "servo_us" else s for _, s in found)
 
 
 def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
@@ -228,7 +228,7 @@ class SignalBuffer:
     @property
     def signals(self) -> Signals:
         """Return all signals in the buffer, preferred sources first."""
-        return collected(self._kept[key] for key in self._order)
+        return signals_by_channel(self._kept[key] for key in self._order)
 
 
 def _used_outputs(servos: Signal) -> Signal:

@@ -48,7 +48,9 @@ class FlightBattery:
 UNKNOWN = FlightBattery()
 
 
-def since(total: Floats, changed: NDArray[np.intp], before: Floats | float = 0.0) -> Floats:
+def used_since_change(
+    total: Floats, changed: NDArray[np.intp], before: Floats | float = 0.0
+) -> Floats:
     """Subtract from a running total (T,) its value at the latest row of `changed`, the rows of a
     new tank or battery.
 
@@ -112,7 +114,7 @@ def discharge(
     volts = np.full(power.size, start)
     for _ in range(3):
         before = np.asarray(before_wh) / (cells * CELL) * 3600.0
-        drawn = since(np.cumsum(power / volts * seconds), changed, before) / 3600.0
+        drawn = used_since_change(np.cumsum(power / volts * seconds), changed, before) / 3600.0
         charge = full - drawn / battery.capacity_ah
         rest = cells * np.interp(charge, _CHARGE, _AT_REST)
         inside = np.maximum(rest**2 - 4.0 * resistance * power, 0.0)

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.mission.forecast.battery import since
+from thrustmargin.mission.forecast.battery import used_since_change
 from thrustmargin.mission.forecast.limits import FlightLimits
 from thrustmargin.mission.forecast.plan_flight import PlanConditions, PlanFlight, Used, energy_home
 from thrustmargin.mission.forecast.way import TimedLeg, WayLeg
@@ -192,7 +192,7 @@ def parts_flown(
     `longest_s` at most; those beyond are counted in `unlike`.
     """
     fresh = np.asarray(refill_after, dtype=np.intp)
-    kg, wh = since(taken.sprayed_kg, fresh), since(taken.energy_wh, fresh)
+    kg, wh = used_since_change(taken.sprayed_kg, fresh), used_since_change(taken.energy_wh, fresh)
     # The state at the start of a leg is that at the end of the one before.
     kg, wh = (np.append(0.0, used)[:-1] for used in (kg, wh))
     # In steps of mass and energy; a leg one step harder represents a leg too.

@@ -25,7 +25,7 @@ from thrustmargin.mission.forecast.battery import (
     FlightBattery,
     discharge,
     rotor_power,
-    since,
+    used_since_change,
 )
 from thrustmargin.mission.forecast.limits import FlightLimits
 from thrustmargin.mission.forecast.way import CONE, RETURN_WAIT_S, Course
@@ -220,7 +220,7 @@ def fly_plan(
     before = np.array([anew[int(k)] for k in active[changed]]).reshape(-1, 2)
     pump = np.array([t.leg.pump for t in course.legs], dtype=np.bool_)[active]
     sprayed = np.append(0.0, np.cumsum(_flow(course, pump, given) * seconds))
-    tank = np.maximum(given.fill_kg - since(sprayed[:-1], changed, before[:, 0]), 0.0)
+    tank = np.maximum(given.fill_kg - used_since_change(sprayed[:-1], changed, before[:, 0]), 0.0)
     wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
     through = velocity - wind
     airspeed = np.linalg.norm(through, axis=1)
@@ -239,7 +239,7 @@ def fly_plan(
         velocity_ned=velocity,
         attitude=attitude,
         angular_rate_frd=_rates(time_s, attitude),
-        specific_force_frd=_felt(course.gained_ned, attitude),
+        specific_force_frd=_specific_force(course.gained_ned, attitude),
         airspeed=airspeed,
         wind_ned=wind.copy(),
         tank_kg=tank,
@@ -265,11 +265,11 @@ def fly_plan(
         rotor_speed_rpm=speed,
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
-        battery_wh=since(energy, changed, before[:, 1]),
+        battery_wh=used_since_change(energy, changed, before[:, 1]),
     )
 
 
-def giving_way(
+def with_slower_yaw(
     once: PlanFlight,
     model: RotorModel,
     course_by: Callable[[FlightLimits], Course],
@@ -346,7 +346,7 @@ def _rates(time_s: Floats, attitude: Floats) -> Floats:
     )
 
 
-def _felt(gained: Floats, attitude: Floats) -> Floats:
+def _specific_force(gained: Floats, attitude: Floats) -> Floats:
     """Compute the specific force (T, 3), m/s² forward, right, down, from acceleration (T, 3)
     NED.
     """

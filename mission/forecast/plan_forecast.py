@@ -36,12 +36,12 @@ from thrustmargin.mission.forecast.plan_flight import (
     conditions,
     energy_back,
     fly_plan,
-    giving_way,
     known_pump,
     largest_use,
     way_back,
     wind_from_deg,
     wind_ned,
+    with_slower_yaw,
 )
 from thrustmargin.mission.forecast.way import (
     Course,
@@ -187,7 +187,7 @@ def forecast(
         first = course(legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)], limits)
         given = _worst_wind(given, day.wind, model, lambda g: fly(first, g))
         assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
-    once = giving_way(
+    once = with_slower_yaw(
         fly(course(legs, limits), given), model, partial(course, legs), lambda way: fly(way, given)
     )
     if once.course.limits.yaw_acceleration < limits.yaw_acceleration:

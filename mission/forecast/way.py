@@ -77,7 +77,7 @@ def course(legs: Sequence[WayLeg], limits: FlightLimits) -> Course:
     first = next((x.vector for x in legs if not x.vertical), legs[0].vector)
     start = float(np.arctan2(first[1], first[0]))
     target_yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
-    yaw = followed(time_s, target_yaw, limits)
+    yaw = lagged_yaw(time_s, target_yaw, limits)
     return Course(
         legs=timed,
         limits=limits,
@@ -181,7 +181,7 @@ def heading(
     return yaw, wanted - yaw
 
 
-def followed(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
+def lagged_yaw(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
     """Compute the aircraft's yaw (T,), rad, for a target yaw (T,), rad.
 
     It lags the target by the time constant of the yaw angle loop, 1/`yaw_gain`. `time_s` must be

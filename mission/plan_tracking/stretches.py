@@ -27,8 +27,8 @@ from thrustmargin.mission.forecast.plan_flight import (
     PlanConditions,
     PlanFlight,
     fly_plan,
-    giving_way,
     known_pump,
+    with_slower_yaw,
 )
 from thrustmargin.mission.forecast.way import Course, Span, SpanKind, course, plan_legs
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
@@ -63,7 +63,7 @@ class PlanToFly:
             return fly_plan("the plan", way, self.model, given)
 
         legs = [timed.leg for timed in self.course.legs]
-        flight = giving_way(fly(self.course), self.model, partial(course, legs), fly)
+        flight = with_slower_yaw(fly(self.course), self.model, partial(course, legs), fly)
         return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
 
     def beside(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:
@@ -73,7 +73,7 @@ class PlanToFly:
         return beside(*self.fly(given), flown, over_s=over_s)
 
 
-def known_before(
+def conditions_before_take_off(
     parameters: Mapping[str, float], airframe: Airframe, *, fill_kg: float, altitude: float
 ) -> PlanConditions:
     """Return the conditions known before take-off, with `fill_kg` in the tank (NaN: full).
@@ -193,7 +193,7 @@ def shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
     return np.array([float(north), float(east), 0.0])
 
 
-def passed(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
+def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
     """Return the rows of `flown` at the ends of the forecast's spans, up to where the flight left
     the plan.
 
@@ -227,13 +227,13 @@ def beside(
     flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay, *, over_s: float = 0.0
 ) -> Beside:
     """Compare the planned `flight`, analysed as `forecast`, with the flown one; `over_s` as in
-    `passed`.
+    `stretch_ends`.
     """
     if not flown.time_s.size or not flight.course.spans:
         return Beside(
             stretches=(), left_at=flight.course.spans[0].item if flight.course.spans else None
         )
-    ends = passed(flight, flown, over_s=over_s)
+    ends = stretch_ends(flight, flown, over_s=over_s)
     use, reach = worst_use(forecast, slice(None))
     planned = _Planned(
         utilisation=use,

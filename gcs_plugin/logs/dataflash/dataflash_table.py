@@ -17,8 +17,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
-    collected,
     ordered_signal,
+    signals_by_channel,
 )
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
@@ -118,7 +118,9 @@ def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
         if name in streams:
             signals += method(streams[name])
     signals += _armed(streams)
-    return collected([*signals, *(s for rule in LAST_RULES for s in _by_rule(rule, streams))])
+    return signals_by_channel(
+        [*signals, *(s for rule in LAST_RULES for s in _by_rule(rule, streams))]
+    )
 
 
 #: Signals of a battery monitor -> the monitors (BATT_MONITOR) that do not measure them: none at

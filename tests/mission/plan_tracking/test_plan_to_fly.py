@@ -8,7 +8,7 @@ from thrustmargin.mission.forecast.limits import flight_limits
 from thrustmargin.mission.forecast.plan_forecast import TakeOff
 from thrustmargin.mission.forecast.plan_forecast import forecast as before_take_off
 from thrustmargin.mission.forecast.way import plan_legs
-from thrustmargin.mission.plan_tracking.stretches import PlanToFly, known_before
+from thrustmargin.mission.plan_tracking.stretches import PlanToFly, conditions_before_take_off
 from thrustmargin.mission.route import Conditions, forecast
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.model.model_file import shipped_model
@@ -22,7 +22,7 @@ def test_where_the_rotors_have_no_moment_left_every_forecast_gives_up_yaw_alike(
     """16 kg at 4,000 m: turns ask more than a rotor has, and the nose turns slower."""
     made = before_take_off(PLAN, MODEL, TakeOff(fill_kg=16.0, altitude=4000.0), parameters=SHARP)
     assert "nose gives way" in made.assumed
-    given = known_before(SHARP, MODEL.airframe, fill_kg=16.0, altitude=4000.0)
+    given = conditions_before_take_off(SHARP, MODEL.airframe, fill_kg=16.0, altitude=4000.0)
     flight, _ = PlanToFly.of(PLAN, SHARP, MODEL).fly(given)
     assert flight.course.limits.yaw_acceleration == made.limits.yaw_acceleration
     limits = flight_limits(SHARP)
@@ -44,7 +44,9 @@ def still():
 
 
 def test_what_is_known_before_is_still_standard_air_and_the_battery_of_the_parameters():
-    given = known_before({"BATT_CAPACITY": 16000.0}, MODEL.airframe, fill_kg=8.0, altitude=1000.0)
+    given = conditions_before_take_off(
+        {"BATT_CAPACITY": 16000.0}, MODEL.airframe, fill_kg=8.0, altitude=1000.0
+    )
     assert given.wind_ned == (0.0, 0.0, 0.0)
     assert given.density == pytest.approx(1.112, abs=0.001)  # ISO 2533 at 1000 m
     assert given.battery.capacity_ah == 16.0
