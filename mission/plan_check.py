@@ -1,12 +1,11 @@
-"""Parameters that have two names: ArduPilot 4.7 put many into SI and gave them new ones.
+"""Find faults in the structure of a plan: pump, heights, jumps, fence, take-off.
 
-Of what is read here, by ArduPilot's list "Parameter Name Changes" (4.6 to 4.7); what is not in the
-table kept its name and its unit.
+Findings are data; gcs_plugin.wording makes their sentences. Faults of load and thrust are found by
+the forecast.
 
-What is wrong with a plan by its structure: pump, heights, jumps, fence, take-off.
-
-Findings are data; gcs_plugin.wording says them. What load and thrust have against a plan is the
-forecast's to say.
+Parameters are read by their old or new name: ArduPilot 4.7 renamed many and changed them to SI. The
+table covers the parameters read here, by ArduPilot's list "Parameter Name Changes" (4.6 to 4.7);
+others kept name and unit.
 """
 
 from __future__ import annotations
@@ -246,7 +245,7 @@ def _shape(area: FencePolygon | FenceCircle, home: tuple[float, float, float]) -
 
 
 def _between_lines(legs: _Legs, found: dict[PlanFault, list[int]]) -> None:
-    """Ways with the pump on that lead from one spray line to the next."""
+    """Add to `found` the legs with the pump on that lead from one spray line to the next."""
     on = np.array([bool(s.pump) and s.kind not in _HOMEWARD for s in legs.steps], dtype=np.bool_)
     along = (legs.end - legs.start)[:, :2]
     length = np.hypot(*along.T)

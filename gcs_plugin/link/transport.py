@@ -1,4 +1,4 @@
-"""Byte transports behind a link: UDP, TCP, serial port, telemetry log. URLs as pymavlink has them.
+"""Define byte transports of a link: UDP, TCP, serial port, telemetry log; URLs as in pymavlink.
 
 `link.open_transport` opens them. They are own sockets and not pymavlink's, because its UDP
 listener binds with SO_REUSEADDR (two programs on one port then take each other's packets in

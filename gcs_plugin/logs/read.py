@@ -62,7 +62,7 @@ def read_sorties(
     sought: bool = True,
     **options: Any,
 ) -> tuple[FlightLog, ...]:
-    """Every sortie of one vehicle in a log, in order, numbered.
+    """Read every sortie of one vehicle in a log, in order, numbered.
 
     A sortie ends with a restart of the vehicle, or on the ground: disarmed, for long, or with a
     fuller tank or battery afterwards. Where nothing flew, it is the longest stretch.

@@ -132,8 +132,11 @@ def _masked(values: Floats, keep: Bools) -> Floats:
 def first_known(
     channel: str, sources: Iterable[Signal], time_s: Floats
 ) -> tuple[Floats | None, list[Signal]]:
-    """The channel as a listener has it at `time_s` (T,): at each row the first source, in the order
-    given, that has a fresh report; and the sources that were used. None without any source."""
+    """Return the channel as a listener has it at `time_s` (T,), and the sources used.
+
+    At each row it is the value of the first source, in the order given, with a recent report. None
+    without any source.
+    """
     values, used = None, []
     for signal in sources:
         held = sample(channel, signal, time_s, "hold")
@@ -150,7 +153,9 @@ def first_known(
 
 
 def last_before(signal: Signal, time_s: Floats) -> Floats:
-    """(T,) or (T, k) last known report at each time, however old; NaN before the first."""
+    """Return the last known report at each time, (T,) or (T, k), however old; NaN before the
+    first.
+    """
     values, when = signal.values, signal.time_s
     keep = known_rows(values)
     if not all_true(keep):
@@ -162,9 +167,9 @@ def last_before(signal: Signal, time_s: Floats) -> Floats:
 
 
 def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
-    """Strictly increasing times with at least ROW_SPACING between them, the first kept.
+    """Return strictly increasing times with at least ROW_SPACING between them, the first kept.
 
-    `after_s` is the row before them, from which the first is as far.
+    The first is at least ROW_SPACING after `after_s`, the row before.
     """
     time_s = increasing(time_s[np.isfinite(time_s)])
     time_s = time_s[np.searchsorted(time_s, after_s + ROW_SPACING) :]
@@ -179,7 +184,9 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
 
 
 def increasing(values: Floats) -> Floats:
-    """As `np.unique`, in a fraction of its time where the values rise already."""
+    """Return the sorted distinct values, as `np.unique` but faster if they are increasing
+    already.
+    """
     if all_true(values[1:] > values[:-1]):
         return values
     step = np.diff(values)
@@ -189,12 +196,12 @@ def increasing(values: Floats) -> Floats:
 
 
 def coverage(signal: Signal) -> int:
-    """Number of whole seconds in which the signal has a number."""
+    """Return the number of whole seconds with a finite value of the signal."""
     return increasing(np.floor(signal.time_s[known_rows(signal.values)])).size
 
 
 def in_time_order(time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Both sorted by time, as they are when they already are; nothing measured is infinite."""
+    """Return times and values sorted by time, infinite values as NaN."""
     if np.isinf(values).any():
         values = np.where(np.isinf(values), np.nan, values)
     if time_s.size < 2 or np.all(time_s[1:] >= time_s[:-1]):

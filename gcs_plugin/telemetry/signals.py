@@ -265,16 +265,17 @@ def _by_name(stream: Stream, values: Floats) -> list[Signal]:
 def ordered_signal(
     channel: str, source: Provenance, time_s: Floats, values: Floats, index: int | str | None = None
 ) -> Signal:
-    """The Signal of reports in any order of time."""
+    """Return the signal of reports in any order of time, sorted by time."""
     return Signal(channel, source, *in_time_order(time_s, values), index)
 
 
 def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """The airspeeds that are reported; then, where they are not, the speed over ground, less the
-    wind where one is estimated.
+    """Yield the reported airspeeds; then, if they cover less, the speed through the air from
+    velocity and wind.
 
-    0 is no airspeed, as PX4 sends it without a sensor: of a recorded flight when it is so
-    throughout, for a listener in each report. Nor is such a wind.
+    Without a wind that is the speed over ground. An airspeed of 0 is no airspeed, as PX4 sends it
+    without a sensor: in a recorded flight if it is 0 throughout, for a listener in each report. A
+    wind of 0 throughout is no wind estimate.
     """
     own, live = signals.get("airspeed", ()), sampling == "hold"
     for signal in own if live else ():
@@ -301,7 +302,9 @@ def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
 
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:
-    """Whether the vehicle says that it has an airspeed sensor; None when it does not say."""
+    """Return whether the vehicle has an airspeed sensor by its own reports; None if they do not
+    show it.
+    """
     kind = parameter(parameters, "ARSPD_TYPE")
     if np.isfinite(kind):
         return kind > 0
@@ -313,7 +316,9 @@ def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]
 
 
 def hud_airspeed(autopilot: str, pitot: bool | None) -> Provenance:
-    """What VFR_HUD's airspeed is: not the same quantity on every vehicle."""
+    """Return the source of VFR_HUD's airspeed, with a remark, because its meaning differs
+    between vehicles.
+    """
     if autopilot == "PX4":
         remark = "calibrated airspeed, as PX4 sends it"
     elif pitot:

@@ -1,4 +1,4 @@
-"""Which message the tank level comes from, and the level in kg.
+"""Choose the message that the tank level is read from, and compute the level in kg.
 
 Autopilots have no message for a spray tank. In order of trust, `auto` takes
 1. NAMED_VALUE_FLOAT `TANK` or `TANK_KG` (kg), `TANK_L` (litres);

@@ -123,7 +123,10 @@ def needs(taken: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh
     short, before, last = "", -1, -1
 
     def energy(a: int, b: int) -> float:
-        """Wh from the end of leg `a` (-1: take-off) to that of `b`, ways there and home too."""
+        """Return the energy, Wh, from the end of leg `a` (-1: take-off) to the end of leg `b`.
+
+        The ways from and to the refills are included.
+        """
         out = float(given[a] - taken.home_wh[a]) if a >= 0 else 0.0
         home = float(taken.home_wh[b]) if b + 1 < ends.size else 0.0
         return float(given[b]) - out + home
