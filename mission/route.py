@@ -20,7 +20,6 @@ import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
-from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.limits import FlightLimits, flight_limits
 from thrustmargin.mission.forecast.plan_flight import (
     PlanConditions,
@@ -146,17 +145,6 @@ LONGEST_S = 900.0
 AHEAD = AirframeClaim(words="a route ahead")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
-    """The present state, which the prediction of the rest of the route keeps constant."""
-
-    tank_kg: float
-    flow: float  # kg/s while spraying
-    density: float  # kg/m³
-    voltage: float  # V; NaN unknown
-    wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Forecast:
     """The predicted rest of the route, at ten rows a second."""
@@ -225,34 +213,33 @@ def route_ahead(
 
 
 def forecast(
-    legs: Sequence[WayLeg], limits: FlightLimits, model: RotorModel, now: Conditions
+    legs: Sequence[WayLeg], limits: FlightLimits, model: RotorModel, given: PlanConditions
 ) -> Forecast | None:
-    """Simulate the flight along `legs`, of a long route only the first part; None without a leg."""
+    """Simulate the flight along `legs`, of a long route only the first part; None without a leg.
+
+    `given` are the present conditions; the voltage stays at that of its battery, NaN if unknown.
+    """
     if not legs:
         return None
     ends = np.array([leg.end_s for leg in timed_legs(legs)])
     legs = legs[: int(np.searchsorted(ends, LONGEST_S)) + 1]
-    given = PlanConditions(
-        fill_kg=now.tank_kg,
-        density=now.density,
-        flow=now.flow,
-        wind_ned=now.wind_ned,
-        battery=FlightBattery(voltage=now.voltage),
-    )
 
     def fly(way: Course) -> PlanFlight:
         return fly_plan("the rest of the route", way, model, given)
 
     flight = with_slower_yaw(fly(course(legs, limits)), model, partial(course, legs), fly)
-    volts = np.full(flight.track.time_s.size, now.voltage)
+    volts = np.full(flight.track.time_s.size, given.battery.voltage)
     analysis = analyse(replace(flight.track, voltage=volts), model, flight.density, claim=AHEAD)
     items = np.array([leg.item for leg in legs], dtype=np.intp)
     return Forecast(item=items[flight.course.active], analysis=analysis)
 
 
-def margin_at_fill(model: RotorModel, now: Conditions, fill_kg: float, airspeed: float) -> float:
+def margin_at_fill(
+    model: RotorModel, given: PlanConditions, fill_kg: float, airspeed: float
+) -> float:
     """Return the predicted thrust margin of the most used rotor with `fill_kg` in the tank; NaN if
     unknown.
     """
-    filled = steady_flight(model, now.density, now.voltage, airspeed, np.array([fill_kg]))
+    volts = given.battery.voltage
+    filled = steady_flight(model, given.density, volts, airspeed, np.array([fill_kg]))
     return float(np.min(filled.margin_predicted))

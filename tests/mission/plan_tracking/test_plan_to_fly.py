@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.limits import flight_limits
+from thrustmargin.mission.forecast.plan_flight import PlanConditions
 from thrustmargin.mission.forecast.plan_forecast import TakeOff
 from thrustmargin.mission.forecast.plan_forecast import forecast as before_take_off
 from thrustmargin.mission.forecast.way import plan_legs
 from thrustmargin.mission.plan_tracking.stretches import PlanToFly, conditions_before_take_off
-from thrustmargin.mission.route import Conditions, forecast
+from thrustmargin.mission.route import forecast
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.model.model_file import shipped_model
 
@@ -27,7 +29,7 @@ def test_where_the_rotors_have_no_moment_left_every_forecast_gives_up_yaw_alike(
     assert flight.course.limits.yaw_acceleration == made.limits.yaw_acceleration
     limits = flight_limits(SHARP)
     legs = plan_legs(PLAN, plan_steps(PLAN), limits)
-    now = Conditions(tank_kg=16.0, flow=0.0, density=given.density, voltage=54.0)
+    now = PlanConditions(fill_kg=16.0, density=given.density, battery=FlightBattery(voltage=54.0))
     ahead = forecast(legs, limits, MODEL, now)
     assert ahead is not None
     slow, fast = (np.abs(a.track.angular_rate_frd[:, 2]).max() for a in (ahead.analysis, still()))
@@ -37,7 +39,7 @@ def test_where_the_rotors_have_no_moment_left_every_forecast_gives_up_yaw_alike(
 def still():
     """The same rest at sea level with an empty tank, where the nose has all it asks for."""
     limits = flight_limits(SHARP)
-    now = Conditions(tank_kg=0.0, flow=0.0, density=1.225, voltage=54.0)
+    now = PlanConditions(fill_kg=0.0, density=1.225, battery=FlightBattery(voltage=54.0))
     made = forecast(plan_legs(PLAN, plan_steps(PLAN), limits), limits, MODEL, now)
     assert made is not None
     return made.analysis
