@@ -1,4 +1,3 @@
-"""Mission layer: plans, routes over fields, and where the vehicle flew and sprayed.
-
-Frames: `_ned` is north, east, down in metres from the track's origin; a plan view is (north, east).
+"""Represent missions: plans, routes over fields, and the places where a vehicle flew and
+sprayed.
 """

@@ -1,9 +1,9 @@
-"""The sprayed field, from where the pump was on: swath lines, outline and area.
+"""Compute the sprayed field from the places where the pump was on: swath lines, outline and area.
 
-The swath width is not in the telemetry. It is taken as the spacing of neighbouring spray lines,
-which is how a mission is planned; with fewer than two lines it stays unknown and nothing that
-depends on it is drawn or counted. Where the place is not known, the log pauses or nothing says what
-the pump did, the area is that of a part, and `lost_s` says of how long it is not.
+The swath width is not in the telemetry. It is estimated as the spacing of neighbouring spray lines,
+as missions are planned. With fewer than two lines it is unknown, and nothing that depends on it is
+drawn or counted. Where the place is unknown, the log pauses or the state of the pump is unknown,
+the area is incomplete; `lost_s` is the duration of that.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LOST_SHARE = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Field:
-    """What was sprayed, in plan (north, east) and with the swath lines at their height."""
+    """The sprayed ground in plan (north, east), and the swath lines at their height."""
 
     rows: tuple[NDArray[np.intp], ...]  # of each stretch with the pump on and a known way
     swaths_ned: tuple[Floats, ...]  # each (K, 3) m: the same stretches
@@ -43,18 +43,18 @@ class Field:
 
     @property
     def whole(self) -> bool:
-        """Whether the area is that of all that was sprayed, and not of a part alone."""
+        """Return whether the area covers nearly all that was sprayed."""
         return self.lost_s <= LOST_SHARE * self.sprayed_s
 
 
 def sprayed_field(
     time_s: Floats, position_ned: Floats, spraying: Floats, *, swath_width: float | None = None
 ) -> Field | None:
-    """The field under the rows of `position_ned` (T, 3) m where `spraying` (T,) is 1.
+    """Compute the field under the rows of `position_ned` (T, 3) m where `spraying` (T,) is 1.
 
-    `spraying` is 0 with the pump off or on the ground, NaN where nothing says what it did. None
-    when it was never heard to be on.
-    `swath_width` m overrides the spacing of the lines. Raises TrackError when shapes disagree.
+    `spraying` is 0 with the pump off or on the ground, NaN where its state is unknown. None if it
+    was never on. `swath_width` m overrides the spacing of the lines. Raise TrackError if shapes
+    disagree.
     """
     rows = spraying.size
     if position_ned.shape != (rows, 3) or time_s.shape != (rows,):
@@ -86,8 +86,9 @@ def sprayed_field(
 
 
 def _spans(time_s: Floats, spraying: Floats, known: Bools) -> tuple[float, float]:
-    """s with the pump on, or with nothing that says whether it was; and those of them whose ground
-    is not known."""
+    """Return the duration, s, with the pump on or in an unknown state, and the part of it at
+    unknown places.
+    """
     steps = np.diff(time_s)
     on, unsaid = spraying > 0.5, np.isnan(spraying)
     paused = (steps > LONGEST_PAUSE) & (on[:-1] | on[1:])
@@ -96,7 +97,7 @@ def _spans(time_s: Floats, spraying: Floats, known: Bools) -> tuple[float, float
 
 
 def _ground(lines: NDArray[np.object_], width: float) -> tuple[shapely.MultiPolygon, float]:
-    """The outline of the ground under the lines, and the m² of their strips alone."""
+    """Return the outline of the ground under the lines, and the area, m², of their strips alone."""
     # Half the spacing on both sides covers the ground; what then still gapes by less than half a
     # swath is steering, so the outline closes over it. The area counts the strips alone. The union
     # is made on a 1 mm grid: in floating point GEOS may drop a strip that just touches another.
@@ -110,7 +111,9 @@ def _ground(lines: NDArray[np.object_], width: float) -> tuple[shapely.MultiPoly
 
 
 def line_spacing(swaths_ned: tuple[Floats, ...]) -> float:
-    """Median distance in m between neighbouring parallel spray lines; NaN for fewer than two."""
+    """Return the median distance, m, between neighbouring parallel spray lines; NaN for fewer
+    than two.
+    """
     pieces = _straight_pieces(swaths_ned)
     if len(pieces) < 2:
         return np.nan
@@ -130,7 +133,9 @@ def line_spacing(swaths_ned: tuple[Floats, ...]) -> float:
 
 
 def _straight_pieces(swaths_ned: tuple[Floats, ...]) -> Floats:
-    """(P, 2, 2) start and end, north and east, of the straight pieces long enough to be lines."""
+    """Return start and end (P, 2, 2), north and east, of straight pieces long enough to be
+    lines.
+    """
     pieces = [np.empty((0, 2, 2))]
     for swath in swaths_ned:
         line = shapely.simplify(shapely.LineString(swath[:, :2]), STRAIGHTNESS)

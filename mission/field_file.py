@@ -1,6 +1,6 @@
-"""A field's outline from KML, KMZ, GeoJSON, a shapefile with its .prj, or ISOXML part fields.
+"""Read a field's outline from KML, KMZ, GeoJSON, a shapefile with its .prj, or ISOXML part fields.
 
-What a file is shows in its content. Shapefiles, and GeoJSON in another system than WGS 84, need
+The format is recognised by the content. Shapefiles, and GeoJSON in another system than WGS 84, need
 pyshp and pyproj, the extra `field`.
 """
 
@@ -52,11 +52,10 @@ Named = tuple[str, shapely.Polygon]
 def read_field(
     path: Path, *, parts: Sequence[str] = (), plane: LocalPlane | None = None
 ) -> FieldOutline:
-    """The field of a file, in a plane of its own or in `plane`.
+    """Read the field of a file, in `plane` or in a plane of its own.
 
-    `parts` are names, or numbers from 1, of those of its polygons that are meant; all without any.
-    Raises PlanError when the file is none of the formats or holds no sound outline, InstallError
-    when a library for it is missing.
+    `parts` selects polygons by name, or number from 1; empty: all. Raise PlanError if the file has
+    none of the formats or no valid outline, InstallError if a library for it is missing.
     """
     name = path.name
     try:
@@ -125,7 +124,7 @@ def _bounded(found: Iterator[Named], name: str) -> list[Named]:
 
 
 def _kml_of(data: bytes, name: str) -> bytes:
-    """The KML in a KMZ."""
+    """Return the KML in a KMZ archive."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             inside = [i for i in archive.infolist() if i.filename.lower().endswith(".kml")]
@@ -179,7 +178,9 @@ def _kml_rings(boundary: Element) -> list[list[list[float]]]:
 
 
 def _of_isoxml(root: Element, name: str) -> Iterator[Named]:
-    """Part fields (PFD) of ISO 11783-10: polygons (PLN) of rings (LSG) of points (PNT)."""
+    """Yield the part fields (PFD) of ISO 11783-10: polygons (PLN) of rings (LSG) of points
+    (PNT).
+    """
     fields = [e for e in root.iter() if _kind(e) == "PFD"]
     if not fields:
         others = [e.get("A", "") for e in root.iter() if _kind(e) == "XFR"]
@@ -240,7 +241,9 @@ def _of_geojson(content: Any, name: str) -> Iterator[Named]:
 
 
 def _in_system(found: list[Named], content: dict[str, Any], name: str) -> list[Named]:
-    """Polygons of GeoJSON in longitude and latitude; without a "crs" they are."""
+    """Return GeoJSON polygons in longitude and latitude, converted if "crs" states another
+    system.
+    """
     system = content.get("crs")
     if system is None:
         return found
@@ -284,7 +287,9 @@ def _of_shapefile(data: bytes, path: Path) -> list[Named]:
 
 
 def _in_degrees(found: Sequence[Named], system: str, name: str) -> list[Named]:
-    """Polygons in the coordinate system of this name or text, in longitude and latitude."""
+    """Convert polygons from the coordinate system of this name or text to longitude and
+    latitude.
+    """
     try:
         import pyproj
         from pyproj.exceptions import ProjError

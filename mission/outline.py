@@ -1,4 +1,4 @@
-"""The outline of a field in degrees, checked, and the plane on which it is divided into lines."""
+"""Check the outline of a field in degrees, and project it to the plane where lines are laid."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ MOST_CORNERS = 10_000
 
 
 class TooWide(PlanError):
-    """Polygons lie too far apart for one field."""
+    """Raised when polygons lie too far apart for one field."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalPlane:
-    """East and north in m from a place in degrees; to a millimetre over a field."""
+    """The plane (east, north) in m about a place in degrees; exact to a millimetre over a field."""
 
     latitude_deg: float
     longitude_deg: float
 
     def to_plane(self, geometry: Any) -> Any:
-        """A shapely geometry of longitude, latitude in degrees as one of (east, north) in m."""
+        """Convert a shapely geometry from longitude, latitude, degrees, to (east, north), m."""
         return shapely.transform(geometry, self._east_north)
 
     def _east_north(self, degrees: Floats) -> Floats:
@@ -43,12 +43,12 @@ class LocalPlane:
         return np.column_stack([east, north])
 
     def point(self, latitude_deg: float, longitude_deg: float) -> Floats:
-        """(3,) east, north and up in m of a place on the ellipsoid."""
+        """Return east, north and up (3,), m, of a place on the ellipsoid."""
         here = (self.latitude_deg, self.longitude_deg, 0.0)
         return np.array(pymap3d.geodetic2enu(latitude_deg, longitude_deg, 0.0, *here))
 
     def to_degrees(self, points: Floats) -> Floats:
-        """(N, 2) latitude and longitude in degrees, to 1e-7, of (N, 2) east and north in m."""
+        """Return latitude and longitude (N, 2), degrees to 1e-7, of east and north (N, 2), m."""
         latitude, longitude, _ = pymap3d.enu2geodetic(
             points[:, 0],
             points[:, 1],
@@ -64,7 +64,7 @@ class LocalPlane:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldOutline:
-    """One field, perhaps in several parts and with holes."""
+    """One field, which may have several parts and holes."""
 
     name: str
     plane: LocalPlane
@@ -74,10 +74,10 @@ class FieldOutline:
 def field_outline(
     name: str, polygons: Sequence[shapely.Polygon], plane: LocalPlane | None = None
 ) -> FieldOutline:
-    """The field called `name` of polygons in longitude, latitude in degrees, in their own plane.
+    """Return the field called `name` of polygons in longitude, latitude, degrees, in `plane` or its
+    own.
 
-    With `plane` it is in that one, as obstacles are in the field's.
-    Raises PlanError when they are none on Earth, cross themselves or are no field by their size.
+    Raise PlanError if the polygons are not on Earth, cross themselves, or have no plausible size.
     """
     corners = sum(int(shapely.get_num_coordinates(p)) for p in polygons)
     if not polygons or corners == 0:
@@ -108,7 +108,7 @@ def field_outline(
 
 
 def _plane_of(degrees: Floats) -> LocalPlane:
-    """The plane at the middle of corners; longitudes may go over the date line."""
+    """Return the plane at the middle of the corners; longitudes may cross the date line."""
     first = degrees[0, 0]
     longitude = first + (degrees[:, 0] - first + 180.0) % 360.0 - 180.0
     middle = (longitude.min() + longitude.max()) / 2
@@ -119,7 +119,9 @@ def _plane_of(degrees: Floats) -> LocalPlane:
 
 
 def _fault(shape: shapely.Polygon, plane: LocalPlane) -> str:
-    """What is wrong with a polygon and where: `crosses itself near latitude 1, longitude 2`."""
+    """Return the fault of a polygon and its place: `crosses itself near latitude 1, longitude
+    2`.
+    """
     reason = shapely.is_valid_reason(shape)
     words, _, place = reason.rstrip("]").partition("[")
     if words.strip() != "Self-intersection" or not place:

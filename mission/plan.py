@@ -1,6 +1,6 @@
-"""Plan files: QGroundControl's `.plan` and `.mission`, and `QGC WPL 110` of other ground stations.
+"""Read and write plan files: QGroundControl's `.plan` and `.mission`, and `QGC WPL 110`.
 
-What a file is shows in its content, not in its name. Both kinds are written, too.
+The format is recognised by the content, not by the name.
 """
 
 from __future__ import annotations
@@ -74,11 +74,11 @@ _CONSTANTS = {"Infinity": math.inf, "-Infinity": -math.inf}
 
 
 def read_plan(path: Path) -> MissionPlan:
-    """The mission of a `.plan`, `.mission`, `.waypoints` or `.txt` file.
+    """Read the mission of a `.plan`, `.mission`, `.waypoints` or `.txt` file.
 
-    Surveys and corridor scans become their items; geofence and rally points are kept.
-    Raises PlanError with the item and what to do when the file is not a plan, is damaged, or holds
-    an item that cannot be flown as it stands.
+    Surveys and corridor scans become their items; geofence and rally points are included. Raise
+    PlanError, with the item and the remedy, if the file is no plan, is damaged, or contains an item
+    that cannot be flown.
     """
     name = path.name
     try:
@@ -104,7 +104,7 @@ def read_plan(path: Path) -> MissionPlan:
 
 
 def _newer(content: Any) -> Any:
-    """A `.mission` of version 1 in the keys of version 2; anything else as it is."""
+    """Return a `.mission` of version 1 with the keys of version 2; anything else unchanged."""
     if not isinstance(content, dict) or "fileType" in content:
         return content
     entries = content.get("items")
@@ -127,7 +127,9 @@ def _newer_item(entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plan_of_waypoints(text: str, name: str) -> MissionPlan:
-    """`QGC WPL 110`: a line an item, the first of them home where it is a plain waypoint."""
+    """Return the plan of `QGC WPL 110` text: one item a line, the first one home if it is a plain
+    waypoint.
+    """
     head, _, rest = text.partition("\n")
     version = head[len(_WPL) :].strip()
     if version != _WPL_VERSION:
@@ -175,10 +177,10 @@ def _row(line: str, where: str) -> PlanItem:
 
 
 def waypoints_text(plan: MissionPlan) -> str:
-    """The text of a `.waypoints` file (QGC WPL 110); geofence and rally points have none there.
+    """Return the text of a `.waypoints` file (QGC WPL 110), without geofence and rally points.
 
-    Items are numbered anew from 1, jumps with them. A home whose height is not known gets 0, as
-    the format has no empty cell; the vehicle takes its own when it is armed.
+    Items are renumbered from 1, jump targets too. An unknown home height becomes 0, because the
+    format has no empty cell; the vehicle replaces it when armed.
     """
     row_of = {item.number: row for row, item in enumerate(plan.items, start=1)}
     latitude, longitude, altitude = plan.home
@@ -194,7 +196,9 @@ def waypoints_text(plan: MissionPlan) -> str:
 
 
 def _word(value: float) -> str:
-    """Every digit of a number, never with an exponent, which some ground stations do not read."""
+    """Format a number with all its digits and no exponent, which some ground stations cannot
+    read.
+    """
     if isinstance(value, int):
         return str(value)
     if math.isnan(value):
@@ -204,9 +208,9 @@ def _word(value: float) -> str:
 
 
 def write_plan(plan: MissionPlan, path: Path) -> None:
-    """Write `plan` whole or not at all, in the format of the ending: `.waypoints`, `.txt`, `.plan`.
+    """Write `plan` atomically, in the format of the suffix: `.waypoints`, `.txt`, else `.plan`.
 
-    Raises PlanError when the folder does not exist or cannot be written.
+    Raise PlanError if the folder does not exist or cannot be written.
     """
     other = path.suffix.lower() in (".waypoints", ".txt")
     try:

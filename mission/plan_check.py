@@ -1,12 +1,11 @@
-"""Parameters that have two names: ArduPilot 4.7 put many into SI and gave them new ones.
+"""Find faults in the structure of a plan: pump, heights, jumps, fence, take-off.
 
-Of what is read here, by ArduPilot's list "Parameter Name Changes" (4.6 to 4.7); what is not in the
-table kept its name and its unit.
+Findings are data; gcs_plugin.wording makes their sentences. Faults of load and thrust are found by
+the forecast.
 
-What is wrong with a plan by its structure: pump, heights, jumps, fence, take-off.
-
-Findings are data; gcs_plugin.wording says them. What load and thrust have against a plan is the
-forecast's to say.
+Parameters are read by their old or new name: ArduPilot 4.7 renamed many and changed them to SI. The
+table covers the parameters read here, by ArduPilot's list "Parameter Name Changes" (4.6 to 4.7);
+others kept name and unit.
 """
 
 from __future__ import annotations
@@ -57,7 +56,9 @@ OTHER_NAMES: Mapping[str, tuple[str, float]] = {
 
 
 def parameter(parameters: Mapping[str, float], name: str) -> float:
-    """The value under `name` or its other name, in the unit of `name`; NaN where neither is."""
+    """Return the parameter `name`, also from its older or newer name, in the unit of `name`; NaN if
+    absent.
+    """
     if name in parameters or name not in OTHER_NAMES:
         return parameters.get(name, math.nan)
     other, factor = OTHER_NAMES[name]
@@ -113,7 +114,7 @@ class PlanFinding:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Legs:
-    """L straight ways from place to place of a plan, in m about home."""
+    """The L straight legs of a plan, m about home."""
 
     start: Floats  # (L, 3) east, north, up
     end: Floats  # (L, 3)
@@ -121,14 +122,14 @@ class _Legs:
 
     @property
     def flat(self) -> Floats:
-        """(L, 2, 2) start and end, each (east, north)."""
+        """Return start and end (L, 2, 2) of the legs, each (east, north)."""
         return np.stack([self.start[:, :2], self.end[:, :2]], axis=1)
 
 
 def check_plan(
     plan: MissionPlan, steps: PlanSteps, *, sprays: bool = True
 ) -> tuple[PlanFinding, ...]:
-    """Faults of `plan`, whose steps on the vehicle are `steps`, the gravest first.
+    """Return the faults of `plan`, whose steps on the vehicle are `steps`, most severe first.
 
     Without `sprays` a pump that is never switched on is no fault.
     """
@@ -202,7 +203,7 @@ def _heights(plan: MissionPlan, steps: PlanSteps) -> dict[PlanFault, dict[int, f
 
 
 def _legs(plan: MissionPlan, steps: Sequence[Step]) -> _Legs:
-    """Ways between the places, from home on; take-off is straight up and the return to home."""
+    """Return the legs between the places, from home on; take-off and return are at home."""
     home = plan.home
     there = [home[:2] if s.kind in ("take-off", "return") else s.place for s in steps]
     placed = [k for k, place in enumerate(there) if place is not None]
@@ -217,7 +218,7 @@ def _legs(plan: MissionPlan, steps: Sequence[Step]) -> _Legs:
 def _crossed(
     plan: MissionPlan, legs: _Legs, areas: Sequence[tuple[bool, shapely.Geometry]]
 ) -> list[int]:
-    """Items to which a way leads that is not inside the geofence of `areas` to stay in or not."""
+    """List the items to which a leg leaves the geofence; `areas` are (stay inside, shape)."""
     inside = [shape for stay, shape in areas if stay]
     outside = [shape for stay, shape in areas if not stay]
     lines = shapely.linestrings(legs.flat)
@@ -244,7 +245,7 @@ def _shape(area: FencePolygon | FenceCircle, home: tuple[float, float, float]) -
 
 
 def _between_lines(legs: _Legs, found: dict[PlanFault, list[int]]) -> None:
-    """Ways with the pump on that lead from one spray line to the next."""
+    """Add to `found` the legs with the pump on that lead from one spray line to the next."""
     on = np.array([bool(s.pump) and s.kind not in _HOMEWARD for s in legs.steps], dtype=np.bool_)
     along = (legs.end - legs.start)[:, :2]
     length = np.hypot(*along.T)

@@ -1,7 +1,7 @@
-"""A mission plan: its items, home, geofence and rally points, whatever file they are from.
+"""Represent a mission plan: items, home, geofence and rally points, whatever file they are from.
 
-A plan holds what the vehicle is to do. Latitude and longitude are WGS84 degrees, altitudes m in the
-frame of the item: 0 above mean sea level, 3 above home, 10 above ground.
+Latitude and longitude are WGS84 degrees, altitudes m in the frame of the item: 0 above mean sea
+level, 3 above home, 10 above ground.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ Why = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanItem:
-    """One mission item; `parameters` are MAVLink's seven, NaN for "as the vehicle likes"."""
+    """One mission item; `parameters` are MAVLink's seven, NaN for the vehicle's default."""
 
     number: int  # its number in the plan, from 1; DO_JUMP refers to it
     command: int  # MAV_CMD
@@ -67,9 +67,9 @@ class PlanItem:
 
     @property
     def place(self) -> tuple[float, float, float] | None:
-        """Latitude and longitude in degrees and altitude in m of `frame`; None without a place.
+        """Return latitude and longitude, degrees, and altitude, m in `frame`; None without a place.
 
-        ArduPilot takes latitude and longitude 0 for "where it is then": None too.
+        ArduPilot reads latitude and longitude 0 as the place it is at: None too.
         """
         latitude, longitude, altitude = self.parameters[4:]
         here = (latitude == 0.0 and longitude == 0.0) or not math.isfinite(latitude + longitude)
@@ -80,7 +80,7 @@ class PlanItem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotUnderstood:
-    """An item whose part in the flight is not known, and the figures that this touches."""
+    """An item whose effect on the flight is unknown, and the results that it affects."""
 
     item: int  # its number
     command: int  # MAV_CMD
@@ -129,13 +129,13 @@ def plan_from_items(
     firmware: int = FIRMWARE_GENERIC,
     source: str = "the vehicle",
 ) -> MissionPlan:
-    """The plan behind a vehicle's own list of items, numbered from 0 as MAVLink transfers them.
+    """Return the plan of a vehicle's own list of items, numbered from 0 as MAVLink transfers them.
 
-    `home_first`: item 0 is home and no part of the mission (ArduPilot); then the numbers stand.
-    Otherwise the items are renumbered from 1 and the targets of DO_JUMP with them. `home` (degrees,
-    degrees, m AMSL) is used when item 0 is not it; without one, or where item 0 is at 0, 0, the
-    first place of the mission stands in, which a note of the plan says.
-    Raises PlanError, in which `source` holds the mission, when there is nothing to do in it.
+    `home_first`: item 0 is home and no part of the mission (ArduPilot), and the numbers are kept.
+    Otherwise the items and the targets of DO_JUMP are renumbered from 1. `home` (degrees, degrees,
+    m AMSL) is used if item 0 is not home; without one, or if item 0 is at 0, 0, the first place of
+    the mission replaces it, with a note. Raise PlanError, which names `source`, if the mission is
+    empty.
     """
     if len(items) > MOST_ITEMS:
         raise too_many(source)
@@ -168,12 +168,14 @@ def plan_from_items(
 
 
 def too_many(source: str) -> PlanError:
-    """The refusal of what holds more items than are read."""
+    """Return the PlanError for a source with more items than are read."""
     return PlanError(f"{source} has more than {MOST_ITEMS} mission items; split the plan by field")
 
 
 def check_item(item: PlanItem, where: str) -> None:
-    """Raise PlanError, which begins with `where`, for a place that is none or has no height."""
+    """Raise PlanError, which begins with `where`, for an item with an invalid place or without a
+    height.
+    """
     place = item.place
     if place is None:
         unknown = [math.isnan(value) for value in item.parameters[4:6]]
@@ -192,7 +194,7 @@ def check_item(item: PlanItem, where: str) -> None:
 
 
 def check_place(latitude_deg: float, longitude_deg: float, *, where: str) -> None:
-    """Raise PlanError, which begins with `where`, for what are no degrees on Earth."""
+    """Raise PlanError, which begins with `where`, if the degrees are out of range."""
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
         raise PlanError(
             f"{where} is at latitude {latitude_deg}, longitude {longitude_deg}; degrees are needed"

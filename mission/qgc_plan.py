@@ -1,4 +1,4 @@
-"""QGroundControl's own files, from and to JSON: `.plan`, and the `.mission` of before.
+"""Read and write QGroundControl's JSON files: `.plan`, and the older `.mission`.
 
 Survey patterns become the items they store, or the points that the file shows of them. Formats:
 QGroundControl developer guide, "Plan File Format", and its MissionController for the older ones.
@@ -42,10 +42,10 @@ SAVE_AGAIN = "save the mission again from QGroundControl as .plan"
 
 
 def plan_of_json(content: Any, name: str) -> MissionPlan:
-    """The plan in what a `.plan` or a `.mission` file called `name` holds.
+    """Return the plan in the JSON content of a `.plan` or `.mission` file called `name`.
 
-    Raises PlanError with the item and what to do when it is neither, is of a version that is not
-    known, or holds an item that cannot be flown as it stands.
+    Raise PlanError, with the item and the remedy, if it is neither, has an unknown version, or
+    contains an item that cannot be flown.
     """
     kind = content.get("fileType") if isinstance(content, dict) else None
     notes: list[str] = []
@@ -91,7 +91,7 @@ def plan_of_json(content: Any, name: str) -> MissionPlan:
 
 
 def _version_notes(content: dict[str, Any], known: tuple[int, ...], name: str) -> list[str]:
-    """What is to be said of a version. Raises PlanError for one that is not understood."""
+    """Return notes on a missing version; raise PlanError for an unknown one."""
     if "version" not in content:
         return [f"{name} states no version and is read as version {known[-1]}"]
     if (version := content["version"]) is True or version not in known:
@@ -104,7 +104,7 @@ def _version_notes(content: dict[str, Any], known: tuple[int, ...], name: str) -
 
 @dataclass(slots=True)
 class _Items:
-    """The items of a mission as they are read."""
+    """The items of a mission read so far."""
 
     name: str
     firmware: int
@@ -112,7 +112,7 @@ class _Items:
     not_understood: list[NotUnderstood] = field(default_factory=list)
 
     def add(self, entry: Any, *, where: str) -> None:
-        """One entry of "items": a simple item, or the items that a survey pattern is made of."""
+        """Append one entry of "items": a simple item, or all items of a survey pattern."""
         if not isinstance(entry, dict):
             raise PlanError(f"{where} is not an item; save the plan again from QGroundControl")
         kind = entry.get("type")
@@ -164,9 +164,10 @@ class _Items:
         self.found.append(item)
 
     def _shown(self, pattern: Any, where: str) -> bool:
-        """Waypoints at the points that the map shows of a pattern; False where there are none.
+        """Append waypoints at the points that the map shows of a pattern; return False if there are
+        none.
 
-        Its camera's commands are not among them, and what else it does there is not known.
+        Commands of its camera are not among the points, so the pattern is listed as not understood.
         """
         points = pattern.get("VisualTransectPoints") if isinstance(pattern, dict) else None
         camera = pattern.get("CameraCalc") if isinstance(pattern, dict) else None
@@ -197,7 +198,9 @@ class _Items:
 
 
 def _parameters(entry: dict[str, Any], *, where: str) -> list[float]:
-    """MAVLink's seven; older files have four of them and the place beside, as "coordinate"."""
+    """Return MAVLink's seven parameters; older files have four, and the place apart as
+    "coordinate".
+    """
     given, place = entry.get("params"), entry.get("coordinate")
     if place is None:
         return _numbers(given, 7, where=where, what="params")
@@ -226,7 +229,7 @@ def _item(entry: dict[str, Any], *, default_number: int, where: str) -> PlanItem
 
 
 def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
-    """The areas of a geofence; that of version 1 is one polygon to stay in."""
+    """Return the areas of a geofence; version 1 has one polygon to stay in."""
     if content is None:
         return ()
     if not isinstance(content, dict):
@@ -312,7 +315,7 @@ def _numbers(value: Any, count: int, *, where: str, what: str = "") -> list[floa
 
 
 def plan_text(plan: MissionPlan) -> str:
-    """The text of a `.plan` file, with the geofence and the rally points."""
+    """Return the text of a `.plan` file, with geofence and rally points."""
     polygons, circles = [], []
     for area in plan.fence:
         common = {"inclusion": area.inside, "version": 1}

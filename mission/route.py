@@ -1,14 +1,12 @@
-"""Where an aircraft has flown, as a route of coloured segments that are never too many.
+"""Reduce a flown path to a bounded number of coloured segments, and predict the rest of a mission.
 
-A segment ends when the aircraft has moved on or some time has passed, and keeps the worst value of
-all its rows. Where that makes more than the limit, each becomes twice as long, again and again;
-rows that no segment needs are then forgotten, so that an hour is drawn as fast as a minute.
+A segment ends after some distance or time and keeps the worst value of its rows. When there are too
+many, the length doubles; rows that no segment needs are dropped, so that drawing an hour takes as
+long as a minute.
 
-What lies ahead on a mission: tank and predicted thrust margin along the rest of the route.
-
-The rest is flown as a plan is before take-off, by the vehicle's own limits, with its turns, climbs
-and stops, from where the aircraft is, at rest. It sprays where the mission says so, at the flow
-that it has now; air, wind and battery stay as they are now. Gusts are not in it.
+The rest of a mission is simulated as a plan is before take-off, by the vehicle's limits, with
+turns, climbs and stops, starting at rest at the present position. Flow, air, wind and battery stay
+at their present values. Gusts are not modelled.
 """
 
 from __future__ import annotations
@@ -22,13 +20,12 @@ import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
-from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.limits import FlightLimits, flight_limits
 from thrustmargin.mission.forecast.plan_flight import (
     PlanConditions,
     PlanFlight,
     fly_plan,
-    giving_way,
+    with_slower_yaw,
 )
 from thrustmargin.mission.forecast.way import Course, WayLeg, course, plan_legs, timed_legs
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
@@ -64,7 +61,7 @@ class Route:
         return self.first_row.size
 
     def worst(self, values: Floats, worst: Worst) -> Floats:
-        """(S,) worst of `values` (T,) over each segment's rows; NaN where none has a number.
+        """Return the worst (S,) of `values` (T,) over each segment's rows; NaN if all are NaN.
 
         `max` and `min` keep the largest and smallest; `abs` the one furthest from zero, signed.
         """
@@ -80,7 +77,7 @@ class Route:
 
 
 class Trail:
-    """Rows of one aircraft with K values each; `kinds` say which end of a value is the worst."""
+    """The rows of one aircraft with K values each; `kinds` define the worst of each value."""
 
     def __init__(self, kinds: Sequence[Worst], limit: int = LIMIT) -> None:
         self._kinds, self._limit = tuple(kinds), limit
@@ -89,7 +86,10 @@ class Trail:
         self._piece = 0
 
     def add(self, time_s: Floats, position_ned: Floats, values: Floats) -> None:
-        """Rows in order: (N,) s, (N, 3) m and (N, K). A pause or an unknown place is a break."""
+        """Append rows in order of time: (N,) s, (N, 3) m and (N, K).
+
+        A pause or an unknown place breaks the trail.
+        """
         gap = np.diff(time_s, prepend=self._last_s)
         placed = np.all(np.isfinite(position_ned), axis=1)
         piece = self._piece + np.cumsum(~((gap >= 0.0) & (gap <= PAUSE)) | ~placed)
@@ -98,11 +98,11 @@ class Trail:
         rows = np.column_stack([time_s, piece, position_ned, values])[placed]
         self._rows = np.concatenate([self._rows, rows])
         if len(self._rows) > ROWS_EACH * self._limit:
-            self._forget()
+            self._decimate()
 
     @property
     def route(self) -> Route:
-        """Segments over the rows that `values` has."""
+        """Return the segments over the rows of the trail."""
         time_s, piece, position = self._rows[:, 0], self._rows[:, 1], self._rows[:, 2:5]
         moved = np.linalg.norm(np.diff(position, axis=0), axis=1) / LENGTH
         share = np.maximum(moved, np.diff(time_s) / SECONDS) * (np.diff(piece) == 0)
@@ -122,11 +122,11 @@ class Trail:
         )
 
     def values(self, which: int) -> Floats:
-        """(T,) value number `which` of the rows."""
+        """Return value number `which` (T,) of the rows."""
         return self._rows[:, 5 + which]
 
-    def _forget(self) -> None:
-        """Keep the rows at which segments meet and the worst of each value on each of them."""
+    def _decimate(self) -> None:
+        """Drop all rows but the segment ends and, for each value, its worst row per segment."""
         route = self.route
         segment = np.searchsorted(route.first_row, np.arange(len(self._rows)), side="right") - 1
         kept = [route.first_row, route.last_row]
@@ -145,38 +145,31 @@ LONGEST_S = 900.0
 AHEAD = AirframeClaim(words="a route ahead")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
-    """What is taken as it is now."""
-
-    tank_kg: float
-    flow: float  # kg/s while spraying
-    density: float  # kg/m³
-    voltage: float  # V; NaN unknown
-    wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Forecast:
-    """The rest of the route, ten rows a second."""
+    """The predicted rest of the route, at ten rows a second."""
 
     item: NDArray[np.intp]  # (N,) mission item being flown to
     analysis: FlightAnalysis  # of N predicted rows; time_s counts from now
 
     @property
     def margin(self) -> Floats:
-        """(N,) predicted thrust margin of the worst rotor; NaN where nothing can be predicted."""
+        """Return the predicted thrust margin (N,) of the most used rotor; NaN if it cannot be
+        predicted.
+        """
         return np.min(self.analysis.margin_predicted, axis=1)
 
     @property
     def least_margin(self) -> float:
-        """The least of `margin`, turns and climbs included; NaN when none is known."""
+        """Return the smallest margin, turns and climbs included; NaN if none is known."""
         known = self.margin[np.isfinite(self.margin)]
         return float(np.min(known)) if known.size else float("nan")
 
     @cached_property
     def lasting_margin(self) -> float:
-        """The least margin that lasts, as the answer to a flight counts it; NaN when unknown."""
+        """Return the smallest margin that lasts, as the answer of a flight defines it; NaN if
+        unknown.
+        """
         return 1.0 - thrust_use(self.analysis, 0.5).lasting_most
 
 
@@ -190,11 +183,12 @@ def route_ahead(
     speed: float,
     spraying: bool = False,
 ) -> tuple[tuple[WayLeg, ...], FlightLimits]:
-    """Legs from `position_ned` (3,) m through the items from number `item` on, about home, and the
-    limits that they are flown by; () where nothing is left, or what is left cannot be flown.
+    """Return the legs from `position_ned` (3,) m through the items from `item` on, and their
+    limits.
 
-    `parameters` are the autopilot's; `speed` m/s and `spraying` hold until the mission changes
-    them. Altitudes above ground count as above home.
+    Legs are about home; empty if no item is left, or the rest cannot be flown. `parameters` are the
+    autopilot's; `speed` m/s and `spraying` apply until the mission changes them. Altitudes above
+    ground count as above home.
     """
     limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
     limits = replace(limits, speed=max(speed, SLOWEST))
@@ -219,32 +213,33 @@ def route_ahead(
 
 
 def forecast(
-    legs: Sequence[WayLeg], limits: FlightLimits, model: RotorModel, now: Conditions
+    legs: Sequence[WayLeg], limits: FlightLimits, model: RotorModel, given: PlanConditions
 ) -> Forecast | None:
-    """The flight along `legs`, of a long one the first part; None where there is no way left."""
+    """Simulate the flight along `legs`, of a long route only the first part; None without a leg.
+
+    `given` are the present conditions; the voltage stays at that of its battery, NaN if unknown.
+    """
     if not legs:
         return None
     ends = np.array([leg.end_s for leg in timed_legs(legs)])
     legs = legs[: int(np.searchsorted(ends, LONGEST_S)) + 1]
-    given = PlanConditions(
-        fill_kg=now.tank_kg,
-        density=now.density,
-        flow=now.flow,
-        wind_ned=now.wind_ned,
-        battery=FlightBattery(voltage=now.voltage),
-    )
 
     def fly(way: Course) -> PlanFlight:
         return fly_plan("the rest of the route", way, model, given)
 
-    flight = giving_way(fly(course(legs, limits)), model, partial(course, legs), fly)
-    volts = np.full(flight.track.time_s.size, now.voltage)
+    flight = with_slower_yaw(fly(course(legs, limits)), model, partial(course, legs), fly)
+    volts = np.full(flight.track.time_s.size, given.battery.voltage)
     analysis = analyse(replace(flight.track, voltage=volts), model, flight.density, claim=AHEAD)
     items = np.array([leg.item for leg in legs], dtype=np.intp)
     return Forecast(item=items[flight.course.active], analysis=analysis)
 
 
-def margin_at_fill(model: RotorModel, now: Conditions, fill_kg: float, airspeed: float) -> float:
-    """Predicted thrust margin of the worst rotor with `fill_kg` in the tank; NaN if unknown."""
-    filled = steady_flight(model, now.density, now.voltage, airspeed, np.array([fill_kg]))
+def margin_at_fill(
+    model: RotorModel, given: PlanConditions, fill_kg: float, airspeed: float
+) -> float:
+    """Return the predicted thrust margin of the most used rotor with `fill_kg` in the tank; NaN if
+    unknown.
+    """
+    volts = given.battery.voltage
+    filled = steady_flight(model, given.density, volts, airspeed, np.array([fill_kg]))
     return float(np.min(filled.margin_predicted))

@@ -1,7 +1,7 @@
-"""A plan split into sorties: each ends at a line end and the next goes on from there.
+"""Split a plan into sorties: each ends at a line end, and the next continues there.
 
-Every sortie is a plan of its own: take-off, speed, the way out with the pump off, its part of the
-lines, the pump off and the return. Jumps are unrolled, so that no sortie refers to another.
+Every sortie is a complete plan: take-off, speed, the way out with the pump off, its part of the
+lines, pump off and return. Jumps are unrolled, so that no sortie refers to another.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ _JUMPS = ("jump to nothing", "jump to itself", "jump without end")
 
 
 def line_ends(plan: MissionPlan, steps: PlanSteps) -> tuple[int, ...]:
-    """Indexes in `steps.steps` of the places at which a sortie may end: the line flown ends there.
+    """Return the indexes in `steps.steps` of the line ends, at which a sortie may end.
 
-    That is where the pump goes off, or the way bends by more than BEND; where no step has the pump
-    on, lines with it off count.
+    A line ends where the pump goes off, or where the way turns by more than BEND. If no step has
+    the pump on, lines with it off count.
     """
     flown = steps.steps
     dry = not any(step.pump for step in flown)
@@ -64,12 +64,13 @@ def split_plan(
     pump: PumpOutput | None = None,
     refill: tuple[float, float] | None = None,
 ) -> tuple[MissionPlan, ...]:
-    """One plan a sortie of `plan`, which is flown as `steps`, refilled after those steps.
+    """Split `plan`, flown as `steps`, into one plan a sortie, with a refill after the steps
+    `refill_after`.
 
-    `refill_after` holds indexes in `steps.steps`, each one of `line_ends`; `refill` is the latitude
-    and longitude in degrees where every sortie starts and ends, by default home.
-    Raises PlanError for another index, for a part of the plan that is not understood, and for a
-    place to refill out of the field's reach.
+    `refill_after` are indexes in `steps.steps`, each one of `line_ends`; `refill` is the latitude
+    and longitude, degrees, where every sortie starts and ends, by default home. Raise PlanError for
+    another index, for a plan with items that are not understood, and for a refill place out of the
+    field's reach.
     """
     for item in steps.not_understood:
         if item.why in _JUMPS:
@@ -121,7 +122,9 @@ def _way_out(
     home: tuple[float, float, float],
     off: Sequence[PlanItem],
 ) -> list[PlanItem]:
-    """Take-off, the orders that hold, and the way to the line end `last` with the pump off."""
+    """Return the items of take-off, orders in force, and the way to the line end `last` with the
+    pump off.
+    """
     assert last.place is not None  # a line end has one
     height = last.place[2]
     yaw = next((i.parameters[3] for i in plan.items if i.command == TAKEOFF), math.nan)

@@ -1,8 +1,9 @@
-"""What a vehicle does along a plan, step by step: jumps followed, orders of speed and pump kept.
+"""Convert a plan into the steps that a vehicle flies: jumps followed, speed and pump orders
+applied.
 
-A step is one place flown to, one wait, one landing. Where an item's part in the flight is not
-known it is named with its reason and the figures that this touches, and the steps leave it out.
-Meanings are those of ArduPilot's Copter ("Mission Commands") and of MAVLink's common messages.
+A step is one place flown to, one wait, or one landing. An item whose effect is unknown is listed
+with the reason and the results it affects, and makes no step. Meanings are those of ArduPilot's
+Copter ("Mission Commands") and of MAVLink's common messages.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ _WAITS = frozenset({WAYPOINT, SPLINE_WAYPOINT, LOITER_TIME, DELAY})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PumpOutput:
-    """Where a vehicle's pump hangs beside DO_SPRAYER; None: on no output that is known."""
+    """The output of a vehicle's pump, besides DO_SPRAYER; no servo and no relay: none is known."""
 
     servo: int | None = None  # number of the output, from 1
     off_us: float = 1100.0  # pulse at which the pump stands still
@@ -95,7 +96,7 @@ class PumpOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One thing that the vehicle does; what holds while it does it."""
+    """One step of the vehicle, with the orders in force during it."""
 
     item: int  # number of the mission item
     index: int  # place of the item in the plan's order of execution, from 0
@@ -115,7 +116,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanSteps:
-    """The steps in order, and what of the plan they do not show."""
+    """The steps in order, and the items of the plan that they do not include."""
 
     steps: tuple[Step, ...]
     executed: tuple[PlanItem, ...]  # items in order of execution, jumps followed
@@ -124,7 +125,9 @@ class PlanSteps:
 
 
 def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
-    """The sprayer's output by SERVOn_FUNCTION and its limits; `known` where there are any."""
+    """Return the sprayer's output by SERVOn_FUNCTION, with its limits; `known` if any function is
+    set.
+    """
     found = PumpOutput(known=any(n.endswith("_FUNCTION") for n in parameters))
     for output in range(1, 33):
         name = f"SERVO{output}_"
@@ -136,7 +139,7 @@ def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
 
 
 def pump_switch(pump: PumpOutput, *, on: bool) -> PlanItem:
-    """The item, without a number yet, that turns on or off the pump at `pump`."""
+    """Return the item, not yet numbered, that turns the pump at `pump` on or off."""
     command, values = DO_SPRAYER, (float(on), 0.0)
     if pump.servo is not None:
         command, values = SET_SERVO, (float(pump.servo), pump.on_us if on else pump.off_us)
@@ -151,7 +154,7 @@ def pump_switch(pump: PumpOutput, *, on: bool) -> PlanItem:
 
 
 def plan_steps(plan: MissionPlan, pump: PumpOutput | None = None) -> PlanSteps:
-    """The steps of `plan` on a vehicle whose pump hangs at `pump` (None: not known)."""
+    """Return the steps of `plan` on a vehicle whose pump is at `pump` (None: unknown)."""
     walk = _Walk(plan.firmware, pump or PumpOutput(), list(plan.not_understood))
     executed = _executed(plan, walk)
     for index, item in enumerate(executed):
@@ -169,7 +172,7 @@ def plan_steps(plan: MissionPlan, pump: PumpOutput | None = None) -> PlanSteps:
 
 @dataclass(slots=True)
 class _Walk:
-    """Orders that hold, and the steps made so far."""
+    """The orders in force, and the steps made so far."""
 
     firmware: int
     output: PumpOutput
@@ -225,7 +228,7 @@ class _Walk:
         self.heading_deg = None  # an ordered yaw ends at the next place
 
     def _order(self, item: PlanItem) -> None:
-        """What a command that flies nowhere changes."""
+        """Apply a command that flies nowhere."""
         one, two, _, four, *_ = item.parameters
         if item.command == CHANGE_SPEED:
             self._speeds(item, one, two)
@@ -244,9 +247,10 @@ class _Walk:
             self.name(item, "unknown command", *ALL)
 
     def _speeds(self, item: PlanItem, which: float, speed: float) -> None:
-        """-1 is no change and -2 the vehicle's own; airspeed and ground speed are one to a Copter.
+        """Apply a change of speed: -1 is no change, -2 the vehicle's own; `which` 2 is climb, 3
+        descent.
 
-        A climb's and a descent's are numbers 2 and 3.
+        Airspeed (0) and ground speed (1) are equivalent to a Copter.
         """
         if which not in (0.0, 1.0, 2.0, 3.0) or not (speed > 0.0 or speed in (-1.0, -2.0)):
             self.name(item, "unknown command", "time", "load")
@@ -278,7 +282,9 @@ class _Walk:
 
 
 def _jump_targets(items: Sequence[PlanItem]) -> dict[int, int]:
-    """Index of each jump in `items` -> that of the item it leads to; left out where none is."""
+    """Return index of each jump in `items` -> index of its target; jumps without a target are
+    omitted.
+    """
     numbers = Counter(item.number for item in items)
     at_number: dict[float, int] = {
         item.number: k for k, item in enumerate(items) if numbers[item.number] == 1
@@ -295,9 +301,9 @@ def _jump_targets(items: Sequence[PlanItem]) -> dict[int, int]:
 
 
 def jumps_back(plan: MissionPlan) -> list[int]:
-    """Return the numbers of the jumps by which items are flown again.
+    """Return the item numbers of the jumps that repeat items.
 
-    A jump forward leaves items out and repeats none; one to nothing counts, its target unknown.
+    A jump forward repeats none. A jump without a target counts.
     """
     targets = _jump_targets(plan.items)
     return [
@@ -308,7 +314,7 @@ def jumps_back(plan: MissionPlan) -> list[int]:
 
 
 def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
-    """The items in the order of execution; jumps are followed, unless that takes too many."""
+    """Return the items in order of execution; jumps are followed, unless that takes too many."""
     items = plan.items
     targets = _jump_targets(items)
     left: dict[int, float] = {}

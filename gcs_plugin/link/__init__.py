@@ -1,1 +1,1 @@
-"""Links: transports, the listener, signing, and what is sent."""
+"""Connect to vehicles: transports, the listener, signing, and the plugin's own messages."""

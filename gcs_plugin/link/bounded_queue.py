@@ -1,4 +1,4 @@
-"""A bounded queue between two threads that takes and gives in batches and counts what it drops."""
+"""Provide a bounded queue between two threads, with batches and a count of dropped items."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ T = TypeVar("T")
 
 
 class BoundedQueue(Generic[T]):
-    """At most `limit` items; never waited for. When full, the newest are dropped and counted, or
-    with `keep_newest` the oldest."""
+    """A queue of at most `limit` items whose writer never waits.
+
+    When it is full, the newest items are dropped and counted, or with `keep_newest` the oldest.
+    """
 
     def __init__(self, limit: int, *, keep_newest: bool = False) -> None:
         self.limit = limit
@@ -23,7 +25,7 @@ class BoundedQueue(Generic[T]):
         self._closed = False
 
     def put(self, items: Sequence[T]) -> None:
-        """Add items in order; returns at once."""
+        """Append items in order and return at once; drop and count those beyond `limit`."""
         if not items:
             return
         with self._ready:
@@ -37,7 +39,9 @@ class BoundedQueue(Generic[T]):
             self._ready.notify()
 
     def take(self, timeout: float) -> list[T]:
-        """All that is there, waiting up to `timeout` s for the first; empty when nothing came."""
+        """Remove and return all items, waiting up to `timeout` s for the first; empty if none
+        arrived.
+        """
         with self._ready:
             if not self._items and not self._closed:
                 self._ready.wait(timeout)
@@ -46,7 +50,7 @@ class BoundedQueue(Generic[T]):
         return items
 
     def first(self) -> T | None:
-        """What waits longest; None when nothing does."""
+        """Return the oldest item without removing it; None if the queue is empty."""
         with self._ready:
             return self._items[0] if self._items else None
 
@@ -54,18 +58,18 @@ class BoundedQueue(Generic[T]):
         return len(self._items)
 
     def close(self) -> None:
-        """Wake the taker: nothing more will come. What is in the queue can still be taken."""
+        """Mark the end of the items and wake the reader, which can still take the rest."""
         with self._ready:
             self._closed = True
             self._ready.notify_all()
 
     @property
     def closed(self) -> bool:
-        """True when nothing more will come."""
+        """Return whether `close` was called."""
         return self._closed
 
     @property
     def finished(self) -> bool:
-        """True when closed and empty."""
+        """Return whether the queue is closed and empty."""
         with self._ready:
             return self._closed and not self._items

@@ -1,7 +1,7 @@
-"""Where a vehicle is heard, when nobody has said where: the usual endpoints, all at once.
+"""Find the endpoint on which a vehicle sends, by listening on the usual ones at once.
 
-Nothing is sent, and the first endpoint on which an autopilot's heartbeat comes is taken. One that
-cannot be opened is tried again, for a vehicle may be switched on later.
+Nothing is sent. The first endpoint with an autopilot's heartbeat is chosen. An endpoint that cannot
+be opened is tried again, because a vehicle may be switched on later.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ NOTHING_CAME, NO_VEHICLE = "nothing came", "MAVLink, but no autopilot"
 
 
 def serial_ports() -> list[str]:
-    """Serial ports that may be an autopilot or a radio: those on USB."""
+    """Return the serial ports on USB, which may be an autopilot or a radio."""
     from serial.tools import list_ports
 
     return sorted(port.device for port in list_ports.comports() if port.vid is not None)
 
 
 class LinkFinder:
-    """Listens on all endpoints until one has a vehicle; `tried` says what became of each."""
+    """A listener on all endpoints until one has a vehicle; `tried` is the result of each."""
 
     def __init__(
         self, urls: Sequence[str] = USUAL, serials: Callable[[], Iterable[str]] = serial_ports
@@ -47,7 +47,10 @@ class LinkFinder:
         self._opened_s = self._turned_s = -OPEN_EVERY
 
     def find(self, seconds: float) -> str | None:
-        """The URL on which a vehicle is heard, within so many s; its port is free again."""
+        """Return the URL on which a vehicle is received within `seconds`, None if there is none.
+
+        The URL's port is closed again before the return.
+        """
         until = time.monotonic() + seconds
         try:
             while True:
@@ -63,7 +66,7 @@ class LinkFinder:
             self.close()
 
     def close(self) -> None:
-        """Give all ports free."""
+        """Close all ports."""
         for link in self._open.values():
             link.transport.close()
         self._open.clear()
@@ -100,7 +103,7 @@ class LinkFinder:
 
 
 def of_autopilot(frame: Frame) -> bool:
-    """Whether it is the heartbeat of a vehicle's autopilot."""
+    """Return whether the frame is the heartbeat of a vehicle's autopilot."""
     if frame.id != HEARTBEAT or not frame.verified:
         return False
     payload = frame.payload.ljust(9, b"\0")

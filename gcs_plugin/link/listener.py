@@ -1,13 +1,12 @@
-"""The listener: one thread a link that receives, forwards and cuts into frames, and nothing else.
+"""Receive, forward and split the bytes of links into frames, one thread a link.
 
-Bytes are passed on before anything is decided about them, unchanged: each datagram as it came, a
-byte stream in whole frames with whatever lies between. What a ground station behind `forwards`
-sends goes back to the vehicle's links, equally unchanged. Of its own accord a listener sends
-nothing.
+Bytes are forwarded before they are interpreted, unchanged: each datagram as it came, a byte stream
+in whole frames with the bytes between. Bytes from a ground station behind `forwards` go to the
+vehicle's links, unchanged too. A listener sends nothing of its own accord.
 
-What came when is known here and nowhere else: `heard_us` of each vehicle, and `looked_us`, up to
-which nothing can lie unread in a socket. Silence is the one less the other, however late this
-computer is with what it does with the bytes.
+Only the listener knows the times of arrival: `heard_us` of each vehicle, and `looked_us`, up to
+which no bytes can be unread in a socket. A vehicle's silence is their difference, however late this
+computer processes the bytes.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ SENDERS = 256
 
 
 class SteadyClock:
-    """Unix time that never jumps: the wall clock once, then the monotonic clock from there."""
+    """A Unix clock that never jumps: the wall clock once, then the monotonic clock from there."""
 
     def __init__(self) -> None:
         self._offset_ns = time.time_ns() - time.monotonic_ns()
@@ -38,7 +37,7 @@ class SteadyClock:
 
 
 class Link:
-    """One URL: its transport, its frames' counts, and the thread that receives from it."""
+    """One URL with its transport, its frame counts, and its receiving thread."""
 
     def __init__(self, url: str, number: int, transport: Transport) -> None:
         self.url = url
@@ -51,7 +50,7 @@ class Link:
         self._splitters: dict[Address | None, FrameSplitter] = {}
 
     def frames(self, chunk: Chunk, stamp_us: int) -> tuple[list[Frame], bytes]:
-        """Frames of a chunk, and the bytes to pass on for it."""
+        """Return the frames of a chunk, and the bytes to forward for it."""
         splitter = self._splitters.get(chunk.peer)
         if splitter is None:
             if len(self._splitters) >= SENDERS:
@@ -99,7 +98,7 @@ class Listener:
             raise
 
     def start(self) -> None:
-        """Begin to receive."""
+        """Start the receiving threads."""
         for link in [*self.links, *self.forwards]:
             back = link in self.forwards
             thread = threading.Thread(
@@ -118,22 +117,22 @@ class Listener:
 
     @property
     def finished(self) -> bool:
-        """True when nothing can come any more (recordings read to their end)."""
+        """Return whether no more bytes can arrive (recordings read to their end)."""
         return all(link.finished for link in self.links)
 
     def now_us(self) -> int:
-        """The clock that stamps arrivals: Unix µs, never jumping."""
+        """Return the clock that stamps arrivals: Unix µs, never jumping."""
         return self._clock.now_us()
 
     def looked_us(self) -> int:
-        """Ground's clock up to which all that came is known, on every link still open."""
+        """Return the ground time, µs, up to which every open link has been read completely."""
         looked = [link.looked_us for link in self.links if not link.finished]
         return min(looked, default=self.now_us())
 
     def send(self, data: bytes, *, system: int | None = None, forwards: bool = False) -> None:
-        """Send bytes of our own: to where `system` was last heard, or to every link.
+        """Send bytes to the link where `system` was last received, or to every link.
 
-        With `forwards` also to the ground stations behind us.
+        With `forwards` send them to the ground stations too.
         """
         home = self._homes.get(system) if system is not None else None
         if home is not None:

@@ -1,4 +1,4 @@
-"""The transport of a URL: a socket, a serial port or a recording."""
+"""Open the transport of a URL: a socket, a serial port or a recording."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ AT_ONCE = 512  # frames of a recording handed on together
 
 
 def open_transport(url: str) -> Transport:
-    """The transport of a URL. Raises LinkError when it cannot be opened."""
+    """Open the transport of a URL; raise LinkError if it cannot be opened."""
     end = parse_url(url)
     try:
         if end.kind in ("udpin", "udpout"):
@@ -36,7 +36,7 @@ def open_transport(url: str) -> Transport:
 
 
 class SerialPort(Reopened):
-    """A serial port by pyserial; opened again when it vanishes (a pulled USB plug)."""
+    """A serial port by pyserial, reopened after it vanishes (a pulled USB plug)."""
 
     def __init__(self, path: str, baud: int) -> None:
         import serial
@@ -57,7 +57,7 @@ class SerialPort(Reopened):
 
 
 class TelemetryLog(Transport):
-    """A .tlog as a link: each frame with the stamp written before it. Nothing can be sent."""
+    """A .tlog as a link: each frame with the stamp written before it; sending does nothing."""
 
     datagrams = True
     live = False
@@ -77,7 +77,7 @@ class TelemetryLog(Transport):
         return chunks
 
     def send(self, data: bytes, peer: Address | None = None) -> None:
-        """Nothing: a recording does not listen."""
+        """Do nothing: a recording has no receiver."""
 
     def close(self) -> None:
         self._frames.close()

@@ -20,7 +20,7 @@ TICK = 0.002  # s
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What has been sent."""
+    """The counts of a playback so far."""
 
     frames: int
     bytes: int
@@ -76,7 +76,9 @@ def play(
 
 
 def _in_turn(path: Path, *, loop: bool) -> Iterator[tuple[int, int, bytes]]:
-    """Stamp, that of the frame before, and each frame of the log; again and again with `loop`."""
+    """Yield stamp, the stamp before it, and bytes of each frame of the log; repeat for ever with
+    `loop`.
+    """
     for _ in itertools.count() if loop else range(1):
         before: int | None = None
         for stamp_us, data in stamped_frames(path):

@@ -1,7 +1,7 @@
-"""Our own voice on the link: frames from the plugin's component of a vehicle's system.
+"""Send the plugin's own messages, from its component of a vehicle's system.
 
-Messages carry the vehicle's system id, because ground stations show text and values with the
-vehicle that they belong to, and component 25 (MAV_COMP_ID_USER1), which no autopilot has.
+Messages carry the vehicle's system id, because ground stations show text and values with their
+vehicle, and component 25 (MAV_COMP_ID_USER1), which no autopilot has.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Sign = Callable[[bytes], bytes]
 
 
 class Sender:
-    """Packs, signs and sends messages; one count of sequence numbers a vehicle."""
+    """A packer, signer and sender of messages, with one sequence count for each vehicle."""
 
     def __init__(self, listener: Listener, sign: Sign | None = None) -> None:
         from pymavlink.dialects.v20 import ardupilotmega
@@ -29,7 +29,9 @@ class Sender:
         self._packers: dict[int, Any] = {}
 
     def send(self, vehicle: int, message: Any, *, forwards: bool = False) -> None:
-        """Send to where the vehicle is heard; with `forwards` to the ground stations too."""
+        """Send to the link where the vehicle was last received; with `forwards` to the ground
+        stations too.
+        """
         packer = self._packers.get(vehicle)
         if packer is None:
             packer = self.dialect.MAVLink(None, srcSystem=vehicle, srcComponent=COMPONENT)
@@ -41,7 +43,7 @@ class Sender:
         self._listener.send(data, system=vehicle, forwards=forwards)
 
     def heartbeat(self, vehicle: int) -> None:
-        """One heartbeat of the plugin's component, so that routers know where it is."""
+        """Send one heartbeat of the plugin's component, so that routers learn its route."""
         message = self.dialect.MAVLink_heartbeat_message(
             ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE, 3
         )

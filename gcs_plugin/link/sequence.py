@@ -1,7 +1,7 @@
-"""What sequence numbers, clocks and repeated bytes show about the senders of frames.
+"""Detect copied, late and missing frames, and two vehicles with one id, from sequence numbers and
+clocks.
 
-One watch a sender (system and component id): doubled frames, frames that come late, frames that
-are missing, and two vehicles that were given one id.
+One watch follows each sender (system and component id).
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ TURNS = 8
 
 
 class BootClocks:
-    """The clocks since boot that one message of a sender has: one, or in turns those of two."""
+    """The boot times that one message type of a sender shows: one, or alternately those of two
+    vehicles.
+    """
 
     def __init__(self) -> None:
         # (s of the ground's clock at its boot, messages), the one that was heard last at the end.
@@ -34,7 +36,7 @@ class BootClocks:
         self._returns: list[float] = []
 
     def add(self, stamp_s: float, clock_s: float) -> None:
-        """One message: the ground's clock, and the sender's since its boot."""
+        """Add one message: the ground's clock, and the sender's since its boot, both s."""
         booted = stamp_s - clock_s
         same = [n for n, (at, _) in enumerate(self._lines) if abs(booted - at) <= SAME_CLOCK]
         if not same:
@@ -52,7 +54,7 @@ class BootClocks:
         self._lines.append((booted, count))
 
     def shared(self, stamp_s: float) -> bool:
-        """Whether two vehicles have taken turns lately."""
+        """Return whether the boot times of two vehicles have alternated recently."""
         if not self._returns:
             return False
         recent = [at for at in self._returns if stamp_s - at < CLOCK_RETURNS_WITHIN]
@@ -61,7 +63,7 @@ class BootClocks:
 
 
 class Verdict(Enum):
-    """What to do with a frame."""
+    """The classification of a frame by its sequence number."""
 
     NEW = "new"
     DOUBLED = "doubled"  # the same frame again, over another link or by the network
@@ -69,7 +71,7 @@ class Verdict(Enum):
 
 
 class SenderWatch:
-    """Follows the sequence numbers of one sender."""
+    """A watch of the sequence numbers of one sender."""
 
     def __init__(self) -> None:
         self.frames = 0
@@ -89,7 +91,7 @@ class SenderWatch:
 
     @property
     def shared(self) -> bool:
-        """True while two vehicles send under this id."""
+        """Return whether two vehicles currently send under this id."""
         if self._by_clocks or not self._returns:
             return self._by_clocks
         recent = [at for at in self._returns if self.frames - at < RETURNS_WITHIN]
@@ -97,13 +99,13 @@ class SenderWatch:
         return len(recent) >= RETURNS
 
     def clocked(self, message: int, stamp_s: float, clock_s: float) -> None:
-        """The clock since boot, s, that a message with this id carries."""
+        """Add the clock since boot, s, of a message with id `message`."""
         clocks = self._clocks.setdefault(message, BootClocks())
         clocks.add(stamp_s, clock_s)
         self._by_clocks = any(clock.shared(stamp_s) for clock in self._clocks.values())
 
     def look(self, sequence: int, data: bytes) -> Verdict:
-        """Count one frame and say what it is."""
+        """Count one frame and return its classification."""
         before = self._seen.get(sequence)
         if before is not None and before[0] == data and self.frames - before[1] < TWICE_WITHIN:
             self.doubled += 1

@@ -1,12 +1,13 @@
-"""MAVLink 2 message signing: which frames are the vehicle's own, and signing what is sent.
+"""Check MAVLink 2 signatures of received frames, and sign the frames sent.
 
 A signed frame ends in a link id (1 byte), a time stamp (6 bytes, little-endian, 10 µs since
-2015-01-01 UTC) and the first 48 bits of SHA-256(key, frame up to and with the time stamp).
-Source: MAVLink developer guide, "Message Signing". Two rules are stricter than pymavlink's:
+2015-01-01 UTC) and the first 48 bits of SHA-256(key, frame up to and with the time stamp). Source:
+MAVLink developer guide, "Message Signing". Two rules are stricter than pymavlink's.
 
-- The digest is tried before anything is remembered, so that a frame made with another key and a
-  time stamp in the future cannot make later good frames look old.
-- A frame whose id is not known is dropped, because nothing that follows could check its content.
+First, the digest is checked before any state changes, so that a frame made with another key and a
+time stamp in the future cannot make later good frames look old.
+
+Second, a frame of unknown id is dropped, because its content cannot be checked later.
 """
 
 from __future__ import annotations
@@ -38,13 +39,13 @@ Clock = Callable[[], int]
 
 
 def signing_time() -> int:
-    """The computer's clock as a signature has it: 10 µs since 2015-01-01 UTC."""
+    """Return the computer's clock in the unit of signatures: 10 µs since 2015-01-01 UTC."""
     return max(0, (time.time_ns() - EPOCH_UNIX * 10**9) // 10_000)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SigningCounts:
-    """What became of frames; all but `accepted` were dropped."""
+    """The counts of frames by result; all but `accepted` were dropped."""
 
     accepted: int = 0
     unsigned: int = 0  # not signed at all; MAVLink 1 cannot be
@@ -56,12 +57,12 @@ class SigningCounts:
 
     @property
     def dropped(self) -> int:
-        """All but the accepted ones."""
+        """Return the number of dropped frames."""
         return sum(astuple(self)) - self.accepted
 
     @property
     def reasons(self) -> str:
-        """Why frames were dropped, and how many; empty where none was."""
+        """Return the reasons and counts of dropped frames in words; empty if none was dropped."""
         reasons = (
             ("unsigned", self.unsigned),
             ("signed with another key", self.wrong_key),
@@ -77,11 +78,12 @@ class SigningCounts:
 
 
 class SigningFilter:
-    """Lets in frames that are signed with `key`, new, and of a known id; counts the others.
+    """A filter that accepts frames signed with `key`, new, and of a known id, and counts the
+    others.
 
-    `clock` gives the present as `signing_time` does; None for a recording, whose first frames
-    are as old as it is. Mutable and safe to call from several threads.
-    Raises LinkError when the key has not 32 bytes.
+    `clock` returns the present as `signing_time` does; None for a recording, whose first frames are
+    as old as it is. Mutable and safe to call from several threads. Raise LinkError if the key has
+    not 32 bytes.
     """
 
     def __init__(self, key: bytes, *, clock: Clock | None = signing_time) -> None:
@@ -95,20 +97,22 @@ class SigningFilter:
 
     @property
     def counts(self) -> SigningCounts:
-        """The counts as they are now."""
+        """Return the present counts."""
         with self._lock:
             return SigningCounts(**self._counts)
 
     @property
     def latest(self) -> int:
-        """The largest time stamp of a good frame, which what is sent must exceed; 0 for none."""
+        """Return the largest time stamp of a good frame, which sent frames must exceed; 0 if
+        none.
+        """
         return self._latest
 
     def accept(self, frame: bytes, link: int = 0) -> bool:  # noqa: ARG002
-        """True for a frame (magic byte to signature) that is the vehicle's own and new.
+        """Return whether a frame (magic byte to signature) is the vehicle's own and new; count it.
 
-        `link`, the number of the socket it came over, makes no difference: a frame that was let in
-        once is a replay over every other link too.
+        `link`, the number of its socket, makes no difference: an accepted frame is a replay over
+        every other link too.
         """
         verdict = self._verdict(frame)
         with self._lock:
@@ -118,7 +122,7 @@ class SigningFilter:
         return verdict == "accepted"
 
     def _verdict(self, frame: bytes) -> str:
-        """What can be said of a frame by itself."""
+        """Classify a frame by its own bytes, without its age."""
         if len(frame) >= 8 and frame[0] == V1 and len(frame) == frame[1] + 8:
             return "unsigned"
         if len(frame) < HEADER + 2 or frame[0] != V2:
@@ -138,7 +142,7 @@ class SigningFilter:
         return "accepted" if known else "unknown_id"
 
     def _age_verdict(self, frame: bytes) -> str:
-        """Whether a frame with a good digest is new; remembers it when it is."""
+        """Classify a frame with a good digest by its age; store its time stamp if it is new."""
         link_id, stamp = frame[-SIGNATURE], int.from_bytes(frame[-12:-6], "little")
         stream = (frame[5], frame[6], link_id)
         last = self._last.get(stream)
@@ -155,7 +159,7 @@ class SigningFilter:
 
 
 class Signer:
-    """Signs what is sent. `after` gives a time stamp to stay ahead of: a filter's `latest`.
+    """A signer of sent frames; `after` returns a time stamp to exceed: a filter's `latest`.
 
     `link_id` lets receivers distinguish the streams of several senders. Mutable and thread-safe.
     """
@@ -176,10 +180,9 @@ class Signer:
         self._lock = threading.Lock()
 
     def sign(self, frame: bytes) -> bytes:
-        """The same MAVLink 2 frame with a signature in place of any that it had.
+        """Return the MAVLink 2 frame with a new signature in place of any it had.
 
-        Raises LinkError for a frame that cannot be signed: MAVLink 1, cut short, or of an id whose
-        checksum is not known.
+        Raise LinkError for a frame that cannot be signed: MAVLink 1, cut short, or of unknown id.
         """
         number = int.from_bytes(frame[7:10], "little")
         layout = layouts().get(number)
@@ -207,7 +210,7 @@ def _checked(key: bytes) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """A key from a file. `notes` are for people; the key itself is never shown."""
+    """A key from a file; `notes` are for people, and the key itself is never shown."""
 
     key: bytes
     notes: tuple[str, ...] = ()
@@ -217,10 +220,10 @@ class SigningKey:
 
 
 def read_signing_key(path: Path) -> SigningKey:
-    """The key in a file: 32 bytes, 64 hex digits, or a passphrase on one line.
+    """Read the key in a file: 32 bytes, 64 hex digits, or a passphrase on one line.
 
-    A passphrase becomes its SHA-256, as in MAVProxy and Mission Planner. A note says so when other
-    users of the computer can read the file. Raises LinkError when the file holds none of these.
+    A passphrase becomes its SHA-256, as in MAVProxy and Mission Planner. A note warns if other
+    users of the computer can read the file. Raise LinkError if the file contains none of these.
     """
     try:
         content = path.read_bytes() if regular(path).stat().st_size <= 4096 else b""

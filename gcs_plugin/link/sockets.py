@@ -1,4 +1,4 @@
-"""UDP, TCP, and whatever else is opened again when it has ended, as transports."""
+"""Provide UDP and TCP transports, and the base of streams that are reopened after they end."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ AGAIN = 1.0  # s between attempts to connect
 
 
 class Udp(Transport):
-    """A UDP socket, listening or sending first; one that sends first hears its target alone."""
+    """A UDP socket, listening or sending first; one that sends first receives from its target
+    alone.
+    """
 
     datagrams = True
 
@@ -57,7 +59,7 @@ class Udp(Transport):
 
     @property
     def address(self) -> Address:
-        """Where the socket is bound."""
+        """Return the address that the socket is bound to."""
         return self._socket.getsockname()[:2]
 
     @property
@@ -111,21 +113,21 @@ class Udp(Transport):
 
 
 class Reopened(Transport):
-    """One stream of bytes at a time, opened again whenever it has ended."""
+    """A transport of one byte stream at a time, reopened whenever it has ended."""
 
     _end: Any = None
 
     @abstractmethod
     def _open(self, timeout: float) -> Any:
-        """A new stream. Raises OSError, TimeoutError where `timeout` s were waited for it."""
+        """Open a new stream; raise OSError, or TimeoutError after waiting `timeout` s."""
 
     @abstractmethod
     def _read(self, end: Any, timeout: float) -> bytes:
-        """What came; empty when nothing did. Raises OSError when the stream has ended."""
+        """Return the bytes received, empty if none; raise OSError if the stream has ended."""
 
     @abstractmethod
     def _write(self, end: Any, data: bytes) -> None:
-        """Send all of it. Raises OSError when the stream has ended."""
+        """Send all of `data`; raise OSError if the stream has ended."""
 
     @property
     def ready(self) -> bool:
@@ -181,7 +183,7 @@ class _TcpStream(Reopened):
 
 
 class TcpClient(_TcpStream):
-    """Connects, and again whenever the connection ends."""
+    """A TCP client that reconnects whenever the connection ends."""
 
     def __init__(self, address: Address) -> None:
         self._address = address
@@ -194,14 +196,14 @@ class TcpClient(_TcpStream):
 
 
 class TcpServer(_TcpStream):
-    """Waits for a client; the next one is let in when it has gone."""
+    """A TCP server of one client at a time; the next is accepted when it has left."""
 
     def __init__(self, address: Address) -> None:
         self._door = socket.create_server(address)
 
     @property
     def address(self) -> Address:
-        """Where the socket is bound."""
+        """Return the address that the socket is bound to."""
         return self._door.getsockname()[:2]
 
     def _open(self, timeout: float) -> socket.socket:

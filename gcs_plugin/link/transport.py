@@ -1,4 +1,4 @@
-"""Byte transports behind a link: UDP, TCP, serial port, telemetry log. URLs as pymavlink has them.
+"""Define byte transports of a link: UDP, TCP, serial port, telemetry log; URLs as in pymavlink.
 
 `link.open_transport` opens them. They are own sockets and not pymavlink's, because its UDP
 listener binds with SO_REUSEADDR (two programs on one port then take each other's packets in
@@ -31,7 +31,7 @@ Address = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes as they came: from whom, and when if the source itself says so."""
+    """Received bytes, their sender, and their time if the source itself states it."""
 
     data: bytes
     peer: Address | None = None
@@ -50,7 +50,7 @@ class Endpoint:
 
 
 def parse_url(url: str) -> Endpoint:
-    """The parts of a URL. Raises LinkError for a form that is not known."""
+    """Parse a URL into its parts; raise LinkError for an unknown form."""
     kind, _, rest = url.partition(":")
     if kind in ("udpin", "udpout", "udp", "tcp", "tcpin"):
         host, _, port = rest.rpartition(":")
@@ -79,7 +79,10 @@ def parse_url(url: str) -> Endpoint:
 
 
 def _is_character_device(path: str) -> bool:
-    """What a serial port is on Linux and macOS; any other file is a mistyped name."""
+    """Return whether the path is a character device, as serial ports are on Linux and macOS.
+
+    Any other file is a mistyped name.
+    """
     try:
         return stat.S_ISCHR(os.stat(path).st_mode)
     except (OSError, ValueError):
@@ -87,7 +90,7 @@ def _is_character_device(path: str) -> bool:
 
 
 class Transport(Protocol):
-    """What a link needs. One thread receives; others may send."""
+    """The interface of a byte transport to a link. One thread receives; others may send."""
 
     datagrams: bool = False  # each chunk begins with a new frame
     live: bool = True  # bytes come as they happen, not out of a recording
@@ -97,15 +100,17 @@ class Transport(Protocol):
 
     @property
     def ready(self) -> bool:
-        """Whether there is somebody to send to."""
+        """Return whether there is a receiver to send to."""
         ...
 
     def receive(self, timeout: float) -> list[Chunk]:
-        """What has come, waiting up to `timeout` s. Raises EOFError when nothing more can come."""
+        """Return the chunks received, waiting up to `timeout` s; raise EOFError if no more can
+        come.
+        """
         ...
 
     def send(self, data: bytes, peer: Address | None = None) -> None:
-        """Send to one peer, or to all that are known; what cannot be sent is lost, as on air."""
+        """Send to one peer, or to all known; bytes that cannot be sent are lost, as on air."""
         ...
 
     def close(self) -> None: ...

@@ -27,7 +27,7 @@ from thrustmargin.mission.plan_tracking.blame import day_of, which_was_off
 from thrustmargin.mission.plan_tracking.stretches import (
     FlownWay,
     PlanToFly,
-    known_before,
+    conditions_before_take_off,
     shift,
     worst_smoothed,
 )
@@ -151,7 +151,7 @@ class PlanWatch(Subscriber):
         day = day_of(rows[:, _WIND], rows[:, _TANK], rows[:, _AIR])
         to_fly = PlanToFly.of(self._plan, flight.parameters, self._model)
         home = self._plan.home[2]
-        given = self._assumed or known_before(
+        given = self._assumed or conditions_before_take_off(
             flight.parameters,
             self._model.airframe,
             fill_kg=day.fill_kg,

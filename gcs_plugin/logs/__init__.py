@@ -1,4 +1,4 @@
-"""Flight logs of every format as one FlightTrack: `read_log`."""
+"""Read flight logs of every format as one FlightTrack: `read_log`."""
 
 from thrustmargin.gcs_plugin.logs.read import read_log as read_log
 from thrustmargin.gcs_plugin.logs.read import read_sorties as read_sorties

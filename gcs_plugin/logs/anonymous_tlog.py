@@ -1,9 +1,9 @@
-"""A copy of a telemetry log (.tlog) without who and where, from which the same margins follow.
+"""Make an anonymous copy of a telemetry log (.tlog) that yields equal margins.
 
-Only what a margin is read from is kept, of vehicles alone: signals, and the parameters of frame,
-motors, battery, sprayer and airspeed sensor. Gone are texts, missions, commands, serial numbers,
-raw GPS and what ground stations sent. Vehicles are numbered from 1. Places are moved as a whole,
-the first to 0° N 30° W in the Atlantic; the shape of the route, heights and times stay.
+Only the inputs of a margin are copied, and of vehicles alone: signals, and the parameters of frame,
+motors, battery, sprayer and airspeed sensor. Texts, missions, commands, serial numbers, raw GPS and
+messages of ground stations are removed. Vehicles are renumbered from 1. Places are moved together,
+the first to 0° N 30° W in the Atlantic; the shape of the route, heights and times are unchanged.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _TEXT = re.compile(r"Frame: [A-Z0-9_]+(/[A-Z0-9_]+)?")  # says how many rotors t
 
 
 def anonymous_copy(path: Path) -> bytes:
-    """The bytes of the copy. Raises LogError when no vehicle is in the file."""
+    """Return the bytes of the anonymous copy; raise LogError if the file contains no vehicle."""
     data, size = read_bytes(path, PADDING)
     frames = scan(data, size)
     system, component = frames.system, frames.component
@@ -66,7 +66,7 @@ def anonymous_copy(path: Path) -> bytes:
 
 
 def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]:
-    """Row -> payload of every frame that is kept."""
+    """Return row -> payload of every frame to copy."""
     found: dict[int, bytes] = {}
     origin: tuple[float, float] | None = None
     for number in np.unique(frames.id[of_vehicle]).tolist():
@@ -94,7 +94,9 @@ def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]
 def _move(
     values: NDArray[np.void], names: tuple[str, ...], origin: tuple[float, float] | None
 ) -> tuple[float, float] | None:
-    """Move the places of some messages in place; returns what becomes NEW_PLACE: the first fix."""
+    """Move the places of messages in `values` in place; return the first fix, which becomes
+    NEW_PLACE.
+    """
     latitude, longitude, altitude = (values[n] * s for n, s in zip(names, SCALES, strict=True))
     fixed = ((latitude != 0.0) | (longitude != 0.0)) & (np.abs(latitude) <= 90.0)
     for name in names[:2]:

@@ -1,7 +1,7 @@
-"""A bench table as CSV: rotor speed, thrust, throttle and voltage by their columns' names.
+"""Read a bench table from CSV: rotor speed, thrust, throttle and voltage by their columns' names.
 
-The first line names the columns, in any order and with any others beside them; the unit of thrust
-stands in its name: `thrust_g`, `Thrust (N)`, `thrust [kgf]`. Commas, semicolons or tabs.
+The first line names the columns, in any order, with any others among them. The unit of thrust is in
+its name: `thrust_g`, `Thrust (N)`, `thrust [kgf]`. The separator is comma, semicolon or tab.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _WORDS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchTable:
-    """A bench table's fit, the columns that it is of, and the lines that were left out."""
+    """A thrust curve fitted to a bench table, the columns used, and the lines ignored."""
 
     fit: BenchFit
     columns: Mapping[str, str]  # quantity -> column's name
@@ -40,7 +40,7 @@ class BenchTable:
 
 
 def read_bench(path: Path) -> BenchTable:
-    """The thrust curve of a bench table. Raises DataError naming what is missing or unfit."""
+    """Fit the thrust curve of a bench table; raise DataError, naming what is missing or unfit."""
     try:
         text = regular(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:

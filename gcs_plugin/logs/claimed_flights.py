@@ -1,5 +1,7 @@
-"""The sorties of a log with what can be inferred of them, and on what ground each is one of the
-model's airframe: the one way from a file to what is analysed."""
+"""Read the sorties of a log with inferred channels, and match each with the model's airframe.
+
+Every command that analyses a file reads it by this function.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +25,11 @@ from thrustmargin.models.model.rotor_model import RotorModel
 def claimed_flights(
     path: Path, model: RotorModel, *, given: bool, **options: Any
 ) -> list[tuple[FlightLog, AirframeClaim]]:
-    """Every sortie of a log with what can be inferred of it, and the ground on which it is one of
-    the model's airframe, which the user gave or not; `options` as of `read_sorties`.
+    """Return every sortie of a log with its inferred channels, and its match with the model's
+    airframe.
 
-    Where there is none, it is read without an airframe. Raises as `read_sorties`.
+    `given` is True if the user gave the airframe; `options` are those of `read_sorties`. A log that
+    does not match is read without an airframe. Raise the errors of `read_sorties`.
     """
     craft = identified_airframe(model)
 

@@ -1,7 +1,22 @@
-"""Tables with headings and units of others: `columns.toml` beside a CSV says what they are.
+"""Read a flight from a CSV table, with the project's column names or with any described in
+`columns.toml`.
 
-A line a column of ours (`gcs_plugin/logs/csv_table.py`), in the file `columns.toml` of the CSV's
-folder, or `NAME.columns.toml` for `NAME.csv` alone:
+The project's own format has one row a time. Columns are in SI but for rpm, all but `time_s`
+optional, empty where unknown: `time_s`; `position_north/_east/_down`; `velocity_north/_east/_down`;
+`roll`, `pitch`, `yaw` (rad); `roll_rate`, `pitch_rate`, `yaw_rate` (rad/s);
+`specific_force_forward/_right/_down` (m/s², (0, 0, -9.81) at rest); `airspeed`, without it from
+velocity and wind; `wind_north/_east/_down` (the velocity of the air); `tank_kg`;
+`rotor_speed_rpm_1` to `_R` and `throttle_1` to `_R` in motor order; `voltage`, `current`,
+`pressure` (Pa), `temperature` (K, of the air or of a warm board: `train` learns which), `altitude`
+(m AMSL), `height_agl` (m), `spraying` (1 or 0), `flying` (1 or 0). A first line `# {...}` contains
+what has no column: the origin of positions, the start in Unix time, the source of each channel.
+
+Tables of other programs are read too: separated by commas, semicolons or tabs; with a decimal point
+or comma; in quotes; in UTF-8 or UTF-16. A heading may end with our unit in brackets, as in a margin
+report, of which the first flight is read.
+
+Any other headings and units are described in a file `columns.toml` in the CSV's folder, or
+`NAME.columns.toml` for `NAME.csv` alone, one line a column of ours:
 
     time_s = "t"                                             # already in our unit
     rotor_speed_rpm_1 = { column = "m1_rads", unit = "rad/s" }
@@ -11,28 +26,10 @@ folder, or `NAME.columns.toml` for `NAME.csv` alone:
     tank_kg = 0                                              # the same in all rows
     quaternion_w = "qw"                                      # and _x, _y, _z: roll, pitch and yaw
 
-What is ours is column x unit x factor + offset. The quaternion turns vectors of the body (forward,
+Our value is column x unit x factor + offset. The quaternion turns vectors of the body (forward,
 right, down) into north, east, down; where both have x forward or north, y left or west, and z up,
-the factor of y and z is -1. Where a channel comes from is its column, or what the table's comment
-line states of it.
-
-A flight from CSV with the project's own column names.
-
-One row a time. Columns, in SI but for rpm, all but `time_s` optional, empty where unknown:
-`time_s`; `position_north/_east/_down`; `velocity_north/_east/_down`; `roll`, `pitch`, `yaw`
-(rad); `roll_rate`, `pitch_rate`, `yaw_rate` (rad/s); `specific_force_forward/_right/_down`
-(m/s², (0, 0, -9.81) at rest); `airspeed`, without it from velocity and wind;
-`wind_north/_east/_down` (the way the air moves);
-`tank_kg`; `rotor_speed_rpm_1` to `_R` and `throttle_1` to `_R` in motor order; `voltage`,
-`current`, `pressure` (Pa), `temperature` (K, of the air or of a warm board: `train` learns which),
-`altitude` (m AMSL), `height_agl` (m), `spraying` (1 or 0), `flying` (1 or 0). A first line
-`# {...}` holds what has no column: the place of zero, the start in Unix time, where each channel
-came from.
-
-Tables of other programs are read too: separated by commas, semicolons or tabs, with a decimal
-point or comma, in quotes, in UTF-8 or UTF-16; with our unit in brackets behind a heading, as a
-margin report has it, of whose flights the first is read; and with any headings and units that a
-file `columns.toml` beside the table states (`csv_columns.py`).
+the factor of y and z is -1. The source of a channel is its column, or the source stated in the
+table's comment line.
 """
 
 from __future__ import annotations
@@ -83,7 +80,7 @@ QUATERNION = tuple(f"quaternion_{part}" for part in "wxyz")
 
 @dataclass(frozen=True, slots=True)
 class TheirColumn:
-    """What a column of ours is made of: `factor` times `column`, and `offset` in our unit."""
+    """The rule of one column of ours: `factor` times `column`, plus `offset`, in our unit."""
 
     column: str  # heading in the table; empty where the offset alone is the value
     factor: float = 1.0
@@ -91,10 +88,10 @@ class TheirColumn:
 
 
 def stated_columns(path: Path, unit_of: Callable[[str], str | None]) -> dict[str, TheirColumn]:
-    """What the file of columns beside the table `path` states; empty without one.
+    """Read the column rules from the file beside the table `path`; empty without a file.
 
-    `unit_of` gives the unit of a column of ours, None for a name that is none. Raises LogError that
-    names the line that is wrong.
+    `unit_of` returns the unit of a column of ours, None for an unknown name. Raise LogError, naming
+    the wrong line.
     """
     places = (path.with_name(f"{path.stem}.{FILE}"), path.with_name(FILE))
     file = next((place for place in places if place.exists()), None)
@@ -111,7 +108,7 @@ def stated_columns(path: Path, unit_of: Callable[[str], str | None]) -> dict[str
 
 
 def _column_number(value: Any) -> float | None:
-    """Return a finite number of TOML; None for anything else, and for what no float can hold."""
+    """Return a finite TOML number as float; None for anything else, or if it overflows."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:
@@ -152,7 +149,9 @@ def _their(file: str, name: str, line: Any, own: str | None) -> TheirColumn:
 def in_our_columns(
     stated: Mapping[str, TheirColumn], table: Mapping[str, Floats], rows: int
 ) -> dict[str, Floats]:
-    """Our columns (T,) of a table that has their headings; a quaternion becomes three angles."""
+    """Convert a table with foreign headings to our columns (T,); a quaternion becomes three
+    angles.
+    """
     found = {
         name: np.full(rows, one.offset)
         if not one.column
@@ -168,7 +167,7 @@ def in_our_columns(
 
 
 def check_headings(path: Path, stated: Mapping[str, TheirColumn], names: Sequence[str]) -> None:
-    """Raise LogError when a stated column is not in the table, or a quaternion is there in part."""
+    """Raise LogError if a stated column is missing, or only part of a quaternion is stated."""
     absent = [one.column for one in stated.values() if one.column and one.column not in names]
     if absent:
         found = clean(", ".join(names)[:200])
@@ -181,12 +180,16 @@ def check_headings(path: Path, stated: Mapping[str, TheirColumn], names: Sequenc
 
 
 def column_source(name: str) -> Provenance:
-    """The source of a channel that is a column, or of which this is the first of several."""
+    """Return the source of a channel read from a column, or from several of which `name` is the
+    first.
+    """
     return Provenance(kind=SourceKind.COLUMN, name=name)
 
 
 def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
-    """The sources that the file states of its channels."""
+    """Return the channel sources written in the file's comment line; raise LogError if they are
+    malformed.
+    """
     if not isinstance(written, dict):
         return {}
     try:
@@ -200,7 +203,7 @@ def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
 
 
 def _cleaned(source: Provenance) -> Provenance:
-    """The same without what could do harm on a screen."""
+    """Return the source with unprintable characters removed, for display."""
     return replace(
         source,
         name=clean(source.name),
@@ -214,10 +217,10 @@ def _cleaned(source: Provenance) -> Provenance:
 
 
 def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[str]]:
-    """The channels without numbers that cannot be true, and which are of another unit.
+    """Return the channels with values out of range as NaN, and notes on columns in another unit.
 
-    Of a column in another unit those in range are as wrong as the rest: percent of an output that
-    idles look like its share.
+    A column mostly out of range is dropped whole: its values in range are wrong too, as per cent
+    near idle look like a share.
     """
     found, notes = {}, []
     for name, limit in TRACK_CHANNELS.items():
@@ -259,7 +262,9 @@ _ROWS = 4096  # that are held as text at a time
 
 
 def _likeness(begins: Beginning) -> float:
-    """A table of a flight begins with comment lines, or a heading of time."""
+    """Return the likelihood of a flight table: it begins with comment lines, or a heading of
+    time.
+    """
     if begins.text is None:
         return 0.0
     comments, names, _, _ = _parts(begins.text)
@@ -306,15 +311,15 @@ FORMAT = LogFormat(
 
 
 def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
-    """The track of a CSV file; `rotor_count` is for a file without columns of rotors.
+    """Read the track of a CSV file; `rotor_count` is for a file without rotor columns.
 
-    Raises LogError naming the column or row that is wrong.
+    Raise LogError, naming the wrong column or row.
     """
     return _read_first(path, rotor_count)[0]
 
 
 def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[str, ...]]:
-    """As `read_csv`, and what is said of the file's other flights."""
+    """Read the first flight of a CSV file; also return notes on its other flights."""
     comments, names, body, separator = _parts(decoded(path.read_bytes()))
     stated = stated_columns(path, unit_of_column)
     if "time_s" not in stated and "time_s" not in names:
@@ -355,7 +360,7 @@ def _known(name: str) -> bool:
 
 
 def unit_of_column(name: str) -> str | None:
-    """The unit of a column of ours, empty where it has none; None for any other name."""
+    """Return the unit of a column of ours, empty if it has none; None for any other name."""
     if rotor := _ROTOR.fullmatch(name):
         return TRACK_CHANNELS[rotor[1]].unit
     if name in ("time_s", "flying"):
@@ -368,9 +373,9 @@ def unit_of_column(name: str) -> str | None:
 def _columns(
     body: str, separator: str, names: Sequence[str], used: Sequence[str], states: set[str]
 ) -> tuple[dict[str, Floats], int]:
-    """The used columns as numbers (T,), NaN where empty, and how many rows are torn.
+    """Return the used columns as numbers (T,), NaN where empty, and the count of incomplete rows.
 
-    Raises ValueError or csv.Error where it is no table of numbers.
+    Raise ValueError or csv.Error if it is no table of numbers.
     """
     first_rows = csv.reader(body.split("\n", _SHOWN)[1:_SHOWN], delimiter=separator)
     comma = any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in first_rows for cell in row)
@@ -395,7 +400,7 @@ def _columns(
 
 
 def _number(cell: str, comma: bool, name: str) -> float:
-    """A cell as a number, NaN for nothing. Raises ValueError for anything else."""
+    """Parse a cell as a number, NaN if empty; raise ValueError for anything else."""
     cell = cell.strip()
     if cell in _NULLS:
         return math.nan
@@ -409,12 +414,12 @@ def _number(cell: str, comma: bool, name: str) -> float:
 
 
 def _state(cell: str, comma: bool, name: str) -> float:
-    """1, 0 and NaN of true, false, numbers and nothing."""
+    """Parse a cell as 1, 0 or NaN, from true, false, a number or nothing."""
     return _number(_STATES.get(cell.strip().lower(), cell), comma, name)
 
 
 def _parts(text: str) -> tuple[list[str], list[str], str, str]:
-    """Comment lines, our names of the columns, the table with its heading, and the separator."""
+    """Return the comment lines, our column names, the table with its heading, and the separator."""
     comments: list[str] = []
     while text.startswith(("#", "sep=")):
         line, _, text = text.partition("\n")
@@ -429,14 +434,16 @@ def _parts(text: str) -> tuple[list[str], list[str], str, str]:
 
 
 def _without_unit(heading: str) -> str:
-    """A heading without the unit in brackets behind it, where that is the column's own."""
+    """Remove the unit in brackets from a heading if it is the column's own."""
     found = _WITH_UNIT.fullmatch(heading)
     own = None if found is None else unit_of_column(found[1])
     return heading if found is None or own is None or found[2] != (own or "0/1") else found[1]
 
 
 def _about(comments: Sequence[str], path: Path) -> dict[str, Any]:
-    """The comment line that is a table."""
+    """Return the JSON object of the comment lines, empty if none; raise LogError if it is not
+    JSON.
+    """
     about: dict[str, Any] = {}
     for text in comments:
         if text.startswith("{"):
@@ -448,7 +455,7 @@ def _about(comments: Sequence[str], path: Path) -> dict[str, Any]:
 
 
 def _first_flight(found: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """The rows of the first flight of a report of several, and that there are others."""
+    """Return the rows of the first flight of a report, and a note if there are others."""
     numbers = found["flight_number"]
     first = numbers == numbers[0] if numbers.size else numbers == numbers
     count, unread = 1 + np.unique(numbers[~first]).size, ()

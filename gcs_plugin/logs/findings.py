@@ -1,4 +1,6 @@
-"""One list of findings about a log, the gravest first, for inspect, report, replay and store."""
+"""Collect the findings about a log in one list, most severe first, for inspect, report, replay
+and store.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from thrustmargin.models.checks.loss_of_control import loss_of_control, recovere
 
 
 class Severity(StrEnum):
-    """How grave a finding is."""
+    """The severity of a finding."""
 
     GRAVE = "grave"
     WARNING = "warning"
@@ -27,7 +29,7 @@ class Severity(StrEnum):
 
 
 class Spoils(StrEnum):
-    """What a finding makes wrong in the answers about a flight."""
+    """The part of a flight's results that a finding makes wrong."""
 
     NOTHING = "nothing"
     NUMBERS = "numbers"
@@ -36,9 +38,9 @@ class Spoils(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One answer: which check, how grave, when (None: of the whole log), and why in words.
+    """One result of a check: its name, severity, time (None: the whole log), and description.
 
-    `values` are its numbers by name, times in s from the first row.
+    `values` are its numbers by name; times are s from the first row.
     """
 
     check: str
@@ -59,12 +61,12 @@ _PLAIN = (EventKind.ARMED, EventKind.DISARMED, EventKind.RESOLVED)
 
 
 def gravest_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """The findings by severity, each kind in the order given."""
+    """Sort findings by severity, keeping the order given within each."""
     return tuple(sorted(findings, key=lambda one: _ORDER.index(one.level)))
 
 
 def loss_findings(log: FlightLog) -> list[Finding]:
-    """That control was lost, or nearly, with the signs of it."""
+    """Return findings of lost, or nearly lost, control, with the signs of it."""
     kinds = (
         ("control", Severity.GRAVE, loss_of_control(log.track), loss_words),
         ("recovered", Severity.WARNING, recovered_signs(log.track), recovered_words),
@@ -86,7 +88,9 @@ _OF_LOSS = ("time_s", "value")
 
 
 def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
-    """What the vehicle reported; of each kind and subject the first, and how often it came."""
+    """Return one finding for each kind and subject of the vehicle's events: the first, and the
+    count.
+    """
     alike: dict[tuple[EventKind, str], list[VehicleEvent]] = {}
     for event in events:
         if event.kind not in _PLAIN:
@@ -103,9 +107,12 @@ def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
     ]
 
 
-def repeated(findings: Iterable[Finding]) -> list[Finding]:
-    """Those that a report says beside its verdict: grave ones, the vehicle's own, and those that
-    make its rotor names or numbers wrong."""
+def report_findings(findings: Iterable[Finding]) -> list[Finding]:
+    """List the findings to show beside a report's verdict.
+
+    They are severe ones, those of the vehicle itself, and those that make rotor names or numbers
+    wrong; lost control is excluded.
+    """
     return [
         one
         for one in findings
@@ -116,6 +123,8 @@ def repeated(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def names_wrong(findings: Iterable[Finding]) -> list[str]:
-    """Why the names of the rotors cannot be trusted, a sentence each; none where they can."""
+    """List the reasons, one sentence each, why rotor names are unreliable; empty if they are
+    reliable.
+    """
     wrong = (one for one in findings if one.spoils is Spoils.ROTOR_NAMES)
     return [f"rotor names {NAMES_WRONG}{one.words}" for one in wrong]

@@ -1,4 +1,4 @@
-"""What a log holds and whether its numbers can be believed: the answers behind `inspect`."""
+"""Check the content of a log and the plausibility of its values, for `inspect`."""
 
 from __future__ import annotations
 
@@ -106,10 +106,10 @@ class Inspection:
 def inspect_log(
     log: FlightLog, airframe: Airframe, claim: AirframeClaim | None = None
 ) -> Inspection:
-    """Check a log's quality, whether it can be of the airframe, motor order and rotor speed scale.
+    """Check a log's quality, whether it fits the airframe, motor order and rotor speed scale.
 
-    `claim` says on what ground the flight is one of the airframe; without it that was given. One
-    that is not known is compared with nothing.
+    `claim` is the evidence that the flight is of the airframe; None: the user gave the airframe. A
+    flight of an unknown airframe is compared with nothing.
     """
     findings = [*loss_findings(log), *event_findings(log.events)]
     findings += [Finding("units", Severity.WARNING, words) for words in log.other_units]
@@ -162,7 +162,7 @@ def _compared(one: Comparison) -> Finding:
 
 
 def _vehicles(log: FlightLog) -> list[Finding]:
-    """That the answers are of one vehicle of several."""
+    """Return a warning if the log contains several vehicles, of which one is read."""
     if len(log.vehicles) < 2:
         return []
     there = ", ".join(map(str, log.vehicles))
@@ -216,7 +216,7 @@ def _order(order: MotorOrder) -> Finding:
 
 
 def left_out_findings(track: FlightTrack) -> list[Finding]:
-    """List the instruments whose readings cannot be true, and are left out."""
+    """List the instruments whose readings were removed as impossible."""
     found = {
         (instrument, words): Finding(instrument, Severity.WARNING, say(words))
         for channel, instrument in INSTRUMENTS.items()
@@ -255,7 +255,7 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
 
 
 def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
-    """That the pump ran and nothing left the aircraft, by its thrust."""
+    """Return a warning if the pump ran and the thrust shows no loss of mass."""
     found = sprayed_by_thrust(log.track, airframe, log.parameters)
     least_l_s = LEAST_FLOW * airframe.pump_max_flow_l_min / 60.0
     if found is None or not found.most_kg < least_l_s * airframe.liquid_density * found.pump_s:
@@ -268,7 +268,9 @@ def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
 
 
 def _sensor(track: FlightTrack) -> Finding:
-    """Gravity on average, which shaking does not change; how it shakes is another matter."""
+    """Compare the mean specific force in steady flight with gravity; vibration does not change
+    the mean.
+    """
     turning = np.linalg.norm(track.angular_rate_frd, axis=1) > _STEADY_RATE  # no: not known either
     known = np.isfinite(track.specific_force_frd).all(axis=1)
     force = track.specific_force_frd[track.flying & known & ~turning]
@@ -295,7 +297,7 @@ def _sensor(track: FlightTrack) -> Finding:
 
 
 def _gyro(track: FlightTrack) -> list[Finding]:
-    """That the attitude turns and the aircraft does not, by accelerometer and barometer."""
+    """Return a warning if the attitude turns while accelerometer and barometer show no motion."""
     height = pressure_altitude(track.pressure)
     denied = attitude_denied(track.time_s, track.attitude, track.specific_force_frd, height)
     seconds = float(track.row_seconds[denied].sum())
@@ -313,7 +315,7 @@ def _gyro(track: FlightTrack) -> list[Finding]:
 
 
 def instrument_offsets(log: FlightLog) -> list[str]:
-    """Sentences of the ESCs whose voltage is off the others'."""
+    """List sentences on ESCs whose voltage differs from the others' by a constant."""
     return [
         f"the ESC of motor {n + 1} reads {abs(off):.1f} V {'below' if off < 0 else 'above'} the "
         "others, loaded or not: an offset of its instrument, not of its motor"
@@ -331,7 +333,7 @@ def _airspeed(track: FlightTrack) -> list[Finding]:
 
 
 def _absent(log: FlightLog) -> list[Finding]:
-    """What the network and the margin need and the log lacks."""
+    """List the missing channels that the network and the margin need."""
     needs = {
         "rotor_speed_rpm": "no measured margin and no residual",
         "tank_kg": "the weight is unknown, so no prediction",
@@ -346,7 +348,7 @@ def _absent(log: FlightLog) -> list[Finding]:
 
 
 def as_json(inspection: Inspection) -> dict[str, Any]:
-    """The inspection as JSON values; None for what is not known."""
+    """Return the inspection as JSON values; None where unknown."""
     log, plain = inspection.log, to_json_values(inspection.log.quality)
     order, scale = inspection.motor_order, inspection.speed_scale
     return {

@@ -1,5 +1,7 @@
-"""What is said of one log: its findings, the answer of its flight, and what an aircraft that is not
-known shows. Report, replay and live ask this one function.
+"""Answer one log: its findings, the answer of its flight, and the estimates for an unknown
+aircraft.
+
+Report, replay and live share this function.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from thrustmargin.models.model.analysis import FlightAnalysis
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogAnswer:
-    """Of one sortie."""
+    """The findings and the answer of one sortie."""
 
     findings: tuple[Finding, ...]  # the gravest first
     made: Advised
@@ -26,8 +28,9 @@ class LogAnswer:
 
 
 def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAnswer:
-    """The answer of a log's analysed flight; `limit` is the share of a rotor's thrust that may
-    last."""
+    """Return the answer of a log's analysed flight; `limit` is the share of a rotor's thrust for
+    lasting use.
+    """
     inspection = inspect_log(log, analysis.model.airframe, analysis.claim)
     found, order = inspection.findings, inspection.motor_order
     claim = replace(
@@ -43,7 +46,7 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
 
 
 def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
-    """What the whole log of an aircraft that is not known shows."""
+    """Return the estimates from the whole log of an unknown aircraft; None for a known one."""
     texts = [*log.earlier_texts, *(text for _, text in log.messages)]
     options = {"texts": texts, "autopilot": log.autopilot}
     return first_contact(log.track, claim, log.parameters, log.facts, **options)

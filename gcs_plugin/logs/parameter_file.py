@@ -1,4 +1,5 @@
-"""Parameter files of ground stations: Mission Planner .param and .parm, QGroundControl .params.
+"""Read parameter files of ground stations: Mission Planner .param and .parm, QGroundControl
+.params.
 
 Mission Planner and MAVProxy write NAME,VALUE or NAME VALUE; QGroundControl writes five columns:
 vehicle, component, NAME, VALUE, type. Lines of `#` and `//` are comments.
@@ -19,7 +20,7 @@ _MOST_BYTES = 4 << 20
 
 
 def read_parameters(path: Path) -> dict[str, float]:
-    """Every parameter of the file by name. Raises LogError when it holds none."""
+    """Read every parameter of the file by name; raise LogError if there is none."""
     try:
         if regular(path).stat().st_size > _MOST_BYTES:
             raise LogError(f"{path.name} is too large for a parameter file")

@@ -1,4 +1,4 @@
-"""`read_log` and `read_sorties`: any log as flights, by what it holds and not by its name."""
+"""Read any log as flights; the format is recognised by the content, not by the name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LOOK = 1 << 20  # bytes in which the format shows
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beginning:
-    """The first bytes of a file, what they are as text (None: they are none), and its ending."""
+    """The first bytes of a file, their text (None: not text), and the file's suffix."""
 
     head: bytes
     text: str | None
@@ -30,7 +30,7 @@ class Beginning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogFormat:
-    """A kind of log. Each module of this folder that has one as `FORMAT` is the reader of it."""
+    """One log format; a module of this folder with a `FORMAT` is its reader."""
 
     name: str
     known_by: str  # what one is and how it shows, for people: "a PX4 log (.ulg, ...)"
@@ -62,7 +62,7 @@ def read_sorties(
     sought: bool = True,
     **options: Any,
 ) -> tuple[FlightLog, ...]:
-    """Every sortie of one vehicle in a log, in order, numbered.
+    """Read every sortie of one vehicle in a log, in order, numbered.
 
     A sortie ends with a restart of the vehicle, or on the ground: disarmed, for long, or with a
     fuller tank or battery afterwards. Where nothing flew, it is the longest stretch.
@@ -88,7 +88,7 @@ def read_sorties(
         except AirframeError:
             if vehicle is not None or not sought:
                 raise
-            kind, logs = _read_as(path, _that_fits(path, made), made)
+            kind, logs = _read_as(path, _fitting_vehicle(path, made), made)
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file; check the name") from error
     except OSError as error:
@@ -104,10 +104,10 @@ def read_sorties(
     return logs
 
 
-def _that_fits(path: Path, options: Options) -> int | None:
-    """The vehicle in the log that has the rotors of the airframe; None where none has.
+def _fitting_vehicle(path: Path, options: Options) -> int | None:
+    """Return the vehicle in the log with the airframe's number of rotors; None if there is none.
 
-    Raises LogError where several have.
+    Raise LogError if several vehicles fit.
     """
     _, logs = _read_as(path, None, replace(options, airframe=None))
     fits: list[int] = []
@@ -124,7 +124,7 @@ def _that_fits(path: Path, options: Options) -> int | None:
 def _read_as(
     path: Path, vehicle: int | None, options: Options
 ) -> tuple[LogFormat, tuple[FlightLog, ...]]:
-    """The sorties read as the first format that the log can be read as, and that format."""
+    """Return the first format that can read the log, and its sorties."""
     for kind in formats(path):
         try:
             return kind, kind.read(path, vehicle, options)
@@ -137,7 +137,9 @@ def _read_as(
 
 
 def formats(path: Path) -> list[LogFormat]:
-    """Formats to try, the likeliest first. Raises LogError for a folder, nothing, other text."""
+    """Return the formats to try, most probable first; raise LogError for a folder, an empty file or
+    other text.
+    """
     if path.is_dir():
         raise LogError(f"{path} is a folder; give a log file in it")
     with regular(path).open("rb") as file:
@@ -160,7 +162,7 @@ def _known() -> Iterator[LogFormat]:
 
 
 def log_endings() -> set[str]:
-    """Endings of the names of logs, in small letters with their dot."""
+    """Return the suffixes of log files, in lower case with their dot."""
     return {ending for kind in _known() for ending in kind.suffixes}
 
 
@@ -169,7 +171,9 @@ def _named(*, is_text: bool) -> str:
 
 
 def decoded(data: bytes) -> str:
-    """UTF-8 or UTF-16 as a text of whole lines; bytes that are neither become marks."""
+    """Decode UTF-8 or UTF-16 to text with `\\n` line ends; invalid bytes become replacement
+    marks.
+    """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
     elif data[:2].count(0) == 1:

@@ -57,11 +57,11 @@ _MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT", "MISSION_CLEAR_
 def tlog_boots(
     path: Path, *, vehicle: int | None = None, on_arrival: bool = False
 ) -> Iterator[Recording]:
-    """The needed messages of one vehicle of a .tlog: a recording from restart to restart.
+    """Yield a recording of one vehicle of a .tlog for each run between restarts.
 
     `vehicle` is a system id; None takes the one that reports rotor speeds, then the one with most
-    messages. `on_arrival` gives each message the time at which a live listener got it. Raises
-    LogError when there is no MAVLink in the file or no such vehicle.
+    messages. `on_arrival` dates each message as a live listener would. Raise LogError if there is
+    no MAVLink in the file or no such vehicle.
     """
     data, size = read_bytes(path, PADDING)
     frames = scan(data, size)
@@ -118,7 +118,9 @@ def tlog_boots(
 def _boot(
     path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock, came_twice: int
 ) -> Recording:
-    """The messages of one vehicle, whose frames are `mine` (n,), in one stretch of its clock."""
+    """Return the recording of one vehicle, whose frames are `mine` (n,), in one run of its
+    clock.
+    """
     component, chosen = frames.component, int(frames.system[np.argmax(mine)])
     inside = mine.copy()
     inside[: clock.first_row] = False
@@ -174,7 +176,9 @@ def _boot(
 
 
 def _hardware_id(frames: Frames, mine: Bools) -> str:
-    """The serial number that AUTOPILOT_VERSION states, the longer where it states two."""
+    """Return the serial number of AUTOPILOT_VERSION, the longer if it contains two; empty if
+    none.
+    """
     for said in reversed(named(frames, "AUTOPILOT_VERSION", mine)[1]):
         long, short = said["uid2"].tobytes().hex(), said["uid"].tobytes().hex()
         if serial := serial_digits(long) or serial_digits(short):
@@ -183,9 +187,9 @@ def _hardware_id(frames: Frames, mine: Bools) -> str:
 
 
 def vehicle_systems(frames: Frames) -> list[int]:
-    """System ids with a heartbeat of a vehicle's autopilot.
+    """Return the system ids with a heartbeat of a vehicle's autopilot.
 
-    Where there is none at all in the log: those that send flight data and are no ground station.
+    If the log has none: the ids that send flight data and are no ground station.
     """
     system = frames.system
     rows, beats = named(frames, "HEARTBEAT")
@@ -215,7 +219,9 @@ def _choose(path: Path, frames: Frames, vehicles: list[int], wanted: int | None)
 def _main_component(
     frames: Frames, mine: Bools, component: NDArray[np.uint8], autopilots: list[int]
 ) -> int:
-    """The autopilot among the components of one vehicle: the one that sends most of ATTITUDE."""
+    """Return the autopilot among the components of one vehicle: the one that sends most
+    ATTITUDE.
+    """
     for among in (mine & np.isin(component, autopilots), mine):
         for name in ("ATTITUDE", "GLOBAL_POSITION_INT"):
             sources = component[among & (frames.id == message_ids()[name])]
@@ -228,8 +234,11 @@ def _main_component(
 
 
 def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, float], bool]:
-    """Parameters by name, and whether they are all that the vehicle has: as last sent up to the
-    row; those that were sent later alone, as first sent then."""
+    """Return parameters by name, last values up to the row, and whether the vehicle's list is
+    complete.
+
+    Parameters sent only after the row have their first value.
+    """
     rows, fields = named(frames, "PARAM_VALUE", mine)
     fields = np.concatenate([fields[rows > last_row][::-1], fields[rows <= last_row]])
     found = dict(_named_values(fields))
@@ -237,16 +246,16 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, f
 
 
 def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, float]]:
-    """Name and value of each PARAM_VALUE."""
+    """Yield name and value of each PARAM_VALUE."""
     values = sent_values(fields["param_value"], fields["param_type"])
     for name, value in zip(fields["param_id"], values.tolist(), strict=True):
         yield printable(name), value
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ...]:
-    """The mission as last sent whole to or from the vehicle up to the row, by item number.
+    """Return the mission last transferred completely before the row, by item number.
 
-    Items whose count was not heard change those that were known.
+    Items without a received count replace known ones.
     """
     system = frames.system
     events: list[tuple[int, str, np.void]] = []
@@ -271,7 +280,7 @@ def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ..
 
 
 def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
-    """STATUSTEXT lines; the pieces of a long one are put together."""
+    """Return time, s, and text of the STATUSTEXT lines; pieces of a long line are joined."""
     stream = streams.get("STATUSTEXT")
     if stream is None:
         return ()
@@ -288,7 +297,7 @@ def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
 
 
 def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:
-    """Frames missing by their sequence numbers, each component counting for itself."""
+    """Count the frames missing by sequence number, separately for each component."""
     lost = 0
     for sender in np.unique(component):
         step = np.diff(sequence[component == sender].astype(np.int16)) % 256

@@ -1,13 +1,13 @@
-"""The whole messages of a PX4 log, so that pyulog never meets a damaged one.
+"""Read PX4's .ulg logs, through pyulog, into a Recording and its signals.
 
-On damage pyulog goes back by what it could not read, and near the end of a file for ever; it makes
-a list of every element that a damaged format names, and several objects of every row. Here each
-message is held against what the log itself says of it, and damage is left out up to the next place
-from which several messages in a row are whole. Time grows with the size of the file alone. Of each
-topic pyulog reads one row, by which the others are read.
+Damaged messages are removed first, because pyulog cannot handle them: it steps back by what it
+could not read, near the end of a file for ever; it lists every element that a damaged format names,
+and makes several objects of every row. Each message is checked against the definitions in the log,
+and damage is skipped up to the next place from which several messages in a row are valid. The time
+grows only with the size of the file. pyulog reads one row of each topic, and the other rows are
+read by its layout.
+
 Format: PX4 guide, "ULog File Format".
-
-Read PX4's .ulg logs, through pyulog, into a Recording and its signals.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     without_leaps,
 )
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_events
 from thrustmargin.models.errors import LogError
@@ -71,7 +71,7 @@ _LOOKS = 1 << 9, 1 << 20  # least and most bytes in which rows are looked for at
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholeMessages:
-    """A log without its damage and without what is not needed."""
+    """A log without damage and without unneeded messages."""
 
     data: bytes  # again a log, of each topic's rows with the first alone
     rows: Mapping[int, NDArray[np.uint8]]  # (rows, bytes of one) all that a topic has, by its id
@@ -79,7 +79,7 @@ class WholeMessages:
 
 
 class _Rows:
-    """The rows of a log, by what the messages before them say of their topics."""
+    """The data rows of a log, found by the sizes that earlier messages define for their topics."""
 
     def __init__(self, data: bytes) -> None:
         self.data, self.bytes = data, np.frombuffer(data, np.uint8)
@@ -98,12 +98,16 @@ class _Rows:
         self.broken: list[int] = []
 
     def know(self, number: int, least: int, most: int, *, needed: bool) -> None:
-        """What rows of a topic are from here on."""
+        """Set the row size (`least` to `most` bytes) of topic `number`, and whether it is
+        needed, from here on.
+        """
         self._note_needed()
         self.least[number], self.most[number], self.needs[number] = least, most, needed
 
     def behind(self, at: int, kept: bytearray) -> int:
-        """The offset behind whole rows of data, by far the most; the needed ones are noted."""
+        """Return the offset behind consecutive valid data rows from `at`; needed ones are
+        recorded.
+        """
         begun = None
         while begun != at and self.data[at + 2 : at + 3] == b"D":
             begun = at
@@ -123,9 +127,10 @@ class _Rows:
         return at
 
     def _look(self, at: int) -> None:
-        """Finds what may be rows, some of them within others, from an offset on.
+        """Find candidate rows, some within others, from an offset on.
 
-        Twice as far as the last look was good for: the time grows with the bytes alone.
+        The window is twice the length that the last one was good for, so that the time grows
+        linearly.
         """
         self._note_needed()
         far = min(max(2 * (at - self.begin), _LOOKS[0]), _LOOKS[1])
@@ -140,12 +145,15 @@ class _Rows:
         self.any_begins = self.begins[self.number].any()
 
     def _note_needed(self) -> None:
-        """Of the rows that were passed since the last look, the needed ones; it holds no longer."""
+        """Append the needed rows passed since the last call, and invalidate the window."""
         self.needed.append(self.heads[self.passed & self.needs[self.number]])
         self.passed[:], self.stop = False, 0
 
     def of(self, topics: Mapping[int, tuple[int, int]]) -> dict[int, NDArray[np.uint8]]:
-        """The rows that were noted, by topic; of each the bytes of one, and from where on."""
+        """Return the recorded rows of each topic, uint8 (rows, bytes).
+
+        `topics` maps an id to its row size and first offset.
+        """
         self._note_needed()
         heads, found = np.concatenate(self.needed), {}
         heads = heads[np.argsort(self.words[heads + 3], kind="stable")]
@@ -161,14 +169,14 @@ class _Rows:
 
 @dataclass(slots=True)
 class _Log:
-    """What the messages so far say of those that follow."""
+    """The definitions by which messages are checked, from those before them."""
 
     data: bytes
     rows: _Rows
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
 
     def end(self, at: int) -> int:
-        """Where the message at an offset ends; 0 when there is none."""
+        """Return the end of the message at an offset; 0 if it is invalid."""
         data = self.data
         if at + 3 > len(data):
             return 0
@@ -206,7 +214,9 @@ class _Log:
         return end if good else 0
 
     def size_of(self, name: bytes, depth: int = 0) -> tuple[int, int] | None:
-        """Least and most bytes of a topic, padding at its end left out or not; None if unknown."""
+        """Return the row size of a topic in bytes, without and with padding at its end; None if
+        unknown.
+        """
         total = padding = 0
         for kind, count, field_name in self.formats.get(name, ()):
             one = _BYTES.get(kind)
@@ -223,7 +233,7 @@ class _Log:
 
 
 def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
-    """The messages of a log that are whole, of data those of `topics` alone."""
+    """Return the valid messages of a log, with data of `topics` only."""
     table, kept, at = _Rows(data), bytearray(data[:HEADER]), HEADER
     log = _Log(data, table)
     skipped: list[tuple[int, int]] = []
@@ -264,7 +274,9 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
 
 
 def _next_whole(log: _Log, at: int) -> int:
-    """The first offset from which several messages in a row, or all to the end, are whole."""
+    """Return the first offset from which several messages in a row, or all to the end, are
+    valid.
+    """
     size = len(log.data)
     for found in _TYPE.finditer(log.data, at + 2):
         place = end = found.start() - 2
@@ -278,9 +290,9 @@ def _next_whole(log: _Log, at: int) -> int:
 
 
 def _keyed(body: bytes) -> bool:
-    """Whether a key stands first, and behind it a value of the size that its type says.
+    """Return whether a body begins with a key, followed by a value of the size of its type.
 
-    Any other would take thousands of bytes of what follows with it.
+    A wrong one would swallow thousands of bytes of what follows.
     """
     size = body[0] if body else 0
     key = _KEY.fullmatch(body[1 : 1 + size])
@@ -291,7 +303,7 @@ def _keyed(body: bytes) -> bool:
 
 
 def _is_text(body: bytes) -> bool:
-    """Whether bytes are a line of text, and no messages behind the head of one that is none."""
+    """Return whether a body is one line of text of valid length."""
     return len(body) <= _LONGEST_TEXT and _TEXT.fullmatch(body) is not None
 
 
@@ -299,9 +311,9 @@ MAGIC = b"ULog\x01\x12\x35"
 
 
 def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Signals]:
-    """The needed topics of a PX4 log and their signals.
+    """Read the needed topics of a PX4 log and their signals.
 
-    Raises LogError when the file is damaged beyond reading or `vehicle` is not its own.
+    Raise LogError if the file is damaged beyond reading or `vehicle` is not its own.
     """
     from pyulog import ULog
 
@@ -331,7 +343,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     initial = [(-np.inf, name, value) for name, value in parameters.items()]
     changed = [(at * 1e-6, str(name), float(to)) for at, name, to in log.changed_parameters]
     motors = ulog_motors(topics, parameters)
-    signals = {**ulog_signals(topics), **collected(motors.signals)}
+    signals = {**ulog_signals(topics), **signals_by_channel(motors.signals)}
     notes = motors.notes
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts) * 1e-3
@@ -368,14 +380,16 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
 
 
 def _columns(first: Topic, rows: NDArray[np.uint8]) -> Topic:
-    """The columns of all `rows` (n, bytes of one) of a topic, as those of its `first` are read."""
+    """Return the columns of all `rows` (n, bytes) of a topic, by the layout of its `first` row."""
     form = np.dtype([(name, column.dtype) for name, column in first.items()])
     table = np.ascontiguousarray(rows[:, : form.itemsize]).view(form)[:, 0]
     return {name: table[name] for name in first}
 
 
 def _ordered(data: Topic, name: str) -> Topic:
-    """One topic with whole rows only and, after a restart of time, its longest stretch."""
+    """Return one topic without incomplete rows and, after a restart of time, only its longest
+    run.
+    """
     size = min(len(column) for column in data.values())
     time_s = without_leaps(data["timestamp"][:size].astype(np.float64) * 1e-6)
     known = np.isfinite(time_s)
@@ -388,7 +402,9 @@ def _ordered(data: Topic, name: str) -> Topic:
 
 
 def _mav_type(topics: Mapping[str, list[Topic]], parameters: Mapping[str, float]) -> int | None:
-    """The vehicle type that the vehicle reports, else the one that it is set to."""
+    """Return the vehicle type that the vehicle reports, else that of its parameters; None if
+    unknown.
+    """
     for status in topics.get("vehicle_status", []):
         if "system_type" in status and status["system_type"].size:
             return int(status["system_type"][-1])

@@ -1,10 +1,9 @@
-"""Motor outputs and ESCs of a PX4 log: which topic has them, and which number is which motor.
+"""Map PX4 topics to channels, and their motor outputs and ESCs to motors.
 
-`actuator_motors` (PX4 1.13 and later) is by motor. Before, `actuator_outputs` alone has what went
-to the ESCs, one instance for each driver and some of them without any motor: pulses, DShot's 1 to
-1999 or UAVCAN's 1 to 8191. PX4: src/lib/mixer_module, src/drivers/dshot, src/drivers/uavcan.
-
-Which PX4 topic gives which channel: the table, and the few that need more than scaling.
+A table covers most channels; those that need more than scaling have functions. `actuator_motors`
+(PX4 1.13 and later) is numbered by motor. Earlier logs have only `actuator_outputs` with the values
+sent to the ESCs: one instance for each driver, some without any motor; pulses, DShot's 1 to 1999 or
+UAVCAN's 1 to 8191. PX4: src/lib/mixer_module, src/drivers/dshot, src/drivers/uavcan.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
     span_of,
     whole_number,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
@@ -41,7 +40,7 @@ _BETAFLIGHT = (3, 0, 1, 2)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UlogMotors:
-    """Signals `throttle` and `esc_*` by motor from 0, and what is to be said of them."""
+    """The signals `throttle` and `esc_*` by motor from 0, and notes on them."""
 
     signals: list[Signal] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -51,7 +50,7 @@ class UlogMotors:
 
 
 def ulog_motors(topics: Mapping[str, list[Topic]], parameters: Mapping[str, float]) -> UlogMotors:
-    """The motors of the topics (each a list of its instances, in their order)."""
+    """Return the motor signals of the topics (each a list of its instances, in order)."""
     found = UlogMotors(motor_order="by PX4's actuator functions")
     for topic in topics.get("actuator_motors", [])[:1]:
         found = _throttle(topic, found)
@@ -81,7 +80,7 @@ def _throttle(topic: Topic, found: UlogMotors) -> UlogMotors:
 
 
 def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> UlogMotors:
-    """Motor outputs of the instance that has most of them."""
+    """Return the motor outputs of the instance that has most of them."""
     best: tuple[list[Signal], str] = ([], "")
     for number, topic in enumerate(instances):
         made = _of_instance(topic, number, parameters)
@@ -96,7 +95,7 @@ def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> Ulo
 def _of_instance(
     topic: Topic, number: int, parameters: Mapping[str, float]
 ) -> tuple[list[Signal], str]:
-    """Throttle by motor of one instance, and in words which output is which motor."""
+    """Return the throttle by motor of one instance, and in words the order of its outputs."""
     bank = "MAIN" if number == 0 else "AUX"
     names = [name for k in range(_MOST_OUTPUTS) if (name := f"output[{k}]") in topic]
     values = [in_si(topic, name, "1") for name in names]
@@ -124,7 +123,7 @@ def _of_instance(
 
 
 def _with_escs(found: UlogMotors, topic: Topic) -> UlogMotors:
-    """And ESC channels by motor number from 0, whatever their place in the message."""
+    """Add ESC channels by motor number from 0, whatever their place in the message."""
     made: list[Signal] = []
     notes: list[str] = []
     seen: dict[int, int] = {}  # motor -> its place
@@ -284,7 +283,7 @@ TOPICS = (
 
 
 def with_vectors(topic: Topic) -> Topic:
-    """The topic with its vectors as columns (n, k) besides their elements."""
+    """Return the topic with its vectors as columns (n, k), besides their elements."""
     vectors = {}
     for vector, width in VECTORS.items():
         elements = [f"{vector}[{i}]" for i in range(width)]
@@ -294,9 +293,9 @@ def with_vectors(topic: Topic) -> Topic:
 
 
 def ulog_signals(topics: Mapping[str, list[Topic]]) -> Signals:
-    """Signals of every topic by name (each a list of its instances) but for the motors'."""
+    """Return the signals of every topic (each a list of its instances) except the motors'."""
     signals = [signal for rule in RULES for signal in _by_rule(rule, topics)]
-    return collected(signals)
+    return signals_by_channel(signals)
 
 
 def _by_rule(rule: Rule, topics: Mapping[str, list[Topic]]) -> Iterator[Signal]:
@@ -311,7 +310,7 @@ def _by_rule(rule: Rule, topics: Mapping[str, list[Topic]]) -> Iterator[Signal]:
 def topic_source(
     topic: str, field: str, unit: str = "", meaning: Meaning = Meaning.AS_NAMED
 ) -> Provenance:
-    """The source that is one field of a topic."""
+    """Return the source for one field of a topic."""
     return Provenance(
         kind=SourceKind.TOPIC, name=topic, fields=(field,), unit=unit, meaning=meaning
     )
@@ -320,6 +319,6 @@ def topic_source(
 def topic_signal(
     channel: str, source: Provenance, topic: Topic, values: Floats, index: int | None = None
 ) -> Signal:
-    """The Signal of `values` (n,) or (n, k) at the topic's own times."""
+    """Return the signal of `values` (n,) or (n, k) at the topic's own times."""
     time_s = in_si(topic, "timestamp", "1") * 1e-6
     return Signal(channel, source, *in_time_order(time_s, values), index)

@@ -1,1 +1,1 @@
-"""MAVLink: frames, layouts of messages, and the table from fields to channels in SI."""
+"""Define MAVLink frames, message layouts, and the table from fields to channels in SI."""

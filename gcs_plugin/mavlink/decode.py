@@ -1,4 +1,4 @@
-"""From MAVLink fields to channels in SI: the home of degE7, cV, cA, mG, mrad/s, hPa and cdegC.
+"""Convert MAVLink fields, in degE7, cV, cA, mG, mrad/s, hPa and cdegC, to channels in SI.
 
 `MAVLINK_RULES` is the table, for logs and for live links alike; see `mavlink.rules`.
 
@@ -24,7 +24,7 @@ from thrustmargin.models.provenance import Meaning
 
 
 def attitude_from_quaternion(w: Floats, x: Floats, y: Floats, z: Floats) -> Floats:
-    """(n, 3) roll, pitch, yaw in rad (Z-Y-X) of the quaternion that turns body into NED."""
+    """Return roll, pitch, yaw (n, 3), rad (Z-Y-X), of the quaternion that rotates body into NED."""
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -32,7 +32,9 @@ def attitude_from_quaternion(w: Floats, x: Floats, y: Floats, z: Floats) -> Floa
 
 
 def asked_by_quaternion(wxyz: Floats) -> Floats:
-    """(n, 2) roll, pitch in rad that (n, 4) asks for; NaN where it is zero, which asks nothing."""
+    """Return the demanded roll and pitch (n, 2), rad, of quaternions (n, 4); NaN for zero, no
+    demand.
+    """
     asked = np.any(wxyz != 0.0, axis=1, keepdims=True)
     return np.where(asked, attitude_from_quaternion(*wxyz.T)[:, :2], np.nan)
 
@@ -70,15 +72,17 @@ def _downward_distance(columns: Columns) -> Floats:
 
 
 def esc_rpm(columns: Columns) -> Floats:
-    """(n, 4) rpm of ESC_TELEMETRY; NaN where the ESC has never been heard (count 0 and rpm 0)."""
+    """Return the speeds (n, 4), rpm, of ESC_TELEMETRY; NaN while the ESC has never answered
+    (count and rpm 0).
+    """
     rpm = columns["rpm"].astype(np.float64)
     return np.where((rpm == 0) & (columns["count"] == 0), np.nan, rpm)
 
 
 def esc_silent(columns: Columns) -> Bools:
-    """(n, 4) True where ESC_TELEMETRY has rpm 0 and its counter stands still: nothing was heard.
+    """Flag (n, 4) where ESC_TELEMETRY has rpm 0 and an unchanged counter: the ESC did not answer.
 
-    The first row has no counter before it and is never called silent.
+    The first row has no earlier counter and is never flagged.
     """
     rpm, count = columns["rpm"], columns["count"]
     still = np.zeros(rpm.shape, dtype=np.bool_)
@@ -138,7 +142,7 @@ _ESCS = tuple(
 
 
 def _by_id(message: str, *rows: tuple[str, str, str, tuple[int, ...]]) -> tuple[Rule, ...]:
-    """Rules of one field each: its name, channel, unit, and what stands for "not known"."""
+    """Return rules of one field each, from field name, channel, unit and values for "not known"."""
     return tuple(
         Rule(message, (field,), channel, unit, index="id", unknown=unknown)
         for field, channel, unit, unknown in rows

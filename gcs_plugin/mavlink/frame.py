@@ -1,9 +1,9 @@
-"""What a MAVLink frame is: one rule, for bytes as they arrive and for whole files.
+"""Recognise MAVLink frames, by one rule for bytes as they arrive and for whole files.
 
-A frame of a known id counts when its checksum agrees; of two that overlap, the earlier one. A frame
-of an id that no dialect here knows cannot be checked: it is kept, marked as unverified, only when
-no frame with a good checksum begins inside it and another frame can begin where it ends. After
-damage the search goes on one byte further. So damage costs only the frames that it touches.
+A frame of a known id is good if its checksum is correct. Of two that overlap, the first is kept. A
+frame of an id in no dialect here cannot be checked. It is kept, marked as unverified, only if no
+frame with a good checksum begins inside it and another frame can begin where it ends. After damage
+the search continues one byte further. So damage costs only the frames that it touches.
 
 | offset | MAVLink 1 (FE) | MAVLink 2 (FD) |
 |---|---|---|
@@ -43,7 +43,7 @@ HEADER_PADDING = 10
 
 
 class Frame(NamedTuple):
-    """One frame as it was sent, and when and over which link it came."""
+    """One frame as sent, with its arrival time and link."""
 
     data: bytes  # magic byte to checksum or signature
     id: int
@@ -56,13 +56,13 @@ class Frame(NamedTuple):
 
     @property
     def payload(self) -> bytes:
-        """The payload as sent; MAVLink 2 trims its trailing zeros."""
+        """Return the payload as sent; MAVLink 2 trims its trailing zeros."""
         start = 10 if self.data[0] == V2 else 6
         return self.data[start : start + self.data[1]]
 
 
 class Header(NamedTuple):
-    """The header of one frame, or of many: then each field is an array (n,)."""
+    """The header of one frame, or of n frames: then each field is an array (n,)."""
 
     id: Any
     covered: Any  # bytes after the magic byte that the checksum covers
@@ -72,9 +72,9 @@ class Header(NamedTuple):
 
 
 def header(data: Any, at: Any, sizes: Any) -> Header:
-    """The header at offset `at` of bytes, or at each of the offsets (n,) of an array of uint8.
+    """Return the header at offset `at` of bytes, or at each of the offsets (n,) of a uint8 array.
 
-    `data` goes on for HEADER_PADDING bytes; `sizes` is the payload's size by id, -1 unknown.
+    `data` must extend HEADER_PADDING bytes beyond; `sizes` is the payload size by id, -1 unknown.
     """
     version2 = data[at] == V2
     payload = data[at + 1]
@@ -88,7 +88,7 @@ def header(data: Any, at: Any, sizes: Any) -> Header:
 
 
 class FrameKind(Enum):
-    """What the bytes from one offset on are."""
+    """The classification of the bytes at one offset."""
 
     GOOD = "a frame whose checksum agrees"
     UNVERIFIED = "a frame of unknown id"
@@ -102,10 +102,10 @@ _MAGIC = re.compile(b"[\xfd\xfe]")
 
 @dataclass(slots=True)
 class Cleared:
-    """From the byte behind the last one examined to before `to`, no good frame begins.
+    """The end `to` of a range known to contain no start of a good frame.
 
-    So that frames of unknown id that lie over each other, as hostile bytes can make them, are not
-    searched again and again: the work grows with the bytes and not with their square.
+    With it, overlapping frames of unknown id, as an attacker can send them, are not searched
+    repeatedly: the time stays linear in the bytes.
     """
 
     to: int = 0
@@ -113,13 +113,15 @@ class Cleared:
 
 @lru_cache(maxsize=4096)
 def _header1(first: bytes, number: int) -> Header:
-    """One MAVLink 1 header by its bytes 0, 1 and 5: no others change it."""
+    """Return a MAVLink 1 header from bytes 0, 1 and 5, the only ones that it depends on; cached."""
     return header(first + bytes(3) + bytes((number,)) + bytes(4), 0, _tables()[0])
 
 
 @lru_cache(maxsize=4096)
 def _header2(flags: bytes, number: bytes) -> Header:
-    """One MAVLink 2 header by its bytes 0 to 2 and 7 to 9: no others change it."""
+    """Return a MAVLink 2 header from bytes 0 to 2 and 7 to 9, the only ones that it depends on;
+    cached.
+    """
     return header(flags + bytes(4) + number, 0, _tables()[0])
 
 
@@ -138,11 +140,11 @@ def examine(
     closed: bool = False,
     cleared: Cleared | None = None,
 ) -> tuple[FrameKind, Header | None]:
-    """The verdict on the bytes from `at` of the first `size`; `data` has HEADER_PADDING more.
+    """Classify the bytes from `at` of the first `size`; `data` has HEADER_PADDING more.
 
     `gap` bytes lie between two frames (the time stamps of a .tlog). `closed`: another frame may
-    begin behind the last byte, as behind a datagram or a file. `cleared` is what was found when the
-    bytes before `at` were examined, and is kept up.
+    begin behind the last byte, as behind a datagram or a file. `cleared` is the state from
+    examining the bytes before `at`, and is updated.
     """
     verdict, head = _checked(data, at, size)
     if verdict is not FrameKind.UNVERIFIED or head is None:
@@ -165,8 +167,11 @@ def examine(
 def _within(
     data: bytes, low: int, high: int, size: int, closed: bool, cleared: Cleared
 ) -> FrameKind:
-    """GOOD or UNFINISHED by the first frame that begins (or, unless `closed`, may yet begin)
-    between `low` and `high`, else NOTHING."""
+    """Return GOOD or UNFINISHED by the first frame that begins between `low` and `high`, else
+    NOTHING.
+
+    With `closed` an unfinished frame does not count.
+    """
     inner = max(low, cleared.to)
     while inner < high and (found := _MAGIC.search(data, inner, high)):
         inner = found.start()
@@ -180,7 +185,7 @@ def _within(
 
 
 def _checked(data: bytes, at: int, size: int) -> tuple[FrameKind, Header | None]:
-    """The same by the header and the checksum alone: UNVERIFIED is any frame of unknown id."""
+    """Classify bytes by header and checksum alone: any frame of unknown id is UNVERIFIED."""
     magic = data[at]
     if magic not in (V1, V2):
         return FrameKind.NOTHING, None
@@ -204,7 +209,8 @@ def _checked(data: bytes, at: int, size: int) -> tuple[FrameKind, Header | None]
 
 
 class Walk:
-    """Goes through bytes from frame to frame; `at` is where it stands, before the stamp if any.
+    """A pass through bytes from frame to frame; `at` is the present offset, before the stamp if
+    any.
 
     `expected` is where a frame should begin: behind the last one, good or damaged.
     """
@@ -217,10 +223,11 @@ class Walk:
     def over(
         self, data: bytes, stop: int, size: int, *, gap: int = 0, closed: bool, wait: bool
     ) -> Iterator[tuple[FrameKind, int, Header]]:
-        """(verdict, offset of the stamp or frame, header) of frames that begin before `stop`.
+        """Yield class, offset (of the stamp, else the frame) and header of frames that begin before
+        `stop`.
 
-        Good and unverified frames, and those with a wrong checksum where a frame was expected.
-        With `wait` it stops at the first that may become one with more bytes.
+        They are good and unverified frames, and those with a wrong checksum where a frame was
+        expected. With `wait`, stop at the first that may be completed by more bytes.
         """
         while self.at + gap < stop:
             start = self.at + gap
@@ -245,7 +252,10 @@ class Walk:
 
 
 def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
-    """The frame that these bytes are; None when they are not one whole frame."""
+    """Return the Frame of these bytes.
+
+    None unless they are one whole frame, with a correct checksum or an unknown id.
+    """
     verdict, head = examine(data + bytes(HEADER_PADDING), 0, len(data), closed=True)
     if verdict not in (FrameKind.GOOD, FrameKind.UNVERIFIED) or head is None:
         return None
@@ -255,7 +265,7 @@ def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
 
 
 def made(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, link: int) -> Frame:
-    """The Frame of exactly these bytes."""
+    """Return the Frame of exactly these bytes, already classified."""
     place = 4 if data[0] == V2 else 2
     sequence, system, component = data[place : place + 3]
     good = verdict is FrameKind.GOOD
@@ -263,7 +273,9 @@ def made(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, link: int
 
 
 def fields(frame: Frame) -> NDArray[np.void] | None:
-    """(1,) structured array of the frame's fields in wire units; None for an unknown id."""
+    """Return the fields of a frame as a structured array (1,) in wire units; None for an unknown
+    id.
+    """
     layout = layouts().get(frame.id)
     if layout is None or not frame.verified:
         return None
@@ -276,7 +288,7 @@ Words = NDArray[np.uint16]
 
 
 def _table(bits: int) -> Words:
-    """What a register becomes when so many bits go in, by its own last bits and theirs."""
+    """Return the CRC register after `bits` more bits, by the XOR of its low bits with them."""
     register = np.arange(1 << bits, dtype=np.uint32)
     for _ in range(bits):
         register = (register >> 1) ^ np.where(register & 1, np.uint32(0x8408), np.uint32(0))
@@ -287,12 +299,14 @@ _PAIR, _SINGLE = _table(16), _table(8)
 
 
 def checksum(covered: bytes, extra: int) -> int:
-    """The checksum of one frame's bytes after the magic byte, followed by its `extra` byte."""
+    """Return the checksum of one frame's bytes after the magic byte, followed by its `extra`
+    byte.
+    """
     return crc16.mcrf4xx(bytes((extra,)), crc16.mcrf4xx(covered))
 
 
 def checksum_rows(rows: Bytes, extra: Bytes) -> Words:
-    """(n,) checksums of the rows (n, L) of equal length, each followed by its `extra` byte (n,).
+    """Return checksums (n,) of rows (n, L) of equal length, each followed by its `extra` byte (n,).
 
     The extra byte is the message's CRC_EXTRA, which ties the checksum to the field layout.
     """

@@ -1,7 +1,7 @@
-"""Field layouts of MAVLink messages as numpy dtypes, their checksums' extra bytes, and their text.
+"""Provide the field layouts of MAVLink messages as numpy dtypes, with their CRC_EXTRA bytes.
 
 Layouts come from pymavlink's generated classes (ardupilotmega, which includes common). Some
-messages of PX4 are in no dialect of pymavlink 2.4.50 and are given here as PX4 sends them.
+messages of PX4 are in no dialect of pymavlink 2.4.50 and are defined here as PX4 sends them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ID_LIMIT = 65536
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layout:
-    """One message: id, name, wire dtype without padding, and CRC_EXTRA."""
+    """The layout of one message: id, name, wire dtype without padding, and CRC_EXTRA."""
 
     id: int
     name: str
@@ -73,7 +73,7 @@ _ADDED = {"MISSION_CURRENT": "u4 mission_id, u4 fence_id, u4 rally_points_id"}
 
 @cache
 def layouts() -> Mapping[int, Layout]:
-    """Every known message by id."""
+    """Return the layout of every known message by id."""
     known: dict[int, Layout] = {}
     for number, message in ardupilotmega.mavlink_map.items():
         name, names = message.msgname, message.ordered_fieldnames
@@ -92,19 +92,19 @@ def layouts() -> Mapping[int, Layout]:
 
 @cache
 def message_ids() -> Mapping[str, int]:
-    """Id of every known message by name."""
+    """Return the id of every known message by name."""
     return MappingProxyType({layout.name: number for number, layout in layouts().items()})
 
 
 def _fields(text: str) -> list[tuple[str, np.dtype]]:
-    """Name and type of each field, given as `4u2 temperature, u1 index`."""
+    """Parse field types and names from text such as `4u2 temperature, u1 index`."""
     pairs = (field.split() for field in text.split(", ") if field)
     return [(name, np.dtype(kind).newbyteorder("<")) for kind, name in pairs]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LayoutTable:
-    """Payload size and CRC_EXTRA by message id, for looking up whole arrays of ids."""
+    """Payload size and CRC_EXTRA by message id, to look up whole arrays of ids."""
 
     size: np.ndarray  # (ID_LIMIT,) int16, -1 for an unknown id
     crc_extra: np.ndarray  # (ID_LIMIT,) uint8

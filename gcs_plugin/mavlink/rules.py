@@ -1,9 +1,8 @@
-"""Rules: one line each of the tables that turn message fields into channels in SI.
+"""Define the rules that turn message fields into channels in SI, and apply them.
 
-A `Rule` names a message and its fields, the unit they carry on the wire, the channel they become,
-and where the channel came from. `decode` applies a rule to columns of
-any length, so that a live listener (length 1) and a log reader (a whole flight) share it. Tables
-list the preferred source of a channel first.
+A `Rule` names a message and its fields, their unit on the wire, the channel they become, and its
+source. `decode` applies a rule to columns of any length, so that a live listener (length 1) and a
+log reader (a whole flight) share it. Tables list the preferred source of a channel first.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ class Rule:
 
     @property
     def source(self) -> Provenance:
-        """Message, fields, unit and what people should know about them."""
+        """Return the source of the channel: message, fields, unit and notes."""
         units = (self.unit,) if isinstance(self.unit, str) else dict.fromkeys(self.unit)
         return Provenance(
             kind=SourceKind.MESSAGE,
@@ -68,9 +67,10 @@ class Rule:
 
 
 class Signal(NamedTuple):
-    """One source of one channel as reported: `time_s` (n,) sorted, `values` (n,) or (n, k) SI.
+    """One source of one channel as reported: `time_s` (n,) sorted, `values` (n,) or (n, k) in SI.
 
-    A tuple: a listener makes hundreds a second, and a frozen dataclass takes thrice as long.
+    It is a tuple, because a listener makes hundreds a second and a frozen dataclass takes three
+    times as long.
     """
 
     channel: str
@@ -81,7 +81,7 @@ class Signal(NamedTuple):
 
 
 def in_si(columns: Columns, name: str, unit: str) -> Floats:
-    """(n,) or (n, k) the field `name`, given in `unit`, in SI."""
+    """Return the field `name`, (n,) or (n, k), converted from `unit` to SI."""
     factor, offset = SCALES[unit]
     with np.errstate(invalid="ignore"):  # a bit that fell over may make a signalling NaN
         value = columns[name].astype(np.float64)
@@ -89,9 +89,9 @@ def in_si(columns: Columns, name: str, unit: str) -> Floats:
 
 
 def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats] = in_si) -> Floats:
-    """The rule's channel in SI, (n,) for one field or (n, k) for several; NaN where unknown.
+    """Return the rule's channel in SI, (n,) for one field or (n, k) for several; NaN where unknown.
 
-    `si` puts a field into SI where columns know more of their units than the rule.
+    `si` converts a field to SI; columns that know more of their units than the rule pass their own.
     """
     if rule.convert is not None:
         return rule.convert(columns)
@@ -108,7 +108,7 @@ def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats]
 
 
 def _of_one_unit(rule: Rule, unit: str, columns: Columns) -> Floats:
-    """As `quantity`, all fields at once: a servo output has sixteen."""
+    """Return the rule's channel as `quantity` does, with all fields at once for speed."""
     value = np.array([columns[name] for name in rule.fields], dtype=np.float64)
     for code in rule.unknown:
         value[value == code] = np.nan
@@ -121,7 +121,9 @@ def _of_one_unit(rule: Rule, unit: str, columns: Columns) -> Floats:
 def decode(
     rule: Rule, columns: Columns
 ) -> Iterator[tuple[int | None, NDArray[np.bool_] | slice, Floats]]:
-    """(index, rows, values in SI) of each source that the rule distinguishes in its message."""
+    """Yield index, rows and values in SI of each source that the rule distinguishes in its
+    message.
+    """
     with np.errstate(invalid="ignore"):
         values = quantity(rule, columns)
         if np.isinf(values).any():  # no quantity of an aircraft is; it would spread by sums

@@ -1,16 +1,15 @@
-"""Every frame of a telemetry log, and one message type of it as columns.
+"""Find every frame of a telemetry log or a byte stream, and return messages of a type as columns.
 
-A .tlog is a row of frames, each after eight bytes of big-endian Unix microseconds. Frames of known
-id and good checksum are found all at once; what lies between is then walked through for frames of
-unknown id, frames with a wrong checksum, and damage. `mavlink.frame` has the rule of both.
+A .tlog is a sequence of frames, each after eight bytes of big-endian Unix microseconds. Frames of
+known id and good checksum are found all at once. The bytes between are then searched for frames of
+unknown id, frames with a wrong checksum, and damage. `mavlink.frame` defines both.
 
-MAVLink frames out of a stream of bytes, as they arrive; `mavlink.frame` has the rule.
+A stream is cut into frames as its bytes arrive.
 
-The stamps of a recording whose computer's clock was set meanwhile, without its leaps.
-
-A listener stamps by a clock that nobody sets; other programs write the computer's own. There a
-leap of an hour looks like an hour of silence, and one back like a recording out of order. The
-vehicle's clock says how much time really went by.
+Stamps of a recording are corrected where its computer's clock was set. A listener stamps by a clock
+that nobody sets; other programs write the computer's own. There a jump of an hour looks like a
+pause of an hour, and a jump back like a recording out of order. The vehicle's clock shows the true
+interval.
 """
 
 from __future__ import annotations
@@ -56,7 +55,9 @@ _ROWS = 1 << 13  # checksummed at once: keeps the working set in the processor's
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Frames:
-    """Whole frames of known id and good checksum, in file order; and what lies between them."""
+    """The whole frames of known id and good checksum, in file order, and the stretches between
+    them.
+    """
 
     data: Bytes  # the file followed by PADDING zeros
     start: Index  # (n,) offset of the magic byte
@@ -71,34 +72,38 @@ class Frames:
 
     @property
     def unknown_ids(self) -> dict[int, int]:
-        """Frames of each id that is not known."""
+        """Return the number of frames of each unknown id."""
         return dict(Counter(number for _, number in self.unverified))
 
     def among(self, kept: Bools) -> Frames:
-        """Those of the frames that are `kept` (n,)."""
+        """Return only the frames flagged in `kept` (n,)."""
         names = ("start", "id", "length", "sequence", "system", "component")
         return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
     def unstamped(self) -> bool:
-        """True when most frames begin where the one before ends, with no room for a stamp."""
+        """Return whether most frames begin right where the one before ends, without room for a
+        stamp.
+        """
         if self.start.size < 2:
             return False
         room = np.diff(self.start) - self.length[:-1]
         return bool(np.mean(room < STAMP) > 0.5)
 
     def stamps_s(self) -> NDArray[np.float64]:
-        """(n,) Unix seconds written before each frame."""
+        """Return the Unix times (n,), s, written before each frame."""
         return gather(self.data, self.start - STAMP, STAMP).view(">u8").ravel() * 1e-6
 
 
 def gather(data: Bytes, at: Index, width: int) -> Bytes:
-    """(n, width) bytes from each offset in `at`."""
+    """Return the `width` bytes from each offset in `at`, as (n, width)."""
     window = np.ndarray((data.size - width + 1,), f"V{width}", data, strides=(1,))
     return window[at].view(np.uint8).reshape(at.size, width)
 
 
 def columns(frames: Frames, rows: Index, layout: Layout) -> NDArray[np.void]:
-    """(n,) structured array of the frames `rows`, all of `layout`; trimmed zeros are put back."""
+    """Return the fields of the frames `rows`, all of `layout`, as a structured array (n,);
+    trimmed zeros are restored.
+    """
     width = layout.dtype.itemsize
     start = frames.start[rows]
     header = np.where(frames.data[start] == V2, 10, 6)
@@ -111,16 +116,16 @@ def columns(frames: Frames, rows: Index, layout: Layout) -> NDArray[np.void]:
 
 
 def named(frames: Frames, name: str, among: Bools | bool = True) -> tuple[Index, NDArray[np.void]]:
-    """Rows of the messages called `name` among those given (n,), and their fields."""
+    """Return the rows of the messages called `name` among those flagged (n,), and their fields."""
     number = message_ids()[name]
     rows = np.flatnonzero(among & (frames.id == number))
     return rows, columns(frames, rows, layouts()[number])
 
 
 def read_bytes(path: Path, padding: int = PADDING) -> tuple[Bytes, int]:
-    """The file and `padding` zeros after it, and the file's own size.
+    """Read a file; return its bytes followed by `padding` zeros, and its own size.
 
-    Read, not mapped: a file that another program cuts short must not kill this one.
+    It is not memory-mapped: a file that another program truncates must not crash this one.
     """
     size = path.stat().st_size
     data = np.empty(size + padding, dtype=np.uint8)
@@ -131,10 +136,10 @@ def read_bytes(path: Path, padding: int = PADDING) -> tuple[Bytes, int]:
 
 
 def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
-    """(Unix µs, frame) of a .tlog in file order, those of unknown id among them, no damage.
+    """Yield stamp, Unix µs, and bytes of each frame of a .tlog in file order, unknown ids included.
 
-    A clock that was set while it was recorded is taken out of the stamps. Raises LogError when the
-    file holds no frame.
+    Stamps are corrected where the clock was set during recording. Raise LogError if the file has no
+    frame.
     """
     data, size = read_bytes(path)
     frames = scan(data, size)
@@ -157,7 +162,7 @@ def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
 
 
 def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
-    """All frames in the first `size` bytes of `data`, which ends with PADDING more.
+    """Return all frames in the first `size` bytes of `data`, which ends with PADDING more.
 
     `stamp` is the number of bytes before each frame: 0 for the bytes of a raw link.
     """
@@ -180,7 +185,7 @@ def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
 def _good_in_chunk(
     data: Bytes, size: int, low: int, stamp: int
 ) -> tuple[Index, NDArray[np.uint16], NDArray[np.uint16]]:
-    """Offsets, ids and lengths of the good frames that begin in a chunk."""
+    """Return offsets, ids and lengths of the good frames that begin in a chunk."""
     part = data[low : min(low + _CHUNK, size)]
     start = np.flatnonzero((part == V1) | (part == V2)).astype(np.int64) + low
     start = start[start >= stamp]
@@ -192,7 +197,7 @@ def _good_in_chunk(
 
 
 def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray[np.bool_]:
-    """(n,) True where the checksum agrees. Frames are taken together by equal length."""
+    """Flag frames (n,) with a correct checksum; frames of equal length are computed together."""
     good = np.zeros(start.size, dtype=np.bool_)
     order = np.argsort(covered.astype(np.int16), kind="stable")
     edges = np.flatnonzero(np.diff(covered[order])) + 1
@@ -209,7 +214,9 @@ def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray
 
 
 def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
-    """Mask that drops a frame found inside another (a chance match); None when there is none."""
+    """Return a mask that drops frames found inside another (a chance match); None if there are
+    none.
+    """
     clash = start[1:] < end[:-1]
     if not clash.any():
         return None
@@ -224,7 +231,7 @@ def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
 
 
 def gaps_between(start: Index, end: Index, size: int, stamp: int = 0) -> list[tuple[int, int]]:
-    """(from, to) of every stretch outside the frames and their stamps."""
+    """Return start and end of every stretch outside the frames and their stamps."""
     edges = np.concatenate([[0], end]), np.concatenate([start - stamp, [size]])
     return [(int(edges[0][i]), int(edges[1][i])) for i in np.flatnonzero(edges[1] > edges[0])]
 
@@ -232,7 +239,9 @@ def gaps_between(start: Index, end: Index, size: int, stamp: int = 0) -> list[tu
 def _explain_gaps(
     data: Bytes, gaps: list[tuple[int, int]], size: int, stamp: int
 ) -> tuple[list[tuple[int, int]], int, list[tuple[int, int]]]:
-    """Between good frames: (offset, length) skipped, bad checksums, (offset, id) unverified."""
+    """Return skipped (offset, length), the count of bad checksums, and unverified (offset, id)
+    in the gaps.
+    """
     skipped: list[tuple[int, int]] = []
     unverified: list[tuple[int, int]] = []
     bad = 0
@@ -261,7 +270,7 @@ _PADDING = bytes(HEADER_PADDING)
 
 @dataclass(slots=True)
 class FrameCounts:
-    """What became of the bytes of one link."""
+    """The counts of frames and bytes of one link, by result."""
 
     bytes: int = 0
     frames: int = 0
@@ -271,11 +280,12 @@ class FrameCounts:
 
 
 class FrameSplitter:
-    """Cuts the bytes of one sender into frames; keeps an unfinished frame for the next call.
+    """A splitter of one sender's bytes into frames; it buffers an unfinished frame for the next
+    call.
 
-    `feed` returns frames in order; `passed` then holds every byte that this call is done with
-    (frames and what lies between), unchanged, for passing on in whole frames. A frame of unknown
-    id in a stream is given when the header of the next one has come.
+    `feed` returns frames in order. `passed` is then every byte that this call has finished with
+    (frames and bytes between), unchanged, to be forwarded in whole frames. A frame of unknown id in
+    a stream is returned once the header of the next one has arrived.
     """
 
     def __init__(self, link: int = 0, counts: FrameCounts | None = None) -> None:
@@ -288,13 +298,14 @@ class FrameSplitter:
 
     @property
     def waiting(self) -> int:
-        """Bytes kept of a frame that is not whole yet."""
+        """Return the number of buffered bytes of an unfinished frame."""
         return len(self._rest)
 
     def feed_datagram(self, data: bytes, stamp_us: int) -> list[Frame]:
-        """The same for one datagram, which starts a new frame unless it can only be a sequel.
+        """Return the frames of one datagram, which starts a new frame unless it can only be a
+        continuation.
 
-        A frame cut short in the datagram before must not hold back a good one in this.
+        A frame cut short in the datagram before must not delay a good one in this.
         """
         if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
             # As almost every datagram: nothing to search, and nothing left over.
@@ -312,7 +323,7 @@ class FrameSplitter:
         return self.feed(data, stamp_us, closed=True)
 
     def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
-        """Frames that are whole with these bytes of a stream (TCP, serial).
+        """Return the frames completed by these bytes of a stream (TCP, serial).
 
         `closed`: the next bytes begin a new frame.
         """
@@ -347,10 +358,11 @@ LEAP_US = 2_000_000  # by which stamps may part from the vehicle's clock: a slow
 def steadied(
     stamps_us: NDArray[np.int64], boot_ms: Floats, system: NDArray[np.uint8]
 ) -> NDArray[np.int64]:
-    """(n,) stamps, µs, that go on where a clock was set; the same ones where none was.
+    """Return stamps (n,), µs, corrected where the computer's clock was set; unchanged if it was
+    not.
 
     `boot_ms` (n,) is the clock since boot that a message of `system` (n,) carries, NaN where none.
-    Without it only a step back is known for one, and takes no time.
+    Without it only a step back is recognised, and it is counted as no time.
     """
     steps = np.diff(stamps_us)
     clocked = np.flatnonzero(np.isfinite(boot_ms))
@@ -370,7 +382,9 @@ def _went_by(
     clocked: NDArray[np.intp],
     row: int,
 ) -> int | None:
-    """µs from a row to the next by the clock of a vehicle that is heard before and after."""
+    """Return the time, µs, from a row to the next by the clock of a vehicle received before and
+    after; None if unknown.
+    """
     place = int(np.searchsorted(clocked, row, side="right"))
     if place == 0:
         return None

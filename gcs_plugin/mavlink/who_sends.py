@@ -1,11 +1,11 @@
-"""Who sends: vehicles apart from radios, gimbals, cameras, trackers and ground stations, which have
-ids too; and frames of a log that came again, over a second link or through a router.
+"""Identify senders: vehicles among other devices, copied frames, and two vehicles with one id.
 
-Two vehicles that share one system id, in one log: what each says of itself stands still or goes
-on, and together they leap between two values and back.
+Radios, gimbals, cameras, trackers and ground stations have ids too. Copies are frames of a log that
+arrived again over a second link or through a router.
 
-Two clocks or two sequences of frames are found elsewhere; this is for two that were switched on
-together, and may stand or fly side by side. Copies of one vehicle's messages are left out before.
+Two vehicles with one id are recognised by values that are steady for each vehicle and alternate
+between two levels in their common stream. Two clocks or two frame sequences are detected elsewhere;
+this check is for vehicles switched on together. Copies must be removed before.
 """
 
 from __future__ import annotations
@@ -42,17 +42,17 @@ COPY_WITHIN = 0.5
 
 
 def of_vehicles(heartbeats: Columns) -> Bools:
-    """(n,) HEARTBEAT messages of the autopilot of a vehicle."""
+    """Flag the HEARTBEAT messages (n,) of a vehicle's autopilot."""
     kinds, autopilots = heartbeats["type"], heartbeats["autopilot"]
     return (autopilots != NO_AUTOPILOT) & ~np.isin(kinds, NO_VEHICLES)
 
 
 def copies(frames: Frames) -> Bools:
-    """(n,) True for frames that the same sender's earlier frame is, number and bytes alike.
+    """Flag frames (n,) that repeat an earlier frame of their sender, in number and bytes.
 
-    Sequence numbers begin anew after 256, and a vehicle that stands may then send the same bytes.
-    So numbers are counted on, by the shorter way round from each frame to the next: a copy that
-    comes up to 127 frames late has the number of the first again.
+    Sequence numbers wrap at 256, and a vehicle at rest may then send equal bytes. So the numbers
+    are unwrapped, by the shorter way from each frame to the next: a copy up to 127 frames late has
+    the unwrapped number of the first.
     """
     sender = frames.system.astype(np.uint16) << 8 | frames.component
     order = np.argsort(sender, kind="stable")
@@ -77,7 +77,7 @@ def copies(frames: Frames) -> Bools:
 
 
 def _equal(frames: Frames, one: Index, other: Index) -> Bools:
-    """(n,) whether frames have the same bytes, up to their checksums: a router signs anew."""
+    """Flag pairs of frames (n,) with equal bytes up to their checksums: a router signs anew."""
     sizes = layout_table().size
     length = header(frames.data, frames.start[one], sizes).covered + 3
     alike = length == header(frames.data, frames.start[other], sizes).covered + 3
@@ -95,7 +95,7 @@ FEWEST = 100
 
 
 class _Sign(NamedTuple):
-    """What of a message two vehicles differ in."""
+    """A value by which two vehicles in one stream are recognised."""
 
     what: str  # for people
     message: str
@@ -132,9 +132,10 @@ _SIGNS = (
 
 
 def two_of_one_id(frames: Frames, among: Bools) -> str:
-    """What the messages of one id leap between all along, as two vehicles make it; empty if none.
+    """Return the value that alternates between two levels, as with two vehicles of one id; empty if
+    none.
 
-    `among` (n,) are those of its autopilot.
+    `among` (n,) flags the frames of its autopilot.
     """
     for sign in _SIGNS:
         fields = named(frames, sign.message, among)[1]

@@ -1,1 +1,1 @@
-"""From signals to the rows of a FlightTrack, for logs and for live."""
+"""Convert signals to the rows of a FlightTrack, for logs and for live links."""

@@ -1,9 +1,10 @@
-"""The vehicle's own clock in a telemetry log.
+"""Estimate the vehicle's own time of every message in a telemetry log or on a link.
 
 Every frame of a .tlog carries the ground computer's time, late by the link's delay; many messages
-also carry the vehicle's time since boot. Times here are the vehicle's. A message without such a
-clock (VFR_HUD, WIND, one with Unix time in `time_usec`) gets the ground's stamp less the median
-offset of the last nine clocked messages before it, which a live listener can do just the same.
+also carry the vehicle's time since boot. Results are in the vehicle's time. A message without such
+a clock (VFR_HUD, WIND, Unix time in `time_usec`) gets the ground's stamp minus the median offset of
+the last nine clocked messages before it. Only earlier messages are used, so that a live listener
+gets equal times.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ _BOOT_MOST = 2**32 * 1e-3  # s since boot that `time_boot_ms` can say; more in �
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clock:
-    """The vehicle's time of every frame."""
+    """The vehicle's time of every frame, for the frames between two restarts."""
 
     first_row: int  # the stretch between two restarts that it is the clock of
     last_row: int
@@ -58,7 +59,9 @@ class Clock:
     on_arrival: bool = False  # every message has the time at which a listener got it
 
     def of(self, fields: NDArray[np.void], rows: Index) -> Floats:
-        """(n,) s since boot of messages: their own clock where it agrees, else the estimate."""
+        """Return the times (n,), s since boot, of messages: their own clock where it agrees, else
+        the estimate.
+        """
         estimate = self.estimate_s[rows]
         own = own_clock(fields)
         if own is None or self.stamp_minus_clock is None or self.on_arrival:
@@ -69,9 +72,9 @@ class Clock:
 
 
 def own_clock(fields: NDArray[np.void]) -> Floats | None:
-    """(n,) s since boot that the messages carry; None when their type carries none.
+    """Return the times (n,), s since boot, that messages carry; None if their type carries no time.
 
-    NaN where a message carries Unix time, as `time_usec` may once there is a fix, or 0: no time.
+    NaN where a message carries 0, no time, or Unix time, as `time_usec` may once there is a fix.
     """
     names = fields.dtype.names or ()
     if "time_boot_ms" in names:
@@ -84,9 +87,11 @@ def own_clock(fields: NDArray[np.void]) -> Floats | None:
 
 
 def unix_minus_clock(system_time: Columns) -> float | None:
-    """s from the vehicle's clock to Unix time by the first SYSTEM_TIME that knows it, or None.
+    """Return the difference, s, of Unix time minus vehicle's clock, from the first SYSTEM_TIME that
+    knows it.
 
-    The first and not a mean, so that a listener has the same.
+    None if no message does. The first one is used, not a mean, so that a listener has an equal
+    value.
     """
     known = np.flatnonzero(gps_times(system_time))
     if known.size == 0:
@@ -96,17 +101,21 @@ def unix_minus_clock(system_time: Columns) -> float | None:
 
 
 def gps_times(system_time: Columns) -> Bools:
-    """(n,) SYSTEM_TIME messages that know Unix time; without GPS it counts from boot or is 0."""
+    """Flag the SYSTEM_TIME messages (n,) with Unix time; without GPS their time counts from boot or
+    is 0.
+    """
     return system_time["time_unix_usec"] > 1e15
 
 
 def vehicle_clocks(
     name: str, frames: Frames, pilot: Bools, stamps_s: Floats, *, listened: Bools | None = None
 ) -> Iterator[Clock]:
-    """The clocks of the component whose frames `pilot` (n,) marks: one from restart to restart.
+    """Yield one clock for each run between restarts of the component whose frames `pilot` (n,)
+    marks.
 
-    The frames `listened` (n,), if given, get the time at which a live listener has them.
-    Raises LogError when two clocks run in turns, as two vehicles of one system id do.
+    `stamps_s` (n,) are the ground's times. Frames in `listened` (n,), if given, get the time that a
+    live listener would give them. Raise LogError if two clocks alternate, as when two vehicles
+    share a system id.
     """
     stamps_s = _repaired(stamps_s)
     own = np.full(stamps_s.size, np.nan)
@@ -135,7 +144,9 @@ def vehicle_clocks(
 def _clock_of(
     stretch: Stretch, rows: Index, own: Floats, stamps_s: Floats, listened: Bools | None
 ) -> Clock:
-    """The clock of one stretch of the clocked frames `rows` (m,), whose clocks are `own` (m,)."""
+    """Return the clock of one stretch of the clocked frames `rows` (m,), whose own clocks are `own`
+    (m,).
+    """
     last = stamps_s.size - 1
     a, b = stretch.first, stretch.last + 1
     before = int(rows[a - 1]) + 1 if a else 0
@@ -174,8 +185,11 @@ def _clock_of(
 
 
 def _refuse_two_starts(name: str, offset: Floats) -> None:
-    """Raise LogError when the clock of one message, by its `offset` (n,) from the ground's, goes
-    back and forth between two starts; a restart, or a ground's clock that is set, is left once."""
+    """Raise LogError if the clock of one message type alternates between two starts.
+
+    `offset` (n,) is the ground's time minus that clock, s. After a restart, or a change of the
+    ground's clock, the old offset does not return.
+    """
     offset = offset[np.isfinite(offset)]
     if not offset.size:
         return
@@ -194,7 +208,7 @@ def _refuse_two_starts(name: str, offset: Floats) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ArrivalClock:
-    """What a listener knows of one vehicle's clock after its last message; times in ns."""
+    """A listener's knowledge of one vehicle's clock after its last message; times in ns."""
 
     offsets: tuple[int, ...] = ()  # ground's stamp less own clock, of the last WINDOW clocked ones
     newest: int = 0  # the highest own clock
@@ -206,11 +220,13 @@ class ArrivalClock:
 
     @property
     def known(self) -> bool:
-        """Whether a clocked message has come."""
+        """Return whether a clocked message has arrived."""
         return bool(self.offsets)
 
     def now_s(self, stamp_us: int) -> float:
-        """The vehicle's clock at a time of the ground's clock, s; NaN before any is known."""
+        """Return the vehicle's time, s, at a ground time `stamp_us`, µs; NaN before any clocked
+        message.
+        """
         if not self.known:
             return float("nan")
         known = np.array([self.goes_by]).T
@@ -218,11 +234,17 @@ class ArrivalClock:
 
     @property
     def goes_by(self) -> tuple[int, int, int]:
-        """What a stamp goes by: `newest`, `stamp` and the median offset."""
+        """Return the newest own clock, its arrival, and the median offset, all ns."""
         return self.newest, self.stamp, sorted(self.offsets)[len(self.offsets) // 2]
 
     def after(self, own: int, stamp: int) -> tuple[ArrivalClock, str]:
-        """The clock after one clocked message, and what to report."""
+        """Update the clock by one message: `own`, the vehicle's time, and `stamp`, its arrival,
+        both ns.
+
+        Return the new clock and a note for people, empty if there is none. A time behind the newest
+        by more than BACKWARD s counts as late, until RESTART_AFTER in a row agree: a restart.
+        Restarts and jumps ahead by more than JUMP s are noted.
+        """
         if not self.known:
             return replace(self, offsets=(stamp - own,), newest=own, stamp=stamp), ""
         ahead, note = own - self.newest, ""
@@ -245,11 +267,12 @@ class ArrivalClock:
 
 
 def _held_back(known: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Stamps (n,) less the median offset, held between the newest clock and shortly after it.
+    """Return stamps (n,) minus the median offset, clipped between the newest clock and shortly
+    after it.
 
-    So that a burst after a stalled link, or a recording played fast, keeps the vehicle's times.
-    When clocked messages stay away for COAST the stamps extrapolate the clock. `known` (3, n) is
-    what each stamp goes by.
+    The clip keeps the vehicle's times in a burst after a stalled link, or in a recording played
+    fast. After COAST s without a clocked message the stamps extrapolate the clock. `known` (3, n)
+    is newest clock, its stamp and the median offset for each stamp; all ns.
     """
     newest, stamp, median = known
     since = np.maximum(stamps - stamp, 0)
@@ -260,13 +283,14 @@ def _held_back(known: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[n
 def arrival_times(
     clock: ArrivalClock, stamps_us: NDArray[np.int64], own_s: Floats
 ) -> tuple[Floats, NDArray[np.int64], ArrivalClock, tuple[tuple[int, str], ...]]:
-    """The vehicle's time of each message as a listener has it, s, rising from message to message.
+    """Compute the vehicle's time of each message, s, as a listener has it; strictly increasing in
+    each boot.
 
-    `stamps_us` (n,) are the ground's, `own_s` (n,) the clock that messages carry, NaN where none.
-    Also the boot (n,) in which each came, -1 for one to be left out (a clock went back), the
-    clock after them, and what to report, with the stamp at which it was seen. However the messages
-    are cut into pieces, the times are the same; those before the first clocked one count back from
-    it. Raises ValueError when no clock is known and none comes.
+    `stamps_us` (n,) are the ground's times, `own_s` (n,) the clocks that messages carry, NaN where
+    none. Also return the boot number (n,) of each message, -1 where it is uncertain (a clock went
+    back); the clock after them; and notes with their stamps, µs. The times do not depend on how the
+    messages are cut into batches. Messages before the first clocked one are dated back from it.
+    Raise ValueError if no clock is known and no message carries one.
     """
     stamps = 1000 * stamps_us.astype(np.int64)
     clocked = np.flatnonzero(np.isfinite(own_s)).tolist()
@@ -295,13 +319,17 @@ def arrival_times(
 
 
 def _rising(held: NDArray[np.int64], last: int) -> NDArray[np.int64]:
-    """Times (n,) at least a nanosecond after the one before: the order of the messages is kept."""
+    """Return times (n,), ns, each raised to at least one more than that before, to keep the order
+    of messages.
+    """
     count = np.arange(1, held.size + 1)
     return np.maximum.accumulate(np.concatenate([[last], held - count]))[1:] + count
 
 
 def _steps(offset: Floats) -> Index:
-    """Where the ground computer's clock was set: the offset changes by over FORWARD and stays."""
+    """Return the rows at which the ground's clock was set: the offset changes by over FORWARD for
+    good.
+    """
     if offset.size < 5:
         return np.empty(0, dtype=np.int64)
     smooth = median_of_five(offset)
@@ -309,14 +337,16 @@ def _steps(offset: Floats) -> Index:
 
 
 def _running_median(offset: Floats) -> Floats:
-    """Median of each value and the eight before it; the first ones look ahead instead."""
+    """Return the median of each value and the eight before it; the first values use those after
+    them.
+    """
     window = min(WINDOW, offset.size)
     middle = np.median(np.lib.stride_tricks.sliding_window_view(offset, window), axis=1)
     return np.concatenate([np.full(window - 1, middle[0]), middle])
 
 
 def _repaired(stamps_s: Floats) -> Floats:
-    """Stamps with lone leaps (damaged stamp bytes) replaced by the stamp before."""
+    """Replace single outliers (damaged stamp bytes) by the stamp before."""
     known = without_leaps(stamps_s)
     bad = np.flatnonzero(~np.isfinite(known))
     good = np.flatnonzero(np.isfinite(known))

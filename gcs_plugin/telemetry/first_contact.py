@@ -1,6 +1,6 @@
-"""What the flight of an aircraft that is not known shows by itself: no number of any airframe.
+"""Estimate from a flight alone what is needed to set up an airframe for an unknown aircraft.
 
-Live, replay and report ask this one function.
+Live, replay and report share this function. No value of any airframe is used.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ def first_contact(
     texts: Sequence[str] = (),
     autopilot: str = "unknown",
 ) -> FirstContact | None:
-    """What a flight, whole or so far, shows by itself.
+    """Return the results of a flight, whole or so far, of an unknown aircraft.
 
-    None where its aircraft is known, where less than LEAST_FLIGHT_S is in flight, or where neither
-    outputs nor speeds are known.
+    None if the aircraft is known, if less than LEAST_FLIGHT_S is in flight, or if neither outputs
+    nor speeds are reported.
     """
     if claim.basis != "not known" or track.flying_s < LEAST_FLIGHT_S:
         return None
@@ -87,15 +87,19 @@ def first_contact(
 
 
 def highest_voltage(track: FlightTrack) -> float:
-    """V of the battery; one wild report must not decide the number of cells. NaN: not reported."""
+    """Return the 99th percentile of the battery voltage, V, so that one outlier does not set the
+    cell count.
+
+    NaN if not reported.
+    """
     known = track.voltage[np.isfinite(track.voltage)]
     return float(np.percentile(known, 99.0)) if known.size else float("nan")
 
 
 def open_questions(reported: ReportedAirframe, *, gauge: bool) -> tuple[str, ...]:
-    """Keys of QUESTIONS that only the owner can answer; without a gauge also the load.
+    """Return the keys of QUESTIONS that only the owner can answer; without a gauge also the load.
 
-    A number of cells that is guessed is asked for too.
+    A guessed number of cells is asked for too.
     """
     nominal = reported.quantities.get("nominal_voltage")
     asked = {
@@ -111,6 +115,6 @@ def open_questions(reported: ReportedAirframe, *, gauge: bool) -> tuple[str, ...
 
 
 def _hover(track: FlightTrack) -> np.ndarray:
-    """(T,) rows of steady hover in which every motor's speed, else its output, is known."""
+    """Flag rows (T,) of steady hover in which every motor's speed, or else its output, is known."""
     values = track.rotor_speed_rpm if track.reports("rotor_speed_rpm") else track.throttle
     return hover_rows(track) & np.isfinite(values).all(axis=1)

@@ -1,4 +1,4 @@
-"""From a Recording and its signals, or from a table, to a FlightLog."""
+"""Make a FlightLog from a Recording and its signals, or from a table."""
 
 from __future__ import annotations
 
@@ -54,15 +54,15 @@ _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
 
 
 def assemble(recording: Recording, signals: Signals, options: Options) -> FlightLog:
-    """The flight of one vehicle as a log. Raises what `tabulate` does."""
+    """Return the flight of one vehicle as a log; raise the errors of `tabulate`."""
     return log_of_rows(tabulate(recording, signals, options), recording, signals)
 
 
 def tabulate(recording: Recording, signals: Signals, options: Options) -> FlightRows:
-    """The rows of one vehicle's flight; without rotors where it is no multirotor.
+    """Return the rows of one vehicle's flight, without rotors if it is no multirotor.
 
-    Raises LogError when nothing in it makes a flight, AirframeError when the airframe given has
-    another number of rotors.
+    Raise LogError if nothing in it makes a flight, AirframeError if the airframe has another number
+    of rotors.
     """
     name = clean(recording.path.name)
     facts = vehicle_facts(
@@ -101,13 +101,13 @@ def tabulate(recording: Recording, signals: Signals, options: Options) -> Flight
 
 
 def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> FlightLog:
-    """The log with the flight's rows, and what is known besides."""
+    """Return the log of the flight's rows, with channel reports, events and texts."""
     track, motors = rows.track, rows.motors
     start_s = float(rows.clock_s[0])
     # What is reported and not in the table, then what a reader met and could not use.
     unused = {
         name: f"in the log ({silent[0].source.words}), not used: "
-        + _unused_because(name, silent, rows)
+        + _unused_reason(name, silent, rows)
         for name in TRACK_CHANNELS
         if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
     } | dict(recording.unused)
@@ -145,7 +145,8 @@ def log_of_track(
 ) -> FlightLog:
     """Return the FlightLog of a track that was read as a table of `size` bytes.
 
-    `format` is the name of its LogFormat. A table has no system id: `vehicles` is empty.
+    Invalid rotor speeds are removed. `format` is the name of its LogFormat. A table has no system
+    id: `vehicles` is empty.
     """
     speeds, outputs = (
         [Signal(name, NOT_REPORTED, track.time_s, values) for values in getattr(track, name).T]
@@ -176,7 +177,7 @@ def log_of_track(
 
 
 def _with_absences(track: FlightTrack) -> FlightTrack:
-    """The track with notes of what a reader of a report must know is not there."""
+    """Add notes of missing rotor speeds to the track."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
         found = "no ESC telemetry of its motors" if silent else "no ESC telemetry that measures"
@@ -193,7 +194,7 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
 
 
 def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
-    """The log with this track; channels that were filled since are reported as it has them."""
+    """Return the log with another track, and new reports for channels that only this track has."""
     channels = tuple(
         channel_report(track, report.name, [_as_signal(track, report.name)])
         if report.samples == 0 and track.reports(report.name)
@@ -207,8 +208,8 @@ def _as_signal(track: FlightTrack, channel: str) -> Signal:
     return Signal(channel, track.source(channel), track.time_s, getattr(track, channel))
 
 
-def _unused_because(name: str, silent: Iterable[Signal], rows: FlightRows) -> str:
-    """Why a channel that is reported has no number in the table."""
+def _unused_reason(name: str, silent: Iterable[Signal], rows: FlightRows) -> str:
+    """Return the reason, in words, why a reported channel has no value in the table."""
     if not any(np.isfinite(signal.values).any() for signal in silent):
         return "never with a value"
     if TRACK_CHANNELS[name].per_rotor and name not in rows.track.sources:
@@ -219,9 +220,9 @@ def _unused_because(name: str, silent: Iterable[Signal], rows: FlightRows) -> st
 def channel_report(
     track: FlightTrack, name: str, signals: list[Signal], unused: str = ""
 ) -> ChannelReport:
-    """Rate and pauses of the channel's reports, and the range of its numbers in the table.
+    """Return rate and pauses of the channel's reports, and the range of its values in the table.
 
-    `unused` says of one without numbers what is there and why it is not used.
+    `unused` is the reason for a channel without values.
     """
     values, source = getattr(track, name), track.source(name)
     finite = values[np.isfinite(values)]

@@ -1,9 +1,9 @@
-"""Which servo output and which ESC belongs to which motor, and how many motors there are.
+"""Find which servo output and which ESC belongs to which motor, and how many motors there are.
 
-ESC telemetry is numbered by servo output, not by motor, and by older firmware from 0 wherever the
-motors are; ArduPilot's SERVOn_FUNCTION 33 to 40 and 82 to 85 are motors 1 to 12, and 22 is the
-sprayer's pump. PX4 says the same by PWM_MAIN_FUNCn and PWM_AUX_FUNCn of the outputs, and not of
-the ESCs; on which port of SERVO_OUTPUT_RAW they are goes by its drivers.
+ESC telemetry is numbered by servo output, not by motor; older firmware numbers it from 0 wherever
+the motors are. ArduPilot's SERVOn_FUNCTION 33 to 40 and 82 to 85 are motors 1 to 12, and 22 is the
+sprayer's pump. PX4's PWM_MAIN_FUNCn and PWM_AUX_FUNCn state the motor of an output but not of an
+ESC; the port of SERVO_OUTPUT_RAW depends on its drivers.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _FIRST_AUX = 8  # output, from 0; the eight before it are on the board's second 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotorMap:
-    """Motor k's servo output is `outputs[k]` and its ESC `escs[k]`, both counted from 0."""
+    """The servo output `outputs[k]` and ESC `escs[k]` of each motor k, all counted from 0."""
 
     rotor_count: int
     outputs: tuple[int, ...]
@@ -61,7 +61,9 @@ class MotorMap:
     any_port: bool = False  # outputs are numbered on whichever port drives them
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
-        """One signal a motor, None where no ESC reports; CAN gives a reversed motor below 0."""
+        """Return one signal of absolute speed a motor, None if no ESC reports; CAN sends reversed
+        ones below 0.
+        """
         escs = by_index(signals, "esc_rpm")
         found = (escs.get(esc) for esc in self.escs)
         return [
@@ -72,9 +74,10 @@ class MotorMap:
     def throttle(
         self, signals: Signals, parameters: Mapping[str, float], before: Span = NOTHING_SENT
     ) -> list[Signal | None]:
-        """Motor output from 0 to 1 by the autopilot's pulse range, or that of another protocol.
+        """Return the motor outputs, 0 to 1, by the autopilot's pulse range, or that of another
+        protocol.
 
-        `before` is the span of what was sent earlier.
+        `before` is the span of earlier values.
         """
         direct = by_index(signals, "throttle")
         if direct:
@@ -93,7 +96,7 @@ class MotorMap:
         return [None] * self.rotor_count if self.assumed and None in found else found
 
     def span(self, signals: Signals, before: Span = NOTHING_SENT) -> Span:
-        """Least and most of what was sent to the motors, beside what was `before`."""
+        """Return the smallest and largest value sent to the motors, `before` included."""
         return span_of((s.values for s in self._sent(signals) if s), before)
 
     def _sent(self, signals: Signals) -> list[Signal | None]:
@@ -101,7 +104,9 @@ class MotorMap:
         return [output_pulses(signals, first + output) for output in self.outputs]
 
     def _port(self, signals: Signals) -> int:
-        """Of PX4's ports, each counted from its first output, the first that drives all motors."""
+        """Return the first of PX4's ports that drives all motors; outputs count from 0 on each
+        port.
+        """
         ports = {int(s.index or 0) for s in signals.get("servo_us", ())} if self.any_port else ()
         for port in sorted(ports):
             sent = [output_pulses(signals, k + port * OUTPUTS_OF_PORT) for k in self.outputs]
@@ -116,7 +121,7 @@ class MotorMap:
         return ranges_of_span(span, self.outputs, parameters, bank=bank)
 
     def failures(self, signals: Signals, clock_s: Floats) -> Floats:
-        """(T, R) ESC_FAILURE_FLAGS that each ESC reports, NaN where not known or too old."""
+        """Return the ESC_FAILURE_FLAGS (T, R) of each ESC, NaN if unknown or too old."""
         result = np.full((clock_s.size, self.rotor_count), np.nan)
         reported = by_index(signals, "esc_failure")
         for rotor, esc in enumerate(self.escs):
@@ -160,12 +165,12 @@ def motor_map(
     esc_order: str = "",
     turned: Collection[int] | None = None,
 ) -> MotorMap:
-    """Outputs and ESCs of the motors, and the output of the pump.
+    """Return outputs and ESCs of the motors, and the output of the pump.
 
-    `facts` are what the vehicle says it is. `motor_order` and `esc_order` say in words how outputs
-    and ESCs were numbered by motor already, where they were. `turned` are the ESCs that have turned
-    so far; None: those that do in `signals`. Raises AirframeError when the vehicle has another
-    number of rotors than `airframe`.
+    `facts` are the vehicle's kind and rotor count. `motor_order` and `esc_order` describe, in
+    words, a numbering by motor that the log already has. `turned` are the ESCs that have turned so
+    far; None: those in `signals`. Raise AirframeError if the vehicle and `airframe` differ in the
+    number of rotors.
     """
     facts = VehicleFacts() if facts is None else facts
     pump = next(
@@ -231,7 +236,9 @@ def motor_map(
 
 
 def _px4_bank(parameters: Mapping[str, float], count: int) -> tuple[dict[int, int], str]:
-    """Motor -> its output on the bank of PX4's outputs that has all motors; empty: none has."""
+    """Return motor -> output on the PX4 bank that has all motors, and the bank; empty if none
+    has.
+    """
     for bank in ("MAIN", "AUX"):
         found = px4_motor_outputs(parameters, bank)
         if count and all(k in found for k in range(count)):
@@ -240,7 +247,7 @@ def _px4_bank(parameters: Mapping[str, float], count: int) -> tuple[dict[int, in
 
 
 def turned_escs(signals: Signals) -> frozenset[int]:
-    """Numbers of the ESCs that have turned: some that report are not there at all."""
+    """Return the numbers of the ESCs that have turned: some that report do not exist."""
     return frozenset(
         int(number)
         for number, signal in by_index(signals, "esc_rpm").items()
@@ -249,11 +256,12 @@ def turned_escs(signals: Signals) -> frozenset[int]:
 
 
 def _escs_of(outputs: tuple[int, ...], turned: Collection[int]) -> tuple[int, ...]:
-    """The ESC on each output: by the numbering in which most of the ESCs have turned.
+    """Return the ESC on each output, by the numbering under which most ESCs have turned.
 
-    From ArduPilot 4.5 on an ESC has the number of its output. Before, they count from the first
-    auxiliary output, or through the outputs that have one. As many others as there are motors are
-    theirs in order; where only some are others, which is whose cannot be known (-1).
+    From ArduPilot 4.5 on an ESC has the number of its output. Earlier ones count from the first
+    auxiliary output, or through the outputs that have one. If as many ESCs with other numbers
+    turned as there are motors, they are assigned in order; if only some are others, the assignment
+    is unknown (-1).
     """
     numberings = [outputs]
     if outputs and min(outputs) >= _FIRST_AUX:
@@ -273,7 +281,9 @@ def _listed(outputs: Iterable[int]) -> str:
 
 
 def counted_by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
-    """The facts with as many rotors as ESCs have turned or motors were driven, from 3 on."""
+    """Return the facts with the rotor count by the ESCs that turned or the motors driven, if 3 or
+    more.
+    """
     driven = {k for k, s in by_index(signals, "throttle").items() if np.any(s.values > 0)}
     for numbers, words in (
         (turned_escs(signals), "the ESCs that report"),

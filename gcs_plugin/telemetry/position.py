@@ -1,4 +1,4 @@
-"""Where the vehicle was: off the ground or on it, and its place from which zero."""
+"""Determine when the vehicle was off the ground, and the origin of its position."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ FEWEST_ROWS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Airborne:
-    """(T,) True off the ground, what decided it, and the evidence in words."""
+    """The rows off the ground (T,), the kind of evidence, and the evidence in words."""
 
     flying: Bools
     by: FlyingBy
@@ -101,10 +101,10 @@ def _airborne(
     channels: Mapping[str, Floats],
     airframe: Airframe | None,
 ) -> Airborne:
-    """Which of T rows are off the ground: never disarmed ones, never with outputs that only idle.
+    """Return which of T rows are off the ground: never disarmed rows, nor rows with idle outputs.
 
-    Of the others those that the landed state says, else those with half of the thrust in cruise
-    by rotor speeds or motor outputs, else those more than 1 m above home.
+    Of the others, those by the landed state; without it, those above half of the thrust in cruise
+    by rotor speeds or outputs; without these, those more than 1 m above home.
     """
     on = _motors_on(signals, clock_s)
     if not on.any():
@@ -177,7 +177,7 @@ def _grounded(clock_s: Floats, by: FlyingBy) -> Airborne:
 
 
 def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
-    """(T,) False where the vehicle says that it is disarmed; True where it says nothing."""
+    """Flag rows (T,) at which the vehicle is not reported disarmed."""
     armed = best(signals, "armed")
     if armed is None:
         return np.ones(clock_s.size, dtype=np.bool_)
@@ -193,7 +193,7 @@ def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
 
 
 def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
-    """(T,) True from IDLE_S without an output above idle on, before it and after it.
+    """Flag rows (T,) more than IDLE_S from the nearest row above idle.
 
     A shorter time at idle is a fast descent.
     """
@@ -207,7 +207,9 @@ def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
 
 
 def _stayed_down(height: Floats, on: Bools) -> bool:
-    """Whether a height (T,) that is known was never clear of the one before it was armed."""
+    """Return whether no known height (T,) while armed was CLEAR above the last one before
+    arming.
+    """
     first = int(np.argmax(on))
     ground, later = height[:first], height[first:][on[first:]]
     known, risen = ground[np.isfinite(ground)], later[np.isfinite(later)]
@@ -217,7 +219,9 @@ def _stayed_down(height: Floats, on: Bools) -> bool:
 def _too_slow(
     squares: Floats, rotors: int, height: Floats | None, airframe: Airframe | None
 ) -> bool:
-    """Whether rotors (their mean squared speeds, rpm²) carry too little, and nothing rose."""
+    """Return whether the largest mean squared speed, rpm², lifts too little, and the height never
+    rose.
+    """
     if airframe is None or not np.isfinite(squares).any():
         return False
     most = airframe.thrust_coefficient * rotors * float(np.nanmax(squares))
@@ -227,7 +231,7 @@ def _too_slow(
 
 @dataclass(frozen=True, slots=True)
 class GroundContact:
-    """What is known of the last time on the ground, from which later rows go on."""
+    """The state of the last time on the ground, for the next batch of rows."""
 
     on_ground: bool = False  # the vehicle has been heard on the ground
     height: float = NAN  # m, of the ground: the first height since it said that it flies
@@ -242,11 +246,11 @@ def airborne_so_far(
     contact: GroundContact,
     before: HeldSoFar,
 ) -> tuple[Bools, str, GroundContact, HeldSoFar]:
-    """(T,) True off the ground by what is known up to each row, the evidence, and what is carried.
+    """Flag rows (T,) off the ground from past rows only; also return the evidence and two states.
 
-    As `airborne`, but that the last moments before a landing count as flying, that cruise is not
-    known (half the empty weight counts), and that armed counts where no rotor is heard: a silent
-    aircraft with its motors on is watched.
+    Unlike `airborne`, the last moments before a landing count as flying, half the empty weight
+    replaces the unknown cruise thrust, and an armed vehicle without rotor speeds counts as flying,
+    so that it is watched.
     """
     landed = best(signals, "landed")
     state = np.full(clock_s.size, NAN) if landed is None else last_before(landed, clock_s)
@@ -294,9 +298,9 @@ def airborne_so_far(
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
-    """Each stretch without its ends in which the height is still that of the ground.
+    """Return `flying` without the ends of each stretch whose height is still the ground's.
 
-    Where the log begins or ends in the air the ground is not known, and nothing is left out.
+    Where the log begins or ends in the air the ground is unknown, and nothing is removed.
     """
     result = flying.copy()
     for first, end in stretches(flying):
@@ -339,7 +343,7 @@ _PLACES = (("home", "home"), ("ekf_origin", "the estimator's origin"))
 
 @dataclass(frozen=True, slots=True)
 class PlaceOfZero:
-    """Where positions count from, how good that is (0: home), and whether it still may move."""
+    """The origin of positions, its rank (0: home), and whether a take-off has fixed it."""
 
     origin: Origin
     rank: int
@@ -349,7 +353,9 @@ class PlaceOfZero:
 
 
 def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal, ...]:
-    """Sources of the position: latitude and longitude from zero, the local one."""
+    """Return the sources of the position: latitude and longitude from the origin, then the local
+    one.
+    """
     sources = []
     fixes = best(signals, "geodetic")
     if fixes is not None and zero is not None:
@@ -368,9 +374,9 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
 def place_of_zero(
     signals: Signals, clock_s: Floats, flying: Bools, before: PlaceOfZero | None = None
 ) -> PlaceOfZero | None:
-    """Home as it was at take-off, else the estimator's origin, else the first fix.
+    """Return home as it was at take-off, else the estimator's origin, else the first fix.
 
-    A place `before` that a take-off has settled gives way only to a better kind of place.
+    An origin `before` that a take-off has fixed is replaced only by a better kind.
     """
     fixes = best(signals, "geodetic")
     settled = bool(flying.any()) or (before is not None and before.settled)
@@ -398,7 +404,7 @@ def place_of_zero(
 
 
 def _on_earth(places: Floats) -> Bools:
-    """(n,) True where latitude, longitude and altitude are a place, and not the 0, 0 of no fix."""
+    """Flag places (n,) that are finite and in range, and not the 0, 0 of no fix."""
     latitude, longitude = places[:, 0], places[:, 1]
     inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
     return known_rows(places) & inside & ((latitude != 0) | (longitude != 0))

@@ -1,4 +1,4 @@
-"""Voltage and current of the flight battery, and whether the pump runs."""
+"""Find the voltage and current of the flight battery, and when the pump runs."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ _ESC_OFFSET = 0.3
 
 
 def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, Iterable[Signal]]:
-    """Sources of the flight battery's voltage and current: its message, SYS_STATUS, the ESCs.
+    """Return the sources of the flight battery's voltage and current: its message, SYS_STATUS, the
+    ESCs.
 
-    Adds to `notes` when there are more batteries of a flight than the one that is used.
+    Append to `notes` if further batteries have a flight battery's voltage.
     """
     sources: dict[str, Iterable[Signal]] = {}
     flown = flight_battery(signals)
@@ -49,7 +50,7 @@ def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, I
 
 
 def stated_battery(signals: Signals) -> StatedBattery:
-    """What the battery that is flown on says of itself, as last heard."""
+    """Return cells, nominal voltage and capacity that the flight battery last reported."""
     of = {name: by_index(signals, f"battery_{name}") for name in ("cells", "nominal", "capacity")}
     if not any(of.values()):
         return StatedBattery()
@@ -73,7 +74,7 @@ def stated_battery(signals: Signals) -> StatedBattery:
 
 
 def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Mean voltage or summed current of the ESCs at each report of the first, once asked for."""
+    """Yield the mean voltage or summed current of the ESCs, at the reports of the first ESC."""
     escs = [s for s in by_index(signals, f"esc_{channel}").values() if np.any(s.values > 0)]
     if not escs:
         return
@@ -99,10 +100,11 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Sig
 
 
 def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:
-    """V that each motor's ESC reads off the others, loaded or not; NaN where it does not.
+    """Return the constant offset, V, of each motor's ESC voltage from the others'; NaN where there
+    is none.
 
-    All hang on one battery: what a cable loses grows with the load, an instrument's offset does
-    not. Needs three ESCs, of which all but one agree.
+    All ESCs share one battery: the drop along a cable grows with the load, the offset of an
+    instrument does not. At least three ESCs are needed, and all but one must agree.
     """
     escs = by_index(signals, "esc_voltage")
     found = [escs.get(output) for output in outputs]
@@ -136,9 +138,10 @@ def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float
 def spraying_sources(
     share: Signal | None, tank: Signal | None, sampling: Sampling, notes: list[str]
 ) -> tuple[Signal, ...]:
-    """1 while the pump runs, preferred first: by its output `share`, by the falling tank.
+    """Return the sources of `spraying`, 1 while the pump runs: its output `share`, then the falling
+    tank.
 
-    Adds to `notes` when the output is not known.
+    Append to `notes` if the output is unknown.
     """
     sources = []
     if share is not None:

@@ -1,8 +1,8 @@
-"""What a log file holds, in the vehicle's own time, before it becomes one table.
+"""Represent the content of a log file in the vehicle's own time, before it becomes one table.
 
-A `Stream` is one message type of one vehicle as columns; a `Recording` is all streams needed of
-one file. Readers of each format make a Recording; `assemble` makes the FlightLog.
-What they share of clocks that leap, fall back or pause is here too.
+A `Stream` is one message type of one vehicle as columns; a `Recording` is all streams needed from
+one file. The reader of each format makes a Recording; `assemble` makes the FlightLog. The treatment
+of clocks that jump, fall back or pause is shared here by all readers.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 
 class NotThisFormat(LogError):
-    """Nothing in the file is a message of the format that it was read as."""
+    """Raised when no message of the expected format is in the file."""
 
 
 class Stream(NamedTuple):
@@ -46,7 +46,7 @@ class Stream(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """One place where bytes were skipped."""
+    """One place in a file where bytes were skipped."""
 
     byte: int  # offset in the file
     length: int  # bytes skipped
@@ -55,7 +55,7 @@ class Damage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogQuality:
-    """How whole the file is."""
+    """The completeness of a log file: frames read, bytes skipped, gaps."""
 
     bytes: int
     frames: int  # messages kept, of every type and sender
@@ -71,7 +71,7 @@ class LogQuality:
 
 
 def mission_item(message: str, item: np.void) -> PlanItem:
-    """The fields of one MISSION_ITEM_INT or MISSION_ITEM."""
+    """Return the plan item of one MISSION_ITEM_INT or MISSION_ITEM message."""
     scale, places = (1e-7, 7) if message == "MISSION_ITEM_INT" else (1.0, 15)
     where = tuple(round(float(item[k]) * scale, places) for k in ("x", "y"))
     one, two, three, four = (float(item[f"param{k}"]) for k in (1, 2, 3, 4))
@@ -84,13 +84,15 @@ def mission_item(message: str, item: np.void) -> PlanItem:
 
 
 def placed(latitude: float, longitude: float) -> tuple[float, float]:
-    """Both in degrees as a vehicle's list has them: 0 where one is no number."""
+    """Return latitude and longitude, degrees, or 0, 0 if either is not finite, as in a vehicle's
+    list.
+    """
     return (latitude, longitude) if math.isfinite(latitude + longitude) else (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelReport:
-    """One channel of the track: where it came from and how complete it is."""
+    """The source and completeness of one channel of a track."""
 
     name: str
     unit: str
@@ -107,7 +109,7 @@ class ChannelReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class LogHeader:
-    """What a whole recording and each sortie of it have."""
+    """The metadata that a recording shares with each of its sorties."""
 
     path: Path
     format: str
@@ -145,7 +147,10 @@ class Recording(LogHeader):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FlightLog(LogHeader):
-    """One sortie of a log, which mostly holds one alone; times are s from its track's first row."""
+    """One sortie of a log; times are s from the first row of its track.
+
+    Most logs contain one sortie.
+    """
 
     track: FlightTrack
     channels: tuple[ChannelReport, ...]
@@ -160,19 +165,22 @@ class FlightLog(LogHeader):
 
     @property
     def name(self) -> str:
-        """`flight.tlog`, or `flight.tlog sortie 2 of 3`; not for a screen before it is cleaned."""
+        """Return `flight.tlog`, or `flight.tlog sortie 2 of 3`; clean it before showing it on a
+        screen.
+        """
         return f"{self.path.name}{self.sortie_suffix}"
 
     @property
     def sortie_suffix(self) -> str:
-        """` sortie 2 of 3`; empty where the log holds one alone."""
+        """Return ` sortie 2 of 3`; empty if the log contains only one."""
         return sortie_suffix(self.sortie, self.sorties)
 
     @property
     def silences(self) -> tuple[tuple[float, float], ...]:
-        """(start, s since boot, and length, s) of every pause over 1 s without any message.
+        """Return the start, s since boot, and length, s, of every pause over 1 s without any
+        message.
 
-        From the first row on: before it a mission and parameters are sent, which is no flight.
+        Pauses before the first row are excluded: mission and parameters are sent then.
         """
         return tuple(gap for gap in self.quality.gaps if gap[0] >= self.clock_start_s)
 
@@ -193,9 +201,10 @@ class FlightLog(LogHeader):
 
 
 def serial_digits(text: str) -> str:
-    """Hexadecimal digits of a serial number, in small letters, without zero bytes at its end.
+    """Return the hexadecimal digits of a serial number, in lower case, without zero bytes at its
+    end.
 
-    Empty where it is none, or says nothing.
+    Empty if the text is no such number, or all zeros.
     """
     text = text.strip().lower()
     if len(text) % 2 or not re.fullmatch("[0-9a-f]+", text):
@@ -206,10 +215,10 @@ def serial_digits(text: str) -> str:
 def damage_of(
     skipped: Sequence[tuple[int, int]], place: NDArray[np.int64], clock_s: Floats
 ) -> dict[str, Any]:
-    """What a LogQuality says of the stretches (offset, length) that were skipped, the 20 longest
-    of them one by one, in file order.
+    """Return the fields of LogQuality for the skipped stretches (offset, length), bytes.
 
-    At the offsets `place` (n,) in the file the vehicle's clock was `clock_s` (n,).
+    The 20 longest are listed singly, in file order. `clock_s` (n,) is the vehicle's clock at the
+    file offsets `place` (n,).
     """
     worst = sorted(sorted(skipped, key=lambda stretch: -stretch[1])[:20])
     before = np.searchsorted(place, [byte for byte, _ in worst])
@@ -228,17 +237,18 @@ _MANY = 10  # falls in one log that no vehicle restarts
 
 
 class Stretch(NamedTuple):
-    """A run of rows between two restarts: `first` to `last`, both in it."""
+    """A run of rows between two restarts, `first` and `last` included."""
 
     first: int
     last: int
 
 
 def stretches(time_s: Floats, name: str) -> tuple[Stretch, ...]:
-    """Where time (n,) in file order runs forward, in that order; every row is in one of them.
+    """Divide times (n,), in file order, into the runs between restarts; every row is in one of
+    them.
 
-    Lone late messages are no restart. Raises LogError when two clocks run in turns, as two
-    vehicles of one system id do.
+    Single late messages are no restart. Raise LogError if two clocks alternate, as when two
+    vehicles share a system id.
     """
     smooth = median_of_five(time_s) if time_s.size >= 5 else time_s
     falls = np.flatnonzero(np.diff(smooth) < -BACKWARD) + 1
@@ -255,17 +265,19 @@ def stretches(time_s: Floats, name: str) -> tuple[Stretch, ...]:
 
 
 def longest(found: Sequence[Stretch]) -> Stretch:
-    """The stretch of most rows: a leap forward would make one of few long in seconds."""
+    """Return the stretch with most rows; a jump of the clock would distort its length in
+    seconds.
+    """
     return max(found, key=lambda stretch: stretch.last - stretch.first)
 
 
 def restarts(time_s: Floats, found: Sequence[Stretch]) -> tuple[tuple[float, float], ...]:
-    """(before, after) s of time (n,) at every restart between the stretches."""
+    """Return the times before and after, s, of every restart between the stretches."""
     return tuple((float(time_s[a.last]), float(time_s[b.first])) for a, b in pairwise(found))
 
 
 def without_leaps(time_s: Floats) -> Floats:
-    """Times (n,) with lone leaps (a damaged time field) as NaN."""
+    """Return times (n,) with single outliers (a damaged time field) replaced by NaN."""
     step = np.diff(time_s)
     odd = np.flatnonzero((step < -BACKWARD) | (step > FORWARD))
     if time_s.size < 5 or odd.size == 0:
@@ -282,7 +294,7 @@ def without_leaps(time_s: Floats) -> Floats:
 
 
 def pauses(time_s: Floats) -> tuple[tuple[float, float], ...]:
-    """(start, length) s of every pause longer than GAP."""
+    """Return the start and length, s, of every pause longer than GAP."""
     ordered = time_s if (np.diff(time_s) >= 0.0).all() else np.sort(time_s, kind="stable")
     step = np.diff(ordered)
     late = np.flatnonzero(step > GAP)

@@ -1,8 +1,7 @@
-"""Put channels that were reported at their own times onto the rows of one table.
+"""Resample channels reported at their own times to the rows of one table.
 
-`linear` interpolates between the reports on both sides and is for recorded flights; `hold` takes
-the last report, as a live listener must. Either way a value older than the channel's age limit is
-not used: NaN.
+`linear` interpolates between the reports on both sides, for recorded flights; `hold` takes the last
+report, as a live listener must. With both, a value older than the channel's age limit becomes NaN.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ _BLOCK = 1 << 14
 
 
 def within(channel: str, values: Floats) -> bool:
-    """Whether all are numbers that can be true, of one at least."""
+    """Return whether there are values and all are in the channel's range."""
     limit = TRACK_CHANNELS[channel]
     return bool(
         values.size
@@ -35,26 +34,28 @@ def within(channel: str, values: Floats) -> bool:
 
 
 def plausible(channel: str, values: Floats) -> Floats:
-    """The values with numbers that cannot be true (infinite, out of range) as NaN."""
+    """Return the values with those out of the channel's range, or not finite, as NaN."""
     limit = TRACK_CHANNELS[channel]
     good = (values >= limit.low) & (values <= limit.high)
     return values if good.all() else np.where(good, values, np.nan)
 
 
-def every(flags: Bools) -> bool:
-    """Whether all are True; of few of them in a fifth of the time that `all` takes."""
+def all_true(flags: Bools) -> bool:
+    """Return whether all flags are True; five times as fast as `all` for few flags."""
     return int(np.count_nonzero(flags)) == flags.size
 
 
 def known_rows(values: Floats) -> Bools:
-    """(n,) rows in which every column has a number."""
+    """Flag the rows (n,) in which every column is finite."""
     finite = np.isfinite(values)
     # Along the rows numpy is ten times as quick as along a row's few columns.
     return finite if values.ndim == 1 else np.logical_and.reduce(finite.T.copy())
 
 
 def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> Floats:
-    """The signal at `time_s` (T,): (T,) or (T, k), NaN where no report is young enough."""
+    """Return the signal at `time_s` (T,), as (T,) or (T, k); NaN where no report is recent
+    enough.
+    """
     when, values = _reports(channel, signal)
     if when.size == 0:
         return np.full((time_s.size, *values.shape[1:]), np.nan)
@@ -72,9 +73,9 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
 
 
 def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
-    """Times and values of the reports that can be true; of those at one instant, the last."""
+    """Return times and values of the reports in range; the last of several at one time."""
     limit, values, time_s = TRACK_CHANNELS[channel], signal.values, signal.time_s
-    if within(channel, values) and every(time_s[1:] > time_s[:-1]):
+    if within(channel, values) and all_true(time_s[1:] > time_s[:-1]):
         return time_s, values
     keep = (values >= limit.low) & (values <= limit.high)
     keep = keep if keep.ndim == 1 else np.logical_and.reduce(keep, axis=1)
@@ -84,7 +85,7 @@ def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
 
 
 def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Means over GRID: vibration that is faster than the rows must not fold into them."""
+    """Return means over GRID, so that vibration faster than the rows is not aliased."""
     bins = np.floor(when / GRID)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(bins)) + 1])
     counts = np.diff(edges, append=when.size).astype(np.float64)
@@ -120,19 +121,22 @@ def _wrapped(angle: Floats) -> Floats:
 
 
 def _shaped(rows: NDArray[Any], like: Floats) -> NDArray[Any]:
-    """(n,) as (n, 1) where `like` has columns."""
+    """Return (n,) as (n, 1) if `like` has columns."""
     return rows[:, None] if like.ndim == 2 else rows
 
 
 def _masked(values: Floats, keep: Bools) -> Floats:
-    return values if every(keep) else np.where(_shaped(keep, values), values, np.nan)
+    return values if all_true(keep) else np.where(_shaped(keep, values), values, np.nan)
 
 
 def first_known(
     channel: str, sources: Iterable[Signal], time_s: Floats
 ) -> tuple[Floats | None, list[Signal]]:
-    """The channel as a listener has it at `time_s` (T,): at each row the first source, in the order
-    given, that has a fresh report; and the sources that were used. None without any source."""
+    """Return the channel as a listener has it at `time_s` (T,), and the sources used.
+
+    At each row it is the value of the first source, in the order given, with a recent report. None
+    without any source.
+    """
     values, used = None, []
     for signal in sources:
         held = sample(channel, signal, time_s, "hold")
@@ -143,16 +147,18 @@ def first_known(
             if np.any(known_rows(held) & missing):
                 values = np.where(_shaped(missing, values), held, values)
                 used.append(signal)
-        if every(np.isfinite(values)):
+        if all_true(np.isfinite(values)):
             break
     return values, used
 
 
 def last_before(signal: Signal, time_s: Floats) -> Floats:
-    """(T,) or (T, k) last known report at each time, however old; NaN before the first."""
+    """Return the last known report at each time, (T,) or (T, k), however old; NaN before the
+    first.
+    """
     values, when = signal.values, signal.time_s
     keep = known_rows(values)
-    if not every(keep):
+    if not all_true(keep):
         values, when = values[keep], when[keep]
     if when.size == 0:
         return np.full((time_s.size, *values.shape[1:]), np.nan)
@@ -161,9 +167,9 @@ def last_before(signal: Signal, time_s: Floats) -> Floats:
 
 
 def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
-    """Strictly increasing times with at least ROW_SPACING between them, the first kept.
+    """Return strictly increasing times with at least ROW_SPACING between them, the first kept.
 
-    `after_s` is the row before them, from which the first is as far.
+    The first is at least ROW_SPACING after `after_s`, the row before.
     """
     time_s = increasing(time_s[np.isfinite(time_s)])
     time_s = time_s[np.searchsorted(time_s, after_s + ROW_SPACING) :]
@@ -178,8 +184,10 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
 
 
 def increasing(values: Floats) -> Floats:
-    """As `np.unique`, in a fraction of its time where the values rise already."""
-    if every(values[1:] > values[:-1]):
+    """Return the sorted distinct values, as `np.unique` but faster if they are increasing
+    already.
+    """
+    if all_true(values[1:] > values[:-1]):
         return values
     step = np.diff(values)
     if not (step >= 0.0).all():
@@ -188,12 +196,12 @@ def increasing(values: Floats) -> Floats:
 
 
 def coverage(signal: Signal) -> int:
-    """Number of whole seconds in which the signal has a number."""
+    """Return the number of whole seconds with a finite value of the signal."""
     return increasing(np.floor(signal.time_s[known_rows(signal.values)])).size
 
 
 def in_time_order(time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Both sorted by time, as they are when they already are; nothing measured is infinite."""
+    """Return times and values sorted by time, infinite values as NaN."""
     if np.isinf(values).any():
         values = np.where(np.isinf(values), np.nan, values)
     if time_s.size < 2 or np.all(time_s[1:] >= time_s[:-1]):

@@ -1,4 +1,4 @@
-"""Rotor speeds as measured: the readings of every ESC without those that are no measurement."""
+"""Reject ESC readings that do not measure a rotor's speed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TAIL = TRACK_CHANNELS["rotor_speed_rpm"].max_age  # s of readings that later ro
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RotorMemory:
-    """One rotor up to the last reading that was looked at."""
+    """The state of one rotor after the last reading processed."""
 
     last: LastReading = field(default_factory=LastReading)
     tail: Signal | None = None  # its last measured readings
@@ -40,7 +40,7 @@ class RotorMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasuredSpeeds:
-    """One signal a rotor without what is no measurement; None where no ESC reports."""
+    """The valid readings, one signal a rotor, and those rejected; None where no ESC reports."""
 
     signals: list[Signal | None]
     rejected: Mapping[tuple[int, int], Floats]  # (rotor, why) -> times of the readings
@@ -56,10 +56,11 @@ def measured_speeds(
     heard_s: float = -np.inf,
     memory: Sequence[RotorMemory] = (),
 ) -> MeasuredSpeeds:
-    """The readings of `speeds` (rpm, one signal a rotor) that measure the rotor's speed.
+    """Return the readings of `speeds` (rpm, one signal a rotor) that measure the rotor's speed.
 
-    `outputs` are the motor outputs from 0 to 1. Readings up to `heard_s` were looked at
-    before, with what `memory` holds of them. `look_ahead`: the signals are of the whole flight.
+    `outputs` are the motor outputs from 0 to 1. Readings up to `heard_s`, on the signals' clock,
+    were processed by an earlier call, whose state is `memory`. `look_ahead`: the signals are of the
+    whole flight, so later readings may be used.
     """
     if len(memory) != len(speeds):
         memory = [RotorMemory()] * len(speeds)
@@ -107,9 +108,9 @@ def measured_speeds(
 def _after_tail(
     tail: Signal | None, new: Signal, since: float, times: dict[int, tuple[Floats, Floats]]
 ) -> tuple[Signal, Signal]:
-    """Measured readings after those of the part before, and what of them is later than `since`.
+    """Return the measured readings appended to `tail`, and the part of them from `since` on.
 
-    `times` are those of both, by the tail's, where other rotors have had the same new ones.
+    `times` caches the joined times, because rotors that report together share them.
     """
     rpm, key = new.values, 0
     if tail is not None:
@@ -123,7 +124,9 @@ def _after_tail(
 
 
 def lifting(speeds: Floats, outputs: Floats) -> Bools:
-    """(T,) False where all outputs (T, R) are idle; where none is known, where all rotors stand."""
+    """Flag rows (T,) where some output (T, R) is above idle; without any output, where a rotor
+    turns.
+    """
     known = np.isfinite(outputs).any(axis=1)
     driven = (np.nan_to_num(outputs) > IDLE).any(axis=1)
     stand = np.isfinite(speeds).any(axis=1) & (np.abs(np.nan_to_num(speeds)) < TURNING).all(axis=1)
@@ -131,7 +134,7 @@ def lifting(speeds: Floats, outputs: Floats) -> Bools:
 
 
 def standing_in_flight(speeds: Floats, outputs: Floats, flying: Bools) -> Bools:
-    """(T, R) rows in flight at zero speed of a rotor whose motor output is not known."""
+    """Flag rows (T, R) in flight at which a rotor reads zero speed and its output is unknown."""
     return flying[:, None] & (np.abs(speeds) < TURNING) & ~np.isfinite(outputs)
 
 
@@ -144,11 +147,12 @@ def rejected_words(
     *,
     counted: bool,
 ) -> tuple[str, ...]:
-    """What was no measurement in flight: a sentence for each rotor and reason, or for all rotors.
+    """List the readings rejected in flight, in sentences: one for each rotor and reason, or for all
+    rotors.
 
-    `hidden` (T, R) are the rows of `standing_in_flight`, `clock_s` and `flying` (T,) the rows.
-    `counted` gives the number of readings, which a listener cannot know yet, and the rotors that
-    have no reading for SILENT of the rows (`speeds`, (T, R)) in which another has one.
+    `hidden` (T, R) is from `standing_in_flight`; `clock_s` and `flying` are (T,). `counted` adds
+    the number of readings, which a listener cannot know yet, and the rotors without a reading for
+    SILENT of the rows (`speeds`, (T, R)) in which another has one.
     """
     found: dict[int, dict[int, int]] = {why: {} for why in REASONS}
     for (rotor, why), time_s in measured.rejected.items():
@@ -185,7 +189,9 @@ def _known(signal: Signal) -> Signal:
 
 
 def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
-    """(n,) motor output at each time, NaN where unknown, and whether it has been above idle."""
+    """Return the motor output (n,) at each time, NaN if unknown, and whether it has been above idle
+    for SPIN_UP s.
+    """
     if output is None:
         return np.full(time_s.size, np.nan), np.zeros(time_s.size, dtype=np.bool_)
     output = _known(output)
@@ -198,7 +204,9 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
 
 
 def _last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
-    """(R, n) last speed of each rotor at each time; NaN where none is known."""
+    """Return the last absolute speed (R, n), rpm, of each rotor at each time; NaN where none is
+    known.
+    """
     last = np.full((len(known), time_s.size), np.nan)
     for values, signal in zip(last, known, strict=True):
         if signal is not None and signal.time_s.size:
@@ -208,7 +216,7 @@ def _last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
 
 
 def _median(values: Floats) -> Floats:
-    """(n,) median over the first axis of what is known; NaN where nothing is."""
+    """Return the median (n,) of the finite values over the first axis; NaN where there are none."""
     if not values.size:
         return np.full(values.shape[1], np.nan)
     stack = np.sort(values, axis=0)  # NaN at the end; np.nanmedian takes ten times as long

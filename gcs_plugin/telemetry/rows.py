@@ -1,4 +1,4 @@
-"""The rows of a flight, and every channel on them, for logs and for live links alike."""
+"""Build the rows of a flight, and every channel on them, for logs and for live links alike."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     airspeed_sources,
     best,
-    turned_down,
+    rejected_sources,
 )
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     PumpedSoFar,
@@ -69,7 +69,9 @@ KEPT = 8.0  # s of reports that rows may need: the longest age limit, and the fa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Carried:
-    """What the rows of one vehicle need from before the signals that are still kept."""
+    """The state of one vehicle's rows that later batches need and the buffered signals no longer
+    contain.
+    """
 
     heard_s: float = -np.inf  # vehicle's clock up to which reports have made their rows
     start_s: float | None = None  # of the first row
@@ -84,7 +86,7 @@ class Carried:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightRows:
-    """Every channel of T rows, and what a listener must keep for the next ones."""
+    """Every channel on T rows, and the state for the next batch."""
 
     track: FlightTrack
     clock_s: Floats  # (T,) vehicle's clock
@@ -107,13 +109,13 @@ def flight_rows(
     unix_minus_clock: float | None = None,
     notes: Iterable[str] = (),
 ) -> FlightRows | None:
-    """Every channel on the rows that the signals make; None when they make none.
+    """Return every channel on the rows that the signals make; None if they make none.
 
-    Time counts from the first row of all; `unix_minus_clock`, s, is added to the vehicle's clock
-    for Unix time. The `notes` given stand before those on the rows. With sampling "hold" no row
-    depends on a later report, and `carried` makes the rows of a stretch those of the flight in one
-    piece, if `signals` still has the last KEPT seconds before it. Raises LogError when the tank
-    source that the options name is not there.
+    Time counts from the very first row; `unix_minus_clock`, s, plus the vehicle's clock is Unix
+    time. The `notes` given come before those on the rows. With sampling "hold" no row depends on a
+    later report, and with `carried` the rows of consecutive batches equal those of the whole
+    flight, if `signals` includes the last KEPT seconds before a batch. Raise LogError if the tank
+    source named in the options is absent.
     """
     live = options.sampling == "hold"
     before = Carried() if carried is None else carried
@@ -136,7 +138,7 @@ def flight_rows(
             found = best({channel: there}, channel)
             used = [] if found is None else [found]
             values = None if found is None else sample(channel, found, clock_s, "linear")
-            rejected = () if found is None else turned_down(there, found)
+            rejected = () if found is None else rejected_sources(there, found)
         if values is not None:
             channels[channel], reported[channel] = values, used
             source = used[0].source
@@ -262,12 +264,13 @@ def flight_rows(
 def row_times(
     signals: Signals, rotors: Sequence[Signal | None], carried: Carried, sampling: Sampling
 ) -> Floats:
-    """(T,) vehicle's clock of the rows: each report that triggers one, thinned to at most 10 Hz.
+    """Return the vehicle's clock (T,) of the rows: the reports of a trigger, thinned to at most 10
+    Hz.
 
-    `rotors` are the speeds, one signal a rotor. The trigger is the speed of rotor 1; where none has
-    come for SILENT seconds, that of the next rotor; then attitude; then any report of the flight. A
-    recorded flight (sampling "linear") takes the rotor that reports most first, and begins with the
-    first rotor speed if it has any, or as it was armed where that was long before.
+    `rotors` are the speeds, one signal a rotor. The trigger is the speed of rotor 1; after SILENT s
+    without one, that of the next rotor; then attitude; then any report of the flight. A recorded
+    flight (sampling "linear") prefers the rotor with most reports. It begins with the first rotor
+    speed, if any, or at arming if that was long before.
     """
     reported = [s for s in rotors if s is not None]
     if sampling == "hold" and reported:
@@ -293,27 +296,31 @@ def row_times(
 
 
 def _first_row(spoke_s: float, signals: Signals) -> float:
-    """s at which a recorded flight begins whose rotors first spoke at `spoke_s`."""
+    """Return the start, s, of a recorded flight: `spoke_s`, the first rotor speed, or arming if
+    long before.
+    """
     armed = best(signals, "armed")
     on_s = np.empty(0) if armed is None else armed.time_s[armed.values > 0]
     return float(on_s[0]) if on_s.size and spoke_s - on_s[0] > SILENT else spoke_s
 
 
 def _known_times(signals: Iterable[Signal]) -> Floats:
-    """Times of all known reports of the signals, those of one after those of another."""
+    """Concatenate the times of all finite reports of the signals."""
     times = [s.time_s[known_rows(s.values) & np.isfinite(s.time_s)] for s in signals]
     return np.concatenate(times) if times else np.empty(0)
 
 
 def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:
-    """Whether at no report after `since_s` a trigger has been silent."""
+    """Return whether the trigger pauses for at most SILENT s from `since_s` to the newest
+    report.
+    """
     first = int(np.searchsorted(triggers, since_s, side="right")) - 1
     newest = max(float(s.time_s[-1]) for found in signals.values() for s in found if s.time_s.size)
     return first >= 0 and bool(np.all(np.diff(triggers[first:], append=newest) <= SILENT))
 
 
 def _silent(triggers: Floats, time_s: Floats) -> Bools:
-    """(n,) times for which no trigger has come in the SILENT seconds before."""
+    """Flag times (n,) without a trigger in the SILENT seconds before."""
     if triggers.size == 0:
         return np.ones(time_s.size, dtype=np.bool_)
     last = np.searchsorted(triggers, time_s, side="right") - 1

@@ -1,4 +1,4 @@
-"""Streams of messages to signals of channels, by the tables of `mavlink.decode`."""
+"""Turn streams of messages into signals of channels, by the tables of `mavlink.decode`."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ OUTPUTS_OF_PORT = 16  # of SERVO_OUTPUT_RAW: the second has ArduPilot's 17 on, P
 Signals = Mapping[str, tuple[Signal, ...]]
 
 
-def collected(signals: Iterable[Signal]) -> Signals:
-    """The signals by channel, in the order given."""
+def signals_by_channel(signals: Iterable[Signal]) -> Signals:
+    """Group signals by channel, in the order given."""
     channels: dict[str, list[Signal]] = {}
     for signal in signals:
         channels.setdefault(signal.channel, []).append(signal)
@@ -50,7 +50,11 @@ def collected(signals: Iterable[Signal]) -> Signals:
 
 
 def best(signals: Signals, channel: str) -> Signal | None:
-    """The preferred source, unless it lacks a tenth of what another covers of the flight."""
+    """Return the first source of a channel that covers at least 90 % of the time of the
+    best-covering one.
+
+    None if no source has a finite value.
+    """
     there = signals.get(channel, ())
     if not there:
         return None
@@ -63,8 +67,8 @@ def best(signals: Signals, channel: str) -> Signal | None:
     return next(s for s, seconds in zip(there, covered, strict=True) if seconds >= 0.9 * most)
 
 
-def turned_down(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
-    """The other sources of a channel, each with the reason for which `used` was taken."""
+def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
+    """List the sources of a channel other than `used`, each with the reason."""
     found, before = [], True
     for signal in there:
         if signal is used:
@@ -78,11 +82,10 @@ def turned_down(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
 
 
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
-    """The sources of one channel by output number, battery id or name; the first of each that has
-    ever read anything but 0.
+    """Return the sources of one channel by output number, battery id or name.
 
-    A battery's are taken together: BATTERY_STATUS_V2 comes in the place of BATTERY_STATUS as soon
-    as a ground station asks for it.
+    Of several with one index the first with a value other than 0 is used. Those of a battery are
+    joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS once a ground station requests it.
     """
     found: dict[int | str, Signal] = {}
     for signal in signals.get(channel, ()):
@@ -97,7 +100,7 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
 
 
 def _together(first: Signal, second: Signal) -> Signal:
-    """The reports of two sources of one quantity as one signal."""
+    """Join the reports of two sources of one quantity into one signal."""
     for one, other in ((first, second), (second, first)):
         if not known_rows(other.values).any():
             return one
@@ -108,16 +111,19 @@ def _together(first: Signal, second: Signal) -> Signal:
 
 
 def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals:
-    """Signals of every MAVLink message in `streams`; `airspeed` says what VFR_HUD's is.
+    """Return the signals of every MAVLink message in `streams`; `airspeed` is the source of
+    VFR_HUD's.
 
-    `streams` is emptied on the way, so that a message and its signals are not both kept.
+    `streams` is emptied in the process to limit memory.
     """
     found = sorted(decoded(streams, airspeed), key=lambda item: item[0])
-    return collected(_used_outputs(s) if s.channel == "servo_us" else s for _, s in found)
+    return signals_by_channel(_used_outputs(s) if s.channel == "servo_us" else s for _, s in found)
 
 
 def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
-    """Each signal of the messages in `streams`, which is emptied, with its source's rank."""
+    """Yield each signal of the messages in `streams` with the rank of its source; `streams` is
+    emptied.
+    """
     while streams:
         message, stream = streams.popitem()
         times = stream.time_s
@@ -142,15 +148,15 @@ def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[
 
 @cache
 def _ranked(message: str) -> tuple[tuple[int, Rule, Provenance], ...]:
-    """Place in the table, rule and source of each for a message, preferred first."""
+    """Return rank in the table, rule and source of each rule for a message, preferred first."""
     found = ((n, rule) for n, rule in enumerate(MAVLINK_RULES) if rule.message == message)
     return tuple((n, rule, rule.source) for n, rule in found)
 
 
 class _Times:
-    """The times of the signals of one vehicle: what several of them share is made once.
+    """A cache of the time arrays that several signals of one vehicle share.
 
-    Answers go by the arrays that were asked for, which are kept as long as it is.
+    Keys are the ids of the input arrays, which the cache keeps alive.
     """
 
     def __init__(self, after_s: float, since: float) -> None:
@@ -158,7 +164,7 @@ class _Times:
         self._made: dict[tuple[int, ...], tuple[Any, ...]] = {}
 
     def later(self, time_s: Floats) -> tuple[int, Floats]:
-        """First row later than `after_s`, and the times from there on."""
+        """Return the first row later than `after_s`, and the times from that row on."""
         key = (id(time_s),)
         if key not in self._made:
             row = int(time_s.searchsorted(self._after_s, side="right"))
@@ -166,14 +172,14 @@ class _Times:
         return self._made[key][:2]
 
     def after(self, old: Floats, new: Floats) -> Floats:
-        """Both behind each other."""
+        """Return `old` and `new` concatenated."""
         key = id(old), id(new)
         if key not in self._made:
             self._made[key] = np.concatenate([old, new]), old, new
         return self._made[key][0]
 
     def shortened(self, time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-        """Both from `since` on, and the last row before that is known."""
+        """Drop the rows before `since`, except the last known one."""
         first = int(time_s.searchsorted(self.since))
         known = np.flatnonzero(known_rows(values[:first]))
         last = int(known[-1]) if known.size else first
@@ -185,10 +191,10 @@ class _Times:
 
 
 class SignalBuffer:
-    """Every signal of one vehicle from `seconds` before its new reports, and the last known before.
+    """The recent signals of one vehicle: from `seconds` before its newest reports, and the last
+    known before.
 
-    `heard` are the names of the messages that had one. Signals of one message that have all of its
-    reports have one array of their times.
+    `heard` are the names of the messages received. Signals of one message share one array of times.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -198,7 +204,7 @@ class SignalBuffer:
         self.heard: set[str] = set()
 
     def add(self, streams: dict[str, Stream], airspeed: Provenance, after_s: float) -> None:
-        """Take the reports in `streams` (emptied) that are later than `after_s`."""
+        """Append the reports in `streams` later than `after_s`; `streams` is emptied."""
         self.heard |= set(streams)
         times = _Times(after_s, after_s - self._seconds)
         for rank, new in decoded(streams, airspeed):
@@ -221,19 +227,21 @@ class SignalBuffer:
 
     @property
     def signals(self) -> Signals:
-        """All that is kept, preferred sources first."""
-        return collected(self._kept[key] for key in self._order)
+        """Return all signals in the buffer, preferred sources first."""
+        return signals_by_channel(self._kept[key] for key in self._order)
 
 
 def _used_outputs(servos: Signal) -> Signal:
-    """Servo outputs up to the last one that ever has a pulse: most of the 16 never do."""
+    """Drop the servo outputs after the last one that ever has a pulse: most of the 16 never do."""
     used = np.flatnonzero(np.any(servos.values > 0, axis=0))
     last = int(used[-1]) + 1 if used.size else 1
     return servos._replace(values=servos.values[:, :last].copy())
 
 
 def output_pulses(signals: Signals, output: int) -> Signal | None:
-    """The pulses (n,) of one servo output, counted from 0 through all ports; None: not heard."""
+    """Return the pulses (n,) of one servo output, counted from 0 through all ports; None if not
+    received.
+    """
     for servos in signals.get("servo_us", ()):
         column = output - OUTPUTS_OF_PORT * int(servos.index or 0)
         if 0 <= column < servos.values.shape[1]:
@@ -257,16 +265,17 @@ def _by_name(stream: Stream, values: Floats) -> list[Signal]:
 def ordered_signal(
     channel: str, source: Provenance, time_s: Floats, values: Floats, index: int | str | None = None
 ) -> Signal:
-    """The Signal of reports in any order of time."""
+    """Return the signal of reports in any order of time, sorted by time."""
     return Signal(channel, source, *in_time_order(time_s, values), index)
 
 
 def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """The airspeeds that are reported; then, where they are not, the speed over ground, less the
-    wind where one is estimated.
+    """Yield the reported airspeeds; then, if they cover less, the speed through the air from
+    velocity and wind.
 
-    0 is no airspeed, as PX4 sends it without a sensor: of a recorded flight when it is so
-    throughout, for a listener in each report. Nor is such a wind.
+    Without a wind that is the speed over ground. An airspeed of 0 is no airspeed, as PX4 sends it
+    without a sensor: in a recorded flight if it is 0 throughout, for a listener in each report. A
+    wind of 0 throughout is no wind estimate.
     """
     own, live = signals.get("airspeed", ()), sampling == "hold"
     for signal in own if live else ():
@@ -293,7 +302,9 @@ def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
 
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:
-    """Whether the vehicle says that it has an airspeed sensor; None when it does not say."""
+    """Return whether the vehicle has an airspeed sensor by its own reports; None if they do not
+    show it.
+    """
     kind = parameter(parameters, "ARSPD_TYPE")
     if np.isfinite(kind):
         return kind > 0
@@ -305,7 +316,9 @@ def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]
 
 
 def hud_airspeed(autopilot: str, pitot: bool | None) -> Provenance:
-    """What VFR_HUD's airspeed is: not the same quantity on every vehicle."""
+    """Return the source of VFR_HUD's airspeed, with a remark, because its meaning differs
+    between vehicles.
+    """
     if autopilot == "PX4":
         remark = "calibrated airspeed, as PX4 sends it"
     elif pitot:

@@ -1,7 +1,7 @@
-"""A log to its sorties: each flight between two restarts, or between two stays on the ground.
+"""Divide a log into sorties.
 
-A sortie ends where the vehicle's clock was restarted, and where the aircraft stood on the ground
-disarmed, for long, or while its tank or battery became fuller. A short touch-down ends none.
+A sortie ends where the vehicle restarts, or where the aircraft is on the ground disarmed, for long,
+or while its tank or battery becomes fuller. A short touch-down ends none.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ Span = tuple[float, float]
 def sorties_of(
     boots: Iterable[tuple[Recording, Signals]], options: Options
 ) -> tuple[FlightLog, ...]:
-    """The sorties of a log, numbered, of its recordings and signals from restart to restart.
+    """Return the numbered sorties of a log from its recordings and signals, one pair for each boot.
 
-    One that turned over before it rose is one of them. Where nothing in it flew, the longest
-    recording is given as it is. Raises LogError when none of
-    them makes a table, AirframeError when the airframe has another number of rotors.
+    An aircraft that turned over before it rose makes a sortie too. If nothing flew, return the
+    longest recording. Raise LogError if no recording makes a table, AirframeError if the airframe
+    has another number of rotors.
     """
     flown: list[FlightLog] = []
     idle: list[FlightLog] = []
@@ -80,7 +80,9 @@ def sorties_of(
 
 
 def _numbered(log: FlightLog) -> FlightLog:
-    """The log with the sortie in the name of its track, and what else was in it in the notes."""
+    """Return the log with its sortie in the name of its track, and the rest of the file in the
+    notes.
+    """
     track, restarts = log.track, len(log.quality.clock_jumps)
     notes = (restart_words(restarts),) if restarts else ()
     name = f"{track.name}{log.sortie_suffix}"
@@ -88,12 +90,14 @@ def _numbered(log: FlightLog) -> FlightLog:
 
 
 def is_sortie(track: FlightTrack, signals: Signals) -> bool:
-    """Whether it flew, or turned over before it could."""
+    """Return whether the aircraft flew, or turned over before it could."""
     return has_flight(track, signals) or bool(loss_of_control(track))
 
 
 def has_flight(track: FlightTrack, signals: Signals) -> bool:
-    """Whether any row is off the ground, and the motors were not off or idle throughout."""
+    """Return whether a row is off the ground, and the motors were neither off nor idle
+    throughout.
+    """
     armed = best(signals, "armed")
     output = track.throttle[track.flying]
     off = armed is not None and not np.any(armed.values > 0)
@@ -102,9 +106,10 @@ def has_flight(track: FlightTrack, signals: Signals) -> bool:
 
 
 def flight_spans(track: FlightTrack, clock_start_s: float, signals: Signals) -> list[Span]:
-    """(start, end) s of the vehicle's clock of each sortie of one boot, with the ground around it.
+    """Return start and end, s of the vehicle's clock, of each sortie of one boot, with ground
+    around it.
 
-    The first begins and the last ends with everything there is: -inf, inf.
+    The first starts at -inf and the last ends at inf, to include all there is.
     """
     clock_s = clock_start_s + track.time_s
     flying = np.concatenate([[False], track.flying, [False]])
@@ -121,9 +126,10 @@ def flight_spans(track: FlightTrack, clock_start_s: float, signals: Signals) -> 
 
 
 def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) -> Span | None:
-    """(start, end) s of the vehicle's clock of what ends a sortie between two flights, or None.
+    """Return start and end, s of the vehicle's clock, of a stay on the ground that ends a sortie,
+    or None.
 
-    `rows` are from the first on the ground to the first in the air again.
+    `rows` run from the first on the ground to the first in the air again.
     """
     down, up = float(clock_s[rows.start]), float(clock_s[rows.stop - 1])
     # In a pause of the log it may have been disarmed before the first row on the ground.
@@ -140,7 +146,9 @@ def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) ->
 
 
 def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> bool:
-    """Whether a stay from `down` to `up`, s of `clock_s` (T,), left more in tank or battery."""
+    """Return whether tank or battery were fuller after a stay from `down` to `up`, s of `clock_s`
+    (T,).
+    """
     before = (clock_s > down - LOOK) & (clock_s < down)
     after = (clock_s >= up) & (clock_s < up + LOOK)
     refilled = known_median(track.tank_kg[after]) - known_median(track.tank_kg[before]) >= REFILL_KG
@@ -151,7 +159,7 @@ def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> boo
 
 
 def _within(signals: Signals, channel: str, start: float, end: float) -> tuple[Floats, Floats]:
-    """Times and values (n,) of the channel's reports from `start` to `end`."""
+    """Return times and finite values (n,) of the channel's reports from `start` to `end`."""
     found = best(signals, channel)
     if found is None:
         return np.empty(0), np.empty(0)
@@ -160,7 +168,10 @@ def _within(signals: Signals, channel: str, start: float, end: float) -> tuple[F
 
 
 def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording, Signals]:
-    """One sortie of a recording and its signals, those that last with what they said before."""
+    """Return the recording and the signals of one sortie.
+
+    Signals that report states include their last report before it.
+    """
     start, end = span
     quality = recording.quality
     gaps = tuple(gap for gap in quality.gaps if start <= gap[0] < end)
@@ -177,9 +188,9 @@ def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording,
 
 
 def _parameters_at(recording: Recording, end: float) -> dict[str, float]:
-    """Return the parameters as they were sent last before `end`, s of the vehicle's clock.
+    """Return the parameters by their last values before `end`, s of the vehicle's clock.
 
-    One that was sent only later is taken as it was then: it says at least what it is called.
+    A parameter first sent later has its first value, the best known for this sortie.
     """
     known = dict(recording.parameters)
     first: dict[str, float] = {}

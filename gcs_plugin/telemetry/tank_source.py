@@ -1,4 +1,4 @@
-"""Which message the tank level comes from, and the level in kg.
+"""Choose the message that the tank level is read from, and compute the level in kg.
 
 Autopilots have no message for a spray tank. In order of trust, `auto` takes
 1. NAMED_VALUE_FLOAT `TANK` or `TANK_KG` (kg), `TANK_L` (litres);
@@ -46,7 +46,7 @@ NAMES = {"TANK": False, "TANK_KG": False, "TANK_L": True}
 
 @dataclass(frozen=True, slots=True)
 class TankLevel:
-    """The level in kg as one signal, or None, and notes for people."""
+    """The tank level, kg, as one signal or None, and notes for people."""
 
     signal: Signal | None
     notes: tuple[str, ...] = ()
@@ -54,7 +54,7 @@ class TankLevel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TankContext:
-    """What else the level may need."""
+    """The airframe, parameters and pump state needed to compute a tank level."""
 
     airframe: Airframe | None
     parameters: Mapping[str, float]
@@ -64,20 +64,23 @@ class TankContext:
 
     @property
     def liquid_density(self) -> float:
-        """kg/L; water when no airframe says otherwise."""
+        """Return the density, kg/L; water's without an airframe."""
         return self.airframe.liquid_density if self.airframe else WATER
 
 
 def flight_battery(signals: Signals) -> int | None:
-    """Battery id of the one that is flown on: the lowest one above a level sender's voltage, and
-    above half of the highest voltage: others are of what the autopilot is fed by."""
+    """Return the id of the flight battery; None if there is none.
+
+    It is the lowest id whose median voltage is above a level sender's and above half of the
+    highest: lower ones feed the autopilot.
+    """
     volts = {n: known_median(s.values) for n, s in _heard(signals, "battery_voltage").items()}
     least = max(SENDER_VOLTAGE, 0.5 * max(volts.values(), default=0.0))
     return next((number for number, level in volts.items() if level > least), None)
 
 
 def first_level(levels: Iterator[TankLevel]) -> TankLevel:
-    """The first that has a signal, with the notes of all that were tried before it."""
+    """Return the first level with a signal, with the notes of all levels tried before it."""
     notes: tuple[str, ...] = ()
     for found in levels:
         notes += found.notes
@@ -89,9 +92,9 @@ def first_level(levels: Iterator[TankLevel]) -> TankLevel:
 def tank_levels(
     signals: Signals, context: TankContext, source: str = "auto"
 ) -> Iterator[TankLevel]:
-    """Each way to the level by `source` that the signals give, preferred first.
+    """Yield each tank level that the signals give by `source`, preferred first.
 
-    Raises LogError when a forced source is not in the log.
+    Raise LogError if a source that was named is not in the log.
     """
     if source.strip().upper() == "AUTO" and context.airframe is not None:
         source = context.airframe.tank_source
@@ -120,9 +123,9 @@ def tank_levels(
 
 
 def check_source(source: str) -> tuple[str, str]:
-    """The kind of a tank source in capitals, and its name or number, empty where it has none.
+    """Return the kind of a tank source in capitals, and its name or number, empty if it has none.
 
-    Raises LogError when it can be no source, before anything is heard.
+    Raise LogError if it can be no source; the check needs no signals.
     """
     kind, _, rest = source.strip().partition(" ")
     kind = kind.upper()
@@ -176,7 +179,9 @@ def _density_notes(context: TankContext) -> tuple[str, ...]:
 
 
 def _heard(signals: Signals, channel: str) -> dict[int, Signal]:
-    """The sources of a channel that have a number, by their own, from the lowest on."""
+    """Return the sources of a channel with a numeric index and a finite value, by index,
+    ascending.
+    """
     found = sorted((int(number), signal) for number, signal in by_index(signals, channel).items())
     return {number: signal for number, signal in found if np.isfinite(signal.values).any()}
 
@@ -210,7 +215,7 @@ def _battery(signals: Signals, context: TankContext, wanted: int | None) -> Tank
 def _battery_level(
     percent: Signal, used: Signal | None, context: TankContext, number: int
 ) -> TankLevel:
-    """The level by the % and, where they agree, the ml used that battery `number` reports."""
+    """Return the level from the % of battery `number` and, where they agree, from its ml used."""
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
         capacity_l, whose = context.parameters[key] * 1e-3, f"{key} {context.parameters[key]:g} ml"
@@ -265,7 +270,7 @@ def _pump(signals: Signals, context: TankContext) -> TankLevel | None:
 
 @dataclass(frozen=True, slots=True)
 class PumpedSoFar:
-    """What the pump's output summed up to at a time, from which a later stretch goes on."""
+    """The sum of the pump's output at a time, to continue from in the next batch."""
 
     time_s: float  # of the pump's last report
     share: float  # its output there, 0 off to 1 full
@@ -273,9 +278,9 @@ class PumpedSoFar:
 
 
 def pumped(share: Signal, context: TankContext) -> Signal:
-    """kg that the pump's output `share` says have left the tank, at each of its reports.
+    """Sum the mass, kg, that the pump has delivered by its output `share`, at each report.
 
-    0 at the first one, or what `context.pumped` carries. Without an airframe the flow is unknown.
+    It starts at 0, or at `context.pumped`. NaN without an airframe, because the flow is unknown.
     """
     time_s, output, before = share.time_s, np.nan_to_num(share.values), 0.0
     if context.pumped is not None:
@@ -294,7 +299,9 @@ def pumped(share: Signal, context: TankContext) -> Signal:
 
 
 def pump_share(signals: Signals, context: TankContext) -> Signal | None:
-    """The pump's output from 0 (off) to 1 (full); None when no output is known as the pump's."""
+    """Return the pump's output from 0 (off) to 1 (full); None if no output is known as the
+    pump's.
+    """
     if context.pump_output is None or not (sent := output_pulses(signals, context.pump_output)):
         return None
     number = context.pump_output + 1

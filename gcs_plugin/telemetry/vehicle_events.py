@@ -1,14 +1,14 @@
-"""Channels that the user states: the load on board, the air of the day; and a tank that is none.
+"""Provide the channels that a user states, and the events that a vehicle reports.
 
-A stated load takes the place of every gauge. From its start it falls by what the pump's output says
-has been delivered. A stated end scales that fall to reach it; with no pump it falls evenly over the
-time of spraying, else of flight. A listener knows no end of the flight: there the pump alone makes
-it fall, and the stated end is the least that is left.
+Stated channels: load, air temperature, and the empty tank of an aircraft without one. A stated load
+replaces every gauge. From its start it falls by the amount the pump's output has delivered. A
+stated end scales the fall to reach it; without a pump the load falls evenly over the time of
+spraying, else of flight. A listener does not know the end of the flight: there only the pump lowers
+the load, and the stated end is its lower bound.
 
-What the vehicle itself reported of faults, failsafes and arming, read once into a kind.
-
-Texts are matched by the fixed beginnings that ArduPilot and PX4 send; errors of DataFlash logs by
-ArduPilot's table of subsystems (libraries/AP_Logger/AP_Logger.h, LogErrorSubsystem).
+Events: reports of faults, failsafes and arming, classified once. Texts are matched by the fixed
+beginnings that ArduPilot and PX4 send; errors of DataFlash logs by ArduPilot's table of subsystems
+(libraries/AP_Logger/AP_Logger.h, LogErrorSubsystem).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LONGEST_STEP = 2.0  # s between rows beyond which nothing is summed up
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """How to read: see `logs.read_sorties`."""
+    """The options of reading a log; see `logs.read_sorties`."""
 
     airframe: Airframe | None = None
     sampling: Sampling = "linear"
@@ -54,11 +54,12 @@ def stated_channels(
     spraying: Floats,
     pumped_kg: Floats,
 ) -> Iterator[tuple[str, Floats, Provenance, Floats | None]]:
-    """Each channel that `options` state: its name, values (T,), source and standard error (T,).
+    """Yield each channel that `options` state: its name, values (T,), source and standard error
+    (T,).
 
-    `spraying` (T,) is 1 while the pump runs, `pumped_kg` (T,) what its output sums up to; both are
-    NaN where unknown. The error is None where there is none to state. An aircraft without a tank
-    carries 0 kg whatever a gauge says, unless `options` name the gauge.
+    `spraying` (T,) is 1 while the pump runs, `pumped_kg` (T,) the sum of its output; both NaN where
+    unknown. The error is None where none can be stated. An aircraft without a tank carries 0 kg
+    whatever a gauge reports, unless `options` name the gauge.
     """
     rows = time_s.size
     if options.load is not None:
@@ -82,13 +83,15 @@ def stated_channels(
 
 
 def no_tank(options: Options) -> bool:
-    """True when the airframe has no tank and nobody names a gauge of one."""
+    """Return whether the airframe has no tank and `options` name no gauge."""
     craft = options.airframe
     return craft is not None and craft.tank_volume_l == 0.0 and options.tank in ("auto", "none")
 
 
 def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
-    """A track read as a table with what `options` state in the place of its own."""
+    """Return a track read from a table, with its channels replaced by those that `options`
+    state.
+    """
     unknown = np.full(track.time_s.size, np.nan)
     sources, errors = dict(track.sources), dict(track.standard_errors)
     arrays: dict[str, Floats] = {}
@@ -108,9 +111,9 @@ def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
 
 
 def _load(options: Options, start: float, sums: dict[str, Floats]) -> tuple[Floats, str]:
-    """kg (T,) on board, and how it falls, for people.
+    """Return the load (T,), kg, and a description for people of how it falls.
 
-    `sums` (T,) grow with the load's fall, best first.
+    `sums` (T,) increase as the load falls; the first one that is above 0 at the end is used.
     """
     begins, end = f"{start:g} kg", options.load_end
     pump = sums["the pump's output"]
@@ -128,7 +131,7 @@ def _load(options: Options, start: float, sums: dict[str, Floats]) -> tuple[Floa
 
 
 class EventKind(StrEnum):
-    """What a report of the vehicle is about."""
+    """The subject of a vehicle's report."""
 
     CRASH = "crash"
     LOST_CONTROL = "lost control"
@@ -158,9 +161,9 @@ class EventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class VehicleEvent:
-    """One report: `subject` is the motor number or the part that it is about, empty where none.
+    """One report of the vehicle; `subject` is the motor number or part, empty where there is none.
 
-    `text` is as the vehicle sent it, empty of what was no text.
+    `text` is as the vehicle sent it, empty if the report was no text.
     """
 
     kind: EventKind
@@ -237,7 +240,7 @@ _MODULE = re.compile(r"^\[[^\]]*\]\s*")
 
 
 def text_events(messages: Iterable[tuple[float, str]]) -> Iterator[VehicleEvent]:
-    """Events of texts with their time; a text that begins like none is left out."""
+    """Yield the event of each text with a known beginning, at its time; ignore other texts."""
     for time_s, text in messages:
         if said := _said(text):
             yield VehicleEvent(said[0], time_s, said[1], text)
@@ -245,7 +248,7 @@ def text_events(messages: Iterable[tuple[float, str]]) -> Iterator[VehicleEvent]
 
 @lru_cache(maxsize=4096)  # a log says the same many times over
 def _said(text: str) -> tuple[EventKind, str] | None:
-    """Kind and subject of a text; None of one that begins like none."""
+    """Return the kind and subject of a text; None if its beginning is unknown."""
     said = _MODULE.sub("", text.lower()).strip()
     for pattern, kind in _BEGINNINGS:
         if found := pattern.match(said):
@@ -262,8 +265,10 @@ _LEARNT = "MOT_THST_HOVER"
 def parameter_events(
     changes: Iterable[tuple[float, str, float]], *, first: bool = False
 ) -> Iterator[VehicleEvent]:
-    """Each time (s, name, value) that a value which numbers rest on was sent as another; a log is
-    read by the last one, or by the `first`."""
+    """Yield an event for each change of a parameter that affects results, from (s, name, value).
+
+    `first` states, for the text, that the log is read with the first value instead of the last.
+    """
     known: dict[str, float] = {}
     taken = "first" if first else "last"
     for time_s, name, value in changes:
@@ -274,14 +279,16 @@ def parameter_events(
 
 
 def parameter_change(name: str, before: float, value: float) -> str:
-    """`0.15 to 0.5`, of a parameter that numbers rest on; empty of any other and of no change."""
+    """Return a change as `0.15 to 0.5`; empty without one, or for a parameter that affects no
+    result.
+    """
     if not abs(value - before) > 0.0 or not name.startswith(_WORKED_BY) or name == _LEARNT:
         return ""
     return f"{before:g} to {value:g}"
 
 
 def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[VehicleEvent]:
-    """Events of ArduPilot's ERR messages, (n,) each; code 0 is the end of an error."""
+    """Yield the event of each ArduPilot ERR message, (n,) each; code 0 is the end of an error."""
     for when, part, number in zip(time_s.tolist(), subsystem.tolist(), code.tolist(), strict=True):
         if not np.isfinite([when, part, number]).all():
             continue
@@ -294,7 +301,7 @@ def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[Ve
 
 
 def arming_events(armed: Signal | None) -> Iterator[VehicleEvent]:
-    """Each time that the vehicle says that it was armed or disarmed."""
+    """Yield an event at each change between armed and disarmed."""
     if armed is None:
         return
     known = known_rows(armed.values)

@@ -1,1 +1,1 @@
-"""Missions and logs from the vehicle itself, through MAVSDK."""
+"""Fetch missions and logs from the vehicle itself, through MAVSDK."""

@@ -1,8 +1,9 @@
-"""A link to vehicles through MAVSDK, over which missions and logs are fetched; signed with a key.
+"""Open a link to vehicles through MAVSDK, over which missions and logs are fetched; signed with a
+key.
 
-MAVSDK runs threads of its own and calls back from them; here the callbacks only put into a queue
-and the caller's thread waits on it, so that Ctrl-C and timeouts work. Nothing is sent but what the
-transfers need: a ground station's heartbeats and requests.
+MAVSDK runs threads of its own and calls back from them. The callbacks only put into a queue, and
+the caller's thread waits on it, so that Ctrl-C and timeouts work. Nothing is sent but the messages
+that transfers need: a ground station's heartbeats and requests.
 """
 
 from __future__ import annotations
@@ -48,9 +49,9 @@ Plugin = TypeVar("Plugin")
 
 
 class VehicleLink:
-    """One open link; a context manager. Use `open` for a URL, `over` for a link that exists.
+    """One open link, a context manager. Use `open` for a URL, `over` for an existing link.
 
-    Mutable: it holds MAVSDK's threads and sockets, which `close` ends.
+    Mutable: it owns MAVSDK's threads and sockets, which `close` ends.
     """
 
     def __init__(self, name: str) -> None:
@@ -67,7 +68,7 @@ class VehicleLink:
 
     @classmethod
     def open(cls, url: str) -> Self:
-        """A link of MAVSDK's own at a URL. Raises LinkError when it cannot be opened."""
+        """Open a link of MAVSDK's own at a URL; raise LinkError if it cannot be opened."""
         translated = mavsdk_url(url)
         link = cls(url)
         from mavsdk import ConnectionResult
@@ -80,9 +81,10 @@ class VehicleLink:
 
     @classmethod
     def over(cls, send: Callable[[bytes], None], *, name: str) -> Self:
-        """A link over a socket that somebody else owns: `send` takes whole frames for the vehicle.
+        """Open a link over a socket owned by the caller; `send` is called with whole frames for the
+        vehicle.
 
-        `send` is called from MAVSDK's thread; give what arrives to `feed`. `name` is for messages.
+        `send` runs on MAVSDK's thread; pass received bytes to `feed`. `name` is for messages.
         """
         link, outgoing = cls(name), FrameSplitter()
 
@@ -95,23 +97,29 @@ class VehicleLink:
         return link
 
     def feed(self, data: bytes) -> None:
-        """Bytes that arrived from the vehicle (only for a link made by `over`); thread-safe."""
+        """Pass on bytes received from the vehicle (only for a link made by `over`); thread-safe."""
         self._mavsdk.pass_received_raw_bytes(data)
 
     def cancel(self) -> None:
-        """Let the thread that waits on this link stop with a LinkError; thread-safe.
+        """Make the thread that waits on this link raise LinkError; thread-safe.
 
         `close` cannot do that: MAVSDK must not be destroyed while another thread is in it.
         """
         self._cancelled.set()
 
     def hold(self, plugin: Plugin) -> Plugin:
-        """`plugin`, kept until `close`: MAVSDK may call back even after the last answer."""
+        """Keep a reference to `plugin` until `close`: MAVSDK may call back after the last answer.
+
+        Return it.
+        """
         self._held.append(plugin)
         return plugin
 
     def close(self) -> None:
-        """End every transfer, thread and socket; on the thread that used it, may be repeated."""
+        """End every transfer, thread and socket.
+
+        Call it on the thread that used the link; repeated calls are allowed.
+        """
         # A plugin lets go of its callbacks before MAVSDK's thread has ended, and that thread may
         # be in one of them, or about to be: it would run freed memory.
         callbacks = [list(plugin._callbacks) for plugin in self._held]
@@ -126,9 +134,10 @@ class VehicleLink:
         self.close()
 
     def vehicle(self, number: int | None = None, *, timeout: float = 10.0) -> System:
-        """The vehicle with system id `number`, or the only one on the link.
+        """Return the vehicle with system id `number`, or the only one on the link.
 
-        Raises LinkError when none is heard within `timeout` s, or several and none was named.
+        Raise LinkError if none is received within `timeout` s, or if there are several and `number`
+        is None.
         """
         heard = time.monotonic() + timeout
         settled = math.inf
@@ -154,7 +163,9 @@ class VehicleLink:
         )
 
     def next_event(self, events: Queue[Event], what: str) -> Event:
-        """The next thing that MAVSDK put into `events`; LinkError after `SILENCE` s without any."""
+        """Return the next event that MAVSDK puts into `events`; raise LinkError after `SILENCE`
+        s without one.
+        """
         until = time.monotonic() + SILENCE
         while time.monotonic() < until:
             self._check_cancelled()
@@ -172,13 +183,13 @@ class VehicleLink:
             raise LinkError(f"{self.name}: stopped before the transfer was complete")
 
     def too_much(self, found: str) -> LinkError:
-        """The error for a transfer that would not end."""
+        """Return the error for a transfer that does not end."""
         return LinkError(
             f"{self.name}: {found}; restart the autopilot, or upload the mission to it again"
         )
 
     def refused(self, what: str, result: str) -> LinkError:
-        """The error for a transfer that MAVSDK gave up with `result`."""
+        """Return the error for a transfer that MAVSDK gave up with `result`."""
         reason = result.lower().replace("_", " ")
         return LinkError(
             f"{self.name}: the vehicle is heard but did not send {what} ({reason}); check that "
@@ -187,10 +198,10 @@ class VehicleLink:
 
 
 def autopilot_of(vehicle: System) -> Autopilot:
-    """Which autopilot it is, once its heartbeat has come.
+    """Return the autopilot of a vehicle once its heartbeat has arrived; wait HEARTBEATS s at most.
 
-    MAVSDK calls a vehicle generic that was heard by any other message, and ArduPilot's list of
-    items, which begins with home, would then be taken for one without. Waits HEARTBEATS s at most.
+    Before a heartbeat MAVSDK reports a generic autopilot. ArduPilot's list of items, which begins
+    with home, would then be read as one without.
     """
     from mavsdk import Autopilot
 
@@ -222,23 +233,25 @@ def _reason(result: Any) -> str:
 
 @cache
 def _take_log() -> None:
-    """Once a process: a second subscription frees the first while a thread may be in it."""
+    """Subscribe to MAVSDK's log once a process: a second subscription frees the first, which may
+    be in use.
+    """
     from mavsdk import log_subscribe
 
     log_subscribe(_to_logging)
 
 
 def _to_logging(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
-    """MAVSDK prints to standard output unless a callback takes it; kept for --verbose."""
+    """Log a message of MAVSDK at debug level, for --verbose, instead of letting it print."""
     log.debug("mavsdk %s: %s", level.name.lower(), message)
     return True
 
 
 def mavsdk_url(url: str) -> str:
-    """`url` in MAVSDK's form; host names are looked up, since MAVSDK takes only addresses.
+    """Return `url` in MAVSDK's form, with host names resolved, since MAVSDK takes only addresses.
 
-    MAVSDK's own spelling (udpin://HOST:PORT) is understood too. Raises LinkError when it is no
-    URL, names a recording, or the host or port does not exist.
+    MAVSDK's own form (udpin://HOST:PORT) is accepted too. Raise LinkError if it is no URL, names a
+    recording, or its host or port does not exist.
     """
     end = parse_url(url.replace("://", ":", 1))
     if end.kind == "tlog":
@@ -263,10 +276,10 @@ LINK_ID = 87
 
 @contextmanager
 def signed_link(url: str, key: bytes) -> Iterator[VehicleLink]:
-    """As `VehicleLink.open(url)`, with `key` for both directions.
+    """Open a link as `VehicleLink.open(url)`, with `key` for both directions.
 
-    MAVSDK does not sign; so its bytes go over a listener of this project's, which does. Errors of
-    the link state what became of messages that were not let in. Raises LinkError.
+    MAVSDK does not sign, so its bytes pass a listener of this project, which does. Errors of the
+    link include the count of rejected messages. Raise LinkError.
     """
     door = SigningFilter(key)
     signer = Signer(key, link_id=LINK_ID, after=lambda: door.latest)

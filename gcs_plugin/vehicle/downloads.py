@@ -1,4 +1,4 @@
-"""What a vehicle holds: its mission as a plan, its logs as files, its parameters by name."""
+"""Download a vehicle's mission as a plan, its logs as files, and its parameters by name."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ REQUEST_MESSAGE, HOME_POSITION_ID = 512, 242
 def download_mission(
     link: VehicleLink, vehicle: System, progress: Progress | None = None
 ) -> MissionPlan:
-    """The mission of `vehicle` over a link that is open; `progress` counts items.
+    """Download the mission of `vehicle` over an open link; `progress` counts items.
 
-    Transferred as raw items: MAVSDK's own mission type refuses ArduPilot's item 0, its home.
-    Raises LinkError when the vehicle does not answer or in no bounds, PlanError when it holds no
-    mission, or one with places that are none.
+    It is transferred as raw items: MAVSDK's own mission type refuses ArduPilot's item 0, its home.
+    Raise LinkError if the vehicle does not answer or the transfer does not end, PlanError if the
+    mission is empty or contains invalid places.
     """
     from mavsdk import Autopilot
     from mavsdk.plugins.mavlink_direct import MavlinkDirect
@@ -91,7 +91,7 @@ def download_mission(
 def _home(
     direct: Any, vehicle: System, events: Queue[tuple[str, Any]]
 ) -> tuple[float, float, float] | None:
-    """Latitude, longitude in degrees and m AMSL of home, asked for; None without an answer."""
+    """Request latitude, longitude, degrees, and m AMSL of home; None without an answer."""
     from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
     number = vehicle.get_system_id()
@@ -112,7 +112,9 @@ def _home(
 
 
 def _plan_item(item: Any) -> PlanItem:
-    """MAVLink's integer item in degrees; MAV_FRAME_MISSION holds numbers without a unit instead."""
+    """Return the plan item of MAVLink's integer item; in MAV_FRAME_MISSION its numbers have no
+    unit.
+    """
     scale, places = (1.0, 0) if item.frame == FRAME_MISSION else (1e-7, 7)
     return PlanItem(
         number=item.seq,
@@ -132,7 +134,9 @@ def _plan_item(item: Any) -> PlanItem:
 
 
 def _shortest(value: float) -> float:
-    """The shortest decimal that is the same 32-bit number: 2.3 and not 2.299999952316284."""
+    """Return the shortest decimal that equals `value` as a 32-bit float: 2.3, not
+    2.299999952316284.
+    """
     return float(str(np.float32(value)))
 
 
@@ -146,7 +150,7 @@ class LogEntry:
 
 
 class VehicleLogs:
-    """The logs of one vehicle, listed once. Raises LinkError when it does not answer."""
+    """The logs of one vehicle, listed once; raise LinkError if it does not answer."""
 
     def __init__(self, link: VehicleLink, vehicle: System) -> None:
         from mavsdk.plugins.log_files import LogFiles, LogFilesResult
@@ -170,13 +174,15 @@ class VehicleLogs:
         )
 
     def choose(self, number: int | None = None) -> LogEntry:
-        """Log `number`, or the latest that is not empty. Raises LinkError when there is none."""
+        """Return log `number`, or the latest that is not empty; raise LinkError if there is
+        none.
+        """
         return choose_log(self.entries, number, self._link.name)
 
     def download(self, entry: LogEntry, path: Path, progress: Progress | None = None) -> None:
-        """Save `entry` at `path`, whole or not at all; `progress` counts bytes.
+        """Save `entry` at `path` atomically; `progress` counts bytes.
 
-        Raises LinkError when the vehicle falls silent or `path` cannot be written.
+        Raise LinkError if the vehicle stops sending or `path` cannot be written.
         """
         from mavsdk.plugins.log_files import LogFilesResult
 
@@ -207,9 +213,10 @@ class VehicleLogs:
 
 
 def choose_log(entries: tuple[LogEntry, ...], number: int | None, name: str) -> LogEntry:
-    """Log `number` of `entries`, or the latest that is not empty; `name` is the link's, for words.
+    """Return log `number` of `entries`, or the latest that is not empty; `name` is the link's, for
+    errors.
 
-    Raises LinkError when none fits.
+    Raise LinkError if none fits.
     """
     if not entries:
         raise LinkError(f"{name}: the vehicle holds no logs; check its SD card and log settings")
@@ -240,9 +247,9 @@ _PX4_INTEGERS = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i"}  # MAV_PARAM_TY
 def download_parameters(
     link: VehicleLink, vehicle: System, progress: Progress | None = None
 ) -> dict[str, float]:
-    """Every parameter of `vehicle` by name; `progress` counts them.
+    """Download every parameter of `vehicle` by name; `progress` counts them.
 
-    Raises LinkError when the vehicle sends none.
+    Raise LinkError if the vehicle sends none.
     """
     from mavsdk import Autopilot
     from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
@@ -285,7 +292,9 @@ def download_parameters(
 
 
 def _value(fields: dict[str, object], bits: bool) -> float:
-    """PX4 puts the bits of an integer where the number should be, ArduPilot the number."""
+    """Return a parameter's value; with `bits` (PX4) an integer's bits are decoded from the
+    number.
+    """
     value = fields["param_value"]
     value = float("nan") if not isinstance(value, int | float) else float(value)
     form = _PX4_INTEGERS.get(int(str(fields["param_type"])))

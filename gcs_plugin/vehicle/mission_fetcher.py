@@ -1,9 +1,9 @@
-"""The missions of the vehicles that a monitor hears, over the monitor's own links.
+"""Fetch the missions of the vehicles that a monitor receives, over the monitor's own links.
 
-Each vehicle is asked when it appears, returns or restarts, and when its mission is replaced,
-whoever did that; one after the other, on a thread of its own. The plan is handed over on the
-compute thread. A vehicle that does not answer is asked again ever more rarely. Nothing is sent
-before or after, and what is sent is signed where the monitor signs.
+Each vehicle is asked when it appears, returns or restarts, and when its mission is replaced by
+anybody. Vehicles are asked one after the other, on a thread of their own; the plan is handed over
+on the compute thread. A vehicle that does not answer is asked again at growing intervals. Nothing
+is sent before or after a transfer, and requests are signed if the monitor signs.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ AGAIN, RAREST = 10.0, 300.0
 
 @dataclass(slots=True)
 class _Asked:
-    """What is known of one vehicle's mission; times are the ground's clock, µs."""
+    """The state of fetching one vehicle's mission; times are the ground's clock, µs."""
 
     of: object = None  # which mission was there when it was asked last
     seen: object = None  # which is there now
@@ -44,9 +44,11 @@ class _Asked:
 
 
 class MissionFetcher(Subscriber):
-    """A subscriber of the monitor. Give `feed` every batch of frames; end it with `close`.
+    """A subscriber of the monitor that fetches missions; pass it every batch of frames, and close
+    it.
 
-    What came, or why nothing did, becomes a note of the vehicle's watch, which the monitor records.
+    The result of a transfer, or its error, becomes a note of the vehicle's watch, which the monitor
+    records.
     """
 
     def __init__(
@@ -71,7 +73,7 @@ class MissionFetcher(Subscriber):
         self._thread.start()
 
     def feed(self, frames: Sequence[Frame]) -> None:
-        """Frames as they arrive; returns at once unless a mission is being fetched."""
+        """Pass on frames as they arrive; return at once unless a mission is being fetched."""
         if self._link is None:
             return
         data = b"".join(frame.data for frame in frames if frame.system == self._vehicle)
@@ -80,7 +82,7 @@ class MissionFetcher(Subscriber):
                 self._link.feed(data)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """Ask for the missions that are new, and hand over those that have come."""
+        """Request new missions, and hand over those that have arrived."""
         for number, watch in fleet.vehicles.items():
             asked = self._asked.setdefault(number, _Asked())
             now = (watch.state.mission_changes, watch.telemetry.clock.boot, watch.back_us)
@@ -114,7 +116,7 @@ class MissionFetcher(Subscriber):
                 watch.notes.append((now_us, f"mission of {len(found.items)} items fetched"))
 
     def close(self) -> None:
-        """End a transfer that is under way; may be called again."""
+        """End a running transfer; repeated calls are allowed."""
         self._closed = True
         self._wanted.put(None)
         with self._lock:

@@ -1,1 +1,3 @@
-"""A plan flown in time by the vehicle's own limits, and what the model says of that flight."""
+"""Forecast the flight of a plan before take-off: its course in time, its thrust utilisation, tank
+and battery.
+"""

@@ -1,8 +1,9 @@
-"""Voltage and energy of a battery along a flight.
+"""Compute the voltage and energy of a battery along a flight.
 
     V = n V_cell(charge) - n r I      I = P/V      P = sum of torque x rotor speed / efficiency
 
-Lithium polymer cells; without a capacity the voltage is held, and that is said.
+The cells are lithium polymer. Without a capacity the voltage is constant, and the forecast lists
+that as an assumption.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ LEAST = 0.05  # of a charge below which nothing is known
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightBattery:
-    """A battery before take-off; NaN is unknown."""
+    """A battery before take-off; NaN where a value is unknown."""
 
     voltage: float = math.nan  # V at rest; with no capacity: V under load, held
     capacity_ah: float = math.nan
@@ -40,16 +41,22 @@ class FlightBattery:
 
     @property
     def falls(self) -> bool:
-        """Whether its voltage can be followed."""
+        """Return whether the voltage can be computed from the charge: the capacity is known."""
         return self.capacity_ah > 0.0
 
 
 UNKNOWN = FlightBattery()
 
 
-def since(total: Floats, changed: NDArray[np.intp], before: Floats | float = 0.0) -> Floats:
-    """(T,) of what adds up to `total` (T,), what came since the last of the rows `changed`, and
-    what is taken to have come `before` that (a number, or one for each of the rows)."""
+def used_since_change(
+    total: Floats, changed: NDArray[np.intp], before: Floats | float = 0.0
+) -> Floats:
+    """Subtract from a running total (T,) its value at the latest row of `changed`, the rows of a
+    new tank or battery.
+
+    `before` is the amount already used at each of those rows: one number, or one for each row. Rows
+    ahead of the first change keep the whole total.
+    """
     begun = np.zeros(total.size)
     begun[changed] = total[changed] - before
     last = np.zeros(total.size, dtype=np.intp)
@@ -58,7 +65,10 @@ def since(total: Floats, changed: NDArray[np.intp], before: Floats | float = 0.0
 
 
 def stated_capacity(parameters: Mapping[str, float]) -> float:
-    """Ah that an autopilot has of its battery; NaN where it is not, or left at its default."""
+    """Return the battery capacity, Ah, from an autopilot's parameters.
+
+    NaN where the parameter is missing, zero, or left at ArduPilot's default.
+    """
     for name, scale in (("BATT_CAPACITY", 1e-3), ("BAT1_CAPACITY", 1e-3)):
         value = parameters.get(name, 0.0)
         if value > 0.0 and value != UNSET:
@@ -67,7 +77,9 @@ def stated_capacity(parameters: Mapping[str, float]) -> float:
 
 
 def rotor_power(airframe: Airframe, thrust: Floats, speed_rpm: Floats) -> Floats:
-    """(T,) W that the battery gives for thrusts N and speeds rpm (T, R) of the rotors."""
+    """Compute the battery power (T,), W, from rotor thrusts, N, and rotor speeds, rpm, both
+    (T, R).
+    """
     shaft = airframe.torque_ratio * thrust * speed_rpm * (2.0 * math.pi / 60.0)
     return np.sum(shaft, axis=1) / EFFICIENCY
 
@@ -80,10 +92,12 @@ def discharge(
     changed: NDArray[np.intp],
     before_wh: Floats | float = 0.0,
 ) -> tuple[Floats, Floats]:
-    """Voltage (T,) under load and energy (T,) Wh given so far, at a power (T,) W for (T,) s.
+    """Compute the voltage under load (T,), V, and the energy drawn so far (T,), Wh.
 
-    From the rows `changed` on it is a battery that has given `before_wh`. NaN volts where the
-    charge is used up.
+    `power` (T,) W is drawn for `seconds` (T,) s. At each of the rows `changed` a battery takes over
+    that has already given `before_wh`; the energy runs on across batteries. The voltage is NaN
+    where the charge is used up. Without a capacity or a nominal voltage it is constant:
+    `battery.voltage`, else the nominal voltage.
     """
     energy = np.cumsum(np.nan_to_num(power) * seconds) / 3600.0
     cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
@@ -100,7 +114,7 @@ def discharge(
     volts = np.full(power.size, start)
     for _ in range(3):
         before = np.asarray(before_wh) / (cells * CELL) * 3600.0
-        drawn = since(np.cumsum(power / volts * seconds), changed, before) / 3600.0
+        drawn = used_since_change(np.cumsum(power / volts * seconds), changed, before) / 3600.0
         charge = full - drawn / battery.capacity_ah
         rest = cells * np.interp(charge, _CHARGE, _AT_REST)
         inside = np.maximum(rest**2 - 4.0 * resistance * power, 0.0)

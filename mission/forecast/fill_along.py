@@ -1,6 +1,7 @@
-"""Thrust utilisation along a planned flight: of each stretch, and at its weakest place.
+"""Compute the thrust utilisation along a planned flight, by stretch and at its largest.
 
-How much may be filled for a plan, and with how much left one lost rotor is survived.
+The largest fill that keeps the limit, and the tank mass below which the loss of one rotor is
+survived, follow from it.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ FLOWN_ERROR = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LegForecast:
-    """One stretch of the flight."""
+    """The forecast of one stretch of a planned flight; utilisations are of the most used rotor."""
 
     item: int
     kind: SpanKind
@@ -40,7 +41,10 @@ class LegForecast:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weakest:
-    """The place with the largest utilisation, and what of it could be otherwise, as shares."""
+    """The place of a planned flight with the largest utilisation, and the shares of it by cause.
+
+    The shares are differences of utilisation between steady flights: with and without the cause.
+    """
 
     item: int
     kind: SpanKind
@@ -54,7 +58,7 @@ class Weakest:
 
 
 def leg_forecast(span: Span, analysis: FlightAnalysis) -> LegForecast:
-    """One stretch of the analysed flight."""
+    """Return the forecast of the stretch `span` of the analysed planned flight."""
     rows = slice(span.first, span.last)
     use, reach = worst_use(analysis, rows)
     top = int(np.argmax(np.where(np.isfinite(use), use, -1.0)))
@@ -72,7 +76,9 @@ def leg_forecast(span: Span, analysis: FlightAnalysis) -> LegForecast:
 
 
 def worst_use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
-    """(N,) utilisation of the worst rotor and half of its 90 % interval."""
+    """Return the predicted utilisation (N,) of the most used rotor in `rows`, and half its 90 %
+    interval (N,).
+    """
     use = analysis.utilisation_predicted[rows]
     worst, which = worst_rotor(use)
     error = analysis.utilisation_error[rows]
@@ -82,7 +88,7 @@ def worst_use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
 
 
 def weakest_place(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:
-    """The place with the largest utilisation; None where nothing is predicted."""
+    """Return the place with the largest utilisation; None where nothing is predicted."""
     use, reach = worst_use(analysis, slice(None))
     if not np.isfinite(use).any():
         return None
@@ -118,9 +124,11 @@ NUDGE_KG = 0.02  # to the safe side of a limit, so that the search closes in on 
 
 
 def survivable_below(analysis: FlightAnalysis) -> float:
-    """kg in the tank below which one lost rotor is surely survived wherever the plan has so little.
+    """Return the tank mass, kg, below which the loss of one rotor is survived throughout the plan.
 
-    Where it never has, below what it is survived anywhere; NaN unknown, as with a bad rotor.
+    The bound is the lower end of the 90 % interval of the redundancy, without control of yaw. Where
+    the tank of the plan never gets that low, return the smallest tank mass that survives at every
+    row. NaN where a rotor is faulty or the redundancy is unknown.
     """
     craft, tank = identified_airframe(analysis.model), analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
@@ -137,10 +145,13 @@ def largest_fill(
     limit: float,
     flown: Callable[[PlanConditions], Advised],
 ) -> float:
-    """kg with which the answer is that all stays below the limit; 0: not even empty. NaN where it
-    is not known, as with a bad rotor.
+    """Search for the largest tank mass at take-off, kg, with which the whole plan stays below
+    `limit`.
 
-    Load and limit go together nearly as a line does, so few flights are needed.
+    `flown` forecasts the plan under other conditions; `advised` is the forecast under `given`. The
+    result is rounded down to 0.1 kg; 0 means not even an empty tank keeps the limit. NaN where the
+    utilisation is unknown or a rotor is faulty. The search is by secant steps, because the room
+    left is nearly linear in the load.
     """
     craft = identified_airframe(advised.analysis.model)
     most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - craft.empty_mass)
@@ -171,7 +182,11 @@ def largest_fill(
 
 
 def _room(advised: Advised, limit: float) -> float:
-    """kg more, or less than nothing, with which some moment meets its limit."""
+    """Return the change of mass, kg, at which the first row meets its limit; negative if one is
+    exceeded.
+
+    The limits are of utilisation and of redundancy.
+    """
     analysis, use = advised.analysis, advised.advice.use
     mass = identified_airframe(analysis.model).empty_mass + analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)

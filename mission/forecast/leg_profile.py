@@ -1,11 +1,11 @@
-"""Speed along one straight leg from rest to rest, limited in speed, acceleration, jerk and snap.
+"""Plan the speed along one straight leg from rest to rest, limited in acceleration, jerk and snap.
 
-That is how ArduPilot plans each leg of a mission (AP_Math, SCurve): jerk goes up and down as a
-raised cosine. A pulse of acceleration A with jerk J and ramps of t_j rises in A/J + t_j and adds
+ArduPilot plans each leg of a mission so (AP_Math, SCurve): jerk rises and falls as a raised cosine.
+A pulse of acceleration A with jerk J and ramps of t_j lasts A/J + t_j to its peak and adds
 
     V = A (A/J + t_j + t_flat)      in T = 2 (A/J + t_j) + t_flat,      over V T / 2
 
-and braking is the same pulse backwards.
+and braking is the same pulse in reverse.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ FINEST = 0.01  # m/s in steps of which a short leg's top speed is found, so that
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pulse:
-    """Speeding up from rest in time; backwards it is braking. Tables have (SAMPLES,) rows."""
+    """The acceleration from rest to a top speed, in tables of (SAMPLES,) rows; in reverse it is
+    braking.
+    """
 
     top_speed: float  # m/s that is reached
     seconds: float
@@ -35,11 +37,16 @@ class Pulse:
 
     @property
     def length(self) -> float:
-        """m of way."""
+        """Return the distance covered while accelerating, m."""
         return float(self.way[-1])
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Way m, speed m/s and acceleration m/s² so many s (N,) after its start."""
+        """Return distance m, speed m/s and acceleration m/s², each (N,), at times (N,) s after the
+        pulse starts.
+
+        Outside the pulse, distance and speed are those at its nearer end, and the acceleration is
+        0.
+        """
         inside = np.clip(time_s, 0.0, self.seconds)
         gained = np.interp(inside, self.at_s, self.acceleration)
         return (
@@ -51,7 +58,7 @@ class Pulse:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LegProfile:
-    """A leg in time: a pulse, the top speed held, and the pulse backwards."""
+    """The motion along one leg in time: an acceleration pulse, cruise at top speed, and braking."""
 
     length: float  # m
     pulse: Pulse
@@ -66,7 +73,9 @@ class LegProfile:
         return 2.0 * self.pulse.seconds + self.cruise_s
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Way m, speed m/s and acceleration m/s² so many s (N,) after the start."""
+        """Return distance m, speed m/s and acceleration m/s², each (N,), at times (N,) s after the
+        leg starts.
+        """
         pulse, left = self.pulse, self.seconds - time_s
         first, last = time_s < pulse.seconds, left < pulse.seconds
         way, speed, gained = pulse.at(np.where(first, time_s, left))
@@ -82,7 +91,12 @@ class LegProfile:
 def leg_profile(
     length: float, speed: float, acceleration: float, jerk: float, snap: float
 ) -> LegProfile:
-    """The profile of a leg of `length` m; the top speed is lower where the leg is too short."""
+    """Return the motion along a leg of `length` m; its top speed is reduced where the leg is too
+    short.
+
+    Limits: `speed` m/s, `acceleration` m/s², `jerk` m/s³, `snap` m/s⁴. A reduced top speed is
+    rounded down to FINEST.
+    """
     low, high = 0.0, speed
     if _pulse_seconds(speed, acceleration, jerk, snap) * speed > length:
         while high - low > 1e-3 * FINEST:
@@ -97,7 +111,7 @@ def leg_profile(
 
 @lru_cache(maxsize=4096)
 def speeding_up(speed: float, acceleration: float, jerk: float, snap: float) -> Pulse:
-    """From rest to `speed`; the same one for the same limits."""
+    """Return the acceleration from rest to `speed`, m/s; cached by its limits."""
     peak, steep, ramp, held, flat = _pulse(speed, acceleration, jerk, snap)
     seconds = 2.0 * (2.0 * ramp + held) + flat
     at_s = np.linspace(0.0, seconds, SAMPLES)
@@ -119,6 +133,7 @@ def speeding_up(speed: float, acceleration: float, jerk: float, snap: float) -> 
 
 
 def _pulse_seconds(speed: float, acceleration: float, jerk: float, snap: float) -> float:
+    """Return the duration of an acceleration pulse, s."""
     _, _, ramp, held, flat = _pulse(speed, acceleration, jerk, snap)
     return 2.0 * (2.0 * ramp + held) + flat
 
@@ -126,7 +141,10 @@ def _pulse_seconds(speed: float, acceleration: float, jerk: float, snap: float) 
 def _pulse(
     speed: float, acceleration: float, jerk: float, snap: float
 ) -> tuple[float, float, float, float, float]:
-    """Peak acceleration, jerk, and s of a ramp of jerk, of held jerk and of held acceleration."""
+    """Return peak acceleration, peak jerk, and the durations, s, of three phases.
+
+    The phases are one ramp of jerk, constant jerk, and constant acceleration.
+    """
     ramp = jerk * math.pi / (2.0 * snap)
     root = math.sqrt(ramp**2 + 4.0 * speed / jerk)
     peak = min(acceleration, jerk * (root - ramp) / 2.0)
@@ -142,7 +160,7 @@ def _pulse(
 
 
 def _rise(time_s: Floats, jerk: float, ramp: float, held: float) -> Floats:
-    """(N,) m/s² so many s after acceleration began to rise."""
+    """Compute the acceleration (N,), m/s², at times (N,) s after it began to rise."""
     up = np.clip(time_s, 0.0, ramp)
     down = np.clip(time_s - ramp - held, 0.0, ramp)
     bent = ramp / (2.0 * math.pi)

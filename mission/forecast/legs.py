@@ -1,9 +1,9 @@
-"""Where a plan has to be refilled: at the last line end that tank and battery still reach.
+"""Divide a plan into sorties, and choose the legs of a long plan to simulate.
 
-Which legs of a long plan are flown, so that one of them stands for every other.
-
-Alike is what is flown alike: speed, climb, the corner after it, and in wind the heading. One that
-was flown stands for those with no more in the tank and no more taken from the battery.
+A sortie ends at the last line end that tank and battery reach. Of a long plan only legs unlike
+those simulated before are simulated. Two legs are alike in speed, climb angle, the corner that
+follows and, in wind, heading. A simulated leg represents those like it with no more in the tank and
+no more drawn from the battery.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.mission.forecast.battery import since
+from thrustmargin.mission.forecast.battery import used_since_change
 from thrustmargin.mission.forecast.limits import FlightLimits
 from thrustmargin.mission.forecast.plan_flight import PlanConditions, PlanFlight, Used, energy_home
 from thrustmargin.mission.forecast.way import TimedLeg, WayLeg
@@ -29,7 +29,7 @@ CHARGE_KEPT, TANK_KEPT = 0.25, 0.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sortie:
-    """One filling of the tank."""
+    """The part of a plan that is flown on one filling of the tank."""
 
     first_item: int  # number of the first mission item that is flown to
     last_item: int  # and of the last: the refill is there
@@ -41,7 +41,9 @@ class Sortie:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Needs:
-    """The sorties of a plan; `short_of` says why no split of it is possible."""
+    """The sorties of a plan; `short_of` names the resource that one line alone exceeds, empty if
+    none.
+    """
 
     refill_after: tuple[int, ...]  # numbers of the legs, from 0
     sorties: tuple[Sortie, ...]
@@ -50,7 +52,9 @@ class Needs:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LegEnds:
-    """What all L legs of a plan have taken by the end of each, without a refill."""
+    """The cumulative use of tank, battery and time at the end of each of the L legs, without
+    refills.
+    """
 
     items: NDArray[np.intp]  # (L,) numbers of the mission items flown to
     time_s: Floats  # (L,)
@@ -67,8 +71,12 @@ def leg_ends(
     limits: FlightLimits,
     model: RotorModel,
 ) -> LegEnds:
-    """Those of `legs`, of which `flight` has the first; the others by speed and way alone, with the
-    power of the flight."""
+    """Compute the cumulative use at the end of each of `legs`; `flight` has simulated the first of
+    them.
+
+    The use of legs beyond `flight` is extrapolated from their speed and length, at the mean power
+    of `flight`.
+    """
     count = len(flight.course.legs)
     rows = np.maximum(np.searchsorted(flight.course.active, np.arange(1, count + 1)) - 1, 0)
     parts = [flight.track.time_s[rows], flight.sprayed_kg[rows], flight.energy_wh[rows]]
@@ -102,10 +110,11 @@ def leg_ends(
 
 
 def needs(taken: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh: float) -> Needs:
-    """The sorties of a plan; `line_ends` are item numbers, in any order.
+    """Divide a plan into sorties; a refill may follow the items in `line_ends`, in any order.
 
-    `usable_wh` NaN: the battery is not known, and does not decide. Each sortie but the last one
-    ends with the way home, and each but the first starts with as much.
+    `usable_wh` is the energy that a battery may give; NaN where it is unknown, and then only the
+    tank limits a sortie. Each sortie but the last includes the energy of the way home; each but the
+    first, of the way back to its start.
     """
     ends, used, given = taken.time_s, taken.sprayed_kg, taken.energy_wh
     at_line_end = np.isin(taken.items, list(line_ends))
@@ -114,7 +123,10 @@ def needs(taken: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh
     short, before, last = "", -1, -1
 
     def energy(a: int, b: int) -> float:
-        """Wh from the end of leg `a` (-1: take-off) to that of `b`, ways there and home too."""
+        """Return the energy, Wh, from the end of leg `a` (-1: take-off) to the end of leg `b`.
+
+        The ways from and to the refills are included.
+        """
         out = float(given[a] - taken.home_wh[a]) if a >= 0 else 0.0
         home = float(taken.home_wh[b]) if b + 1 < ends.size else 0.0
         return float(given[b]) - out + home
@@ -155,7 +167,9 @@ SPEED, ANGLE, CORNER = 0.5, 10.0, 15.0  # m/s and degrees that are the same
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PartsFlown:
-    """The legs to fly, one part after the other, and with what given each part begins."""
+    """The legs to simulate, part after part, and the use of tank and battery at the start of each
+    part.
+    """
 
     legs: tuple[WayLeg, ...]
     anew: dict[int, Used]
@@ -173,16 +187,18 @@ def parts_flown(
     windy: bool,
     longest_s: float,
 ) -> PartsFlown:
-    """The `first` of the legs, and of the others those that none before them stands for.
+    """Choose the legs to simulate: the `first` ones, and later ones that none before them
+    represents.
 
-    `taken` is of all `legs`, and after those numbered `refill_after` tank and battery are fresh;
-    `mass` kg is at take-off. The others last `longest_s` at most.
+    `taken` covers all `legs`. Tank and battery are fresh after the legs numbered `refill_after`,
+    from 0; `mass` kg is at take-off. A chosen leg comes with its neighbours. The later legs last
+    `longest_s` at most; those beyond are counted in `unlike`.
     """
     fresh = np.asarray(refill_after, dtype=np.intp)
-    kg, wh = since(taken.sprayed_kg, fresh), since(taken.energy_wh, fresh)
+    kg, wh = used_since_change(taken.sprayed_kg, fresh), used_since_change(taken.energy_wh, fresh)
     # The state at the start of a leg is that at the end of the one before.
     kg, wh = (np.append(0.0, used)[:-1] for used in (kg, wh))
-    # In steps that are the same; a leg one step harder stands for it too.
+    # In steps of mass and energy; a leg one step harder represents a leg too.
     heavy = np.floor(kg / (MASS_SHARE * mass)).astype(int).tolist()
     known = math.isfinite(usable_wh)
     weak = np.floor(wh / (BATTERY_SHARE * usable_wh) if known else 0.0 * wh).astype(int).tolist()
@@ -219,7 +235,9 @@ def parts_flown(
 
 
 def _kind(one: TimedLeg, two: TimedLeg | None, *, windy: bool) -> Hashable:
-    """What two legs have to share, with the corner after them, to be flown alike."""
+    """Return the key that two legs share if they are flown alike, the corner after them
+    included.
+    """
     made: list[float | None] = [one.leg.stops]
     for timed in (one, two):
         if timed is None:

@@ -1,7 +1,8 @@
-"""How fast a vehicle flies a mission by its own parameters: speeds, accelerations, jerk, yaw.
+"""Read from an autopilot's parameters how fast a vehicle flies a mission: speed, acceleration,
+jerk, yaw.
 
-Names and defaults are those of ArduPilot's Copter 4.7 (those of before: `parameter_names`) and of
-PX4 1.16. What no parameter says has its default, and `assumed` names it.
+Names and defaults are those of ArduPilot's Copter 4.7 (older names: `parameter_names`) and of PX4
+1.16. A missing parameter takes its default, and `assumed` lists it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from thrustmargin.mission.plan_check import parameter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightLimits:
-    """How the vehicle flies from place to place."""
+    """The limits of motion that an autopilot keeps in a mission."""
 
     speed: float  # m/s over ground where the plan orders none
     climb_speed: float  # m/s
@@ -88,7 +89,9 @@ PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
 def _values(
     table: Mapping[str, tuple[str, float]], parameters: Mapping[str, float]
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Value of each field, and the parameters that were not known."""
+    """Return the value of each field of `table`, and the parameters, with default, that were
+    missing.
+    """
     said = {name: parameter(parameters, name) for name, _ in table.values()}
     unknown = [(name, default) for name, default in table.values() if not math.isfinite(said[name])]
     found = {key: said[n] if math.isfinite(said[n]) else d for key, (n, d) in table.items()}
@@ -96,11 +99,14 @@ def _values(
 
 
 def flight_limits(parameters: Mapping[str, float], *, px4: bool = False) -> FlightLimits:
-    """The limits of a vehicle with these parameters, by name; none at all are all defaults."""
+    """Return the limits of a vehicle with these parameters, by name; missing ones take their
+    defaults.
+    """
     return (_px4 if px4 else _ardupilot)(parameters)
 
 
 def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
+    """Return the limits from ArduPilot's parameters."""
     found, assumed = _values(_ARDUPILOT, parameters)
     slew = math.radians(found.pop("slew_deg"))
     rate = math.radians(found.pop("yaw_rate_deg"))
@@ -123,6 +129,7 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
 
 
 def _px4(parameters: Mapping[str, float]) -> FlightLimits:
+    """Return the limits from PX4's parameters."""
     found, assumed = _values(_PX4, parameters)
     behaviour = found.pop("yaw_behaviour")
     rate, turning = (

@@ -1,12 +1,12 @@
-"""What a plan takes off with: what is asked, the conditions of that, and what had to be assumed.
+"""Simulate the flight of a plan under given conditions.
 
-A plan flown in time: the FlightTrack that the vehicle's own limits, wind and tank make of it.
+The conditions are fill, air, wind, pump and battery; each one that had to be assumed is listed. The
+simulated flight is a FlightTrack from the vehicle's own limits, with power, tank and battery.
 
-The way home from any moment of a plan: what it takes of the battery, and from where it is too
-much.
-
-Straight home at the speed of the return, up to its height and down there, as ArduPilot's RTL does;
-the wind is that of the plan, and the load what is in the tank. Power is that of steady flight.
+The energy of the way home is computed from every row, to find where home gets out of reach. The way
+home is straight, at the return speed, up to the return height and down at home, as in ArduPilot's
+RTL. Wind is the plan's, the load is the tank mass at that row, and the power is that of steady
+flight.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from thrustmargin.mission.forecast.battery import (
     FlightBattery,
     discharge,
     rotor_power,
-    since,
+    used_since_change,
 )
 from thrustmargin.mission.forecast.limits import FlightLimits
 from thrustmargin.mission.forecast.way import CONE, RETURN_WAIT_S, Course
@@ -60,7 +60,9 @@ Assumption = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeOff:
-    """What a plan is asked with; None or NaN is not known, and what is taken for it is said."""
+    """The conditions that a user states for a plan; NaN where unknown, and the forecast lists what
+    it assumed.
+    """
 
     fill_kg: float
     air_temperature: float = math.nan  # K
@@ -76,14 +78,19 @@ class TakeOff:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownPump:
-    """What a pump gives by the sprayer's parameters and the airframe; NaN where they do not say."""
+    """The flow of a pump from the sprayer's parameters and the airframe; NaN where they do not
+    contain it.
+    """
 
     most: float  # kg/s at full output
     per_metre: float  # kg/m of way, of ArduPilot's sprayer
 
 
 def known_pump(parameters: Mapping[str, float], airframe: Airframe) -> KnownPump:
-    """ArduPilot's sprayer drives the pump by speed: SPRAY_PUMP_RATE is its per cent at 1 m/s."""
+    """Return the pump's flow from ArduPilot's sprayer parameters and the airframe's largest flow.
+
+    SPRAY_PUMP_RATE is the pump output, in per cent, at 1 m/s.
+    """
     most = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
     rate = parameters.get("SPRAY_PUMP_RATE", math.nan)
     on = parameters.get("SPRAY_ENABLE", 1.0) > 0.0 and rate > 0.0 and most > 0.0
@@ -96,7 +103,11 @@ def known_pump(parameters: Mapping[str, float], airframe: Airframe) -> KnownPump
 def conditions(
     day: TakeOff, altitude: float, nominal: float
 ) -> tuple[PlanConditions, dict[Assumption, tuple[str, ...]]]:
-    """The conditions of the day, and what was taken for what is not known."""
+    """Return the conditions of a planned flight, and the assumptions made for unknown values.
+
+    `altitude` is of home, m above the sea; `nominal` is the airframe's nominal voltage, V. The
+    assumptions map a name to the figures of its sentence.
+    """
     assumed: dict[Assumption, tuple[str, ...]] = {}
     pressure = day.pressure
     if not math.isfinite(pressure):
@@ -132,13 +143,15 @@ def conditions(
 
 
 def wind_ned(speed: float, from_deg: float) -> tuple[float, float, float]:
-    """m/s north, east and down of a wind from so many degrees; NaN as from north."""
+    """Return the wind velocity north, east, down, m/s, of a wind from `from_deg`; NaN counts as
+    north.
+    """
     way = math.radians(from_deg if math.isfinite(from_deg) else 0.0)
     return (-speed * math.cos(way), -speed * math.sin(way), 0.0)
 
 
 def wind_from_deg(given: PlanConditions) -> float:
-    """Where the wind comes from, degrees."""
+    """Return the direction that the wind comes from, degrees, 0 to 360 from north."""
     return math.degrees(math.atan2(-given.wind_ned[1], -given.wind_ned[0])) % 360.0
 
 
@@ -154,7 +167,7 @@ FILLED = replace(FORECAST, kind=SourceKind.STATED)  # the fill is stated, the fl
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanConditions:
-    """What a plan is flown with."""
+    """The conditions of a planned flight, with a number for everything but an unknown battery."""
 
     fill_kg: float
     density: float  # kg/m³ at home
@@ -166,7 +179,7 @@ class PlanConditions:
 
 
 class Used(NamedTuple):
-    """What a tank and a battery have given."""
+    """The mass, kg, and energy, Wh, that a tank and a battery have given."""
 
     kg: float
     wh: float
@@ -174,7 +187,7 @@ class Used(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanFlight:
-    """A planned flight of T rows."""
+    """A simulated flight of a plan, in T rows."""
 
     track: FlightTrack
     density: Floats  # (T,) kg/m³
@@ -194,10 +207,11 @@ def fly_plan(
     origin: Origin | None = None,
     anew: Mapping[int, Used] | None = None,
 ) -> PlanFlight:
-    """The flight along `course`, from the ground to where its last leg ends.
+    """Simulate the flight along `course`, from the ground to the end of its last leg.
 
-    From the legs with the numbers `anew`, from 0, on tank and battery have given so much: nothing
-    after a refill, the ways to and from which are left out, and something where a part is left out.
+    `anew` maps numbers of legs, from 0, to the use of tank and battery with which they start: none
+    after a refill, more where legs before were not simulated. The ways to and from a refill are not
+    simulated.
     """
     time_s, velocity, active = course.time_s, course.velocity_ned, course.active
     seconds = np.diff(time_s, append=time_s[-1])
@@ -206,7 +220,7 @@ def fly_plan(
     before = np.array([anew[int(k)] for k in active[changed]]).reshape(-1, 2)
     pump = np.array([t.leg.pump for t in course.legs], dtype=np.bool_)[active]
     sprayed = np.append(0.0, np.cumsum(_flow(course, pump, given) * seconds))
-    tank = np.maximum(given.fill_kg - since(sprayed[:-1], changed, before[:, 0]), 0.0)
+    tank = np.maximum(given.fill_kg - used_since_change(sprayed[:-1], changed, before[:, 0]), 0.0)
     wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
     through = velocity - wind
     airspeed = np.linalg.norm(through, axis=1)
@@ -225,7 +239,7 @@ def fly_plan(
         velocity_ned=velocity,
         attitude=attitude,
         angular_rate_frd=_rates(time_s, attitude),
-        specific_force_frd=_felt(course.gained_ned, attitude),
+        specific_force_frd=_specific_force(course.gained_ned, attitude),
         airspeed=airspeed,
         wind_ned=wind.copy(),
         tank_kg=tank,
@@ -251,20 +265,21 @@ def fly_plan(
         rotor_speed_rpm=speed,
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
-        battery_wh=since(energy, changed, before[:, 1]),
+        battery_wh=used_since_change(energy, changed, before[:, 1]),
     )
 
 
-def giving_way(
+def with_slower_yaw(
     once: PlanFlight,
     model: RotorModel,
     course_by: Callable[[FlightLimits], Course],
     fly: Callable[[Course], PlanFlight],
 ) -> PlanFlight:
-    """The flight `once`, or that with a slower nose, where the rotors have no moment for its turns:
-    an autopilot gives up yaw before roll, pitch and thrust.
+    """Return the flight `once`, or one with slower yaw if the rotors lack the moment for its turns.
 
-    `course_by` gives the same way by other limits.
+    An autopilot gives up yaw before roll, pitch and thrust. Yaw acceleration is reduced step by
+    step as long as that lowers a utilisation above 1. `course_by` returns the course under other
+    limits.
     """
     peak = largest_use(once, model)
     for _ in range(SLOWER):
@@ -280,14 +295,16 @@ def giving_way(
 
 
 def largest_use(flight: PlanFlight, model: RotorModel) -> float:
-    """The largest utilisation on the way; NaN where nothing is predicted."""
+    """Return the largest utilisation of any rotor in the flight; NaN where nothing is predicted."""
     limits = ceiling(identified_airframe(model), flight.density, flight.track.voltage)
     use = utilisation(flight.rotor_speed_rpm, limits.max_rotor_speed_rpm)
     return float(np.nanmax(use)) if np.isfinite(use).any() else math.nan
 
 
 def _flow(course: Course, pump: Bools, given: PlanConditions) -> Floats:
-    """(T,) kg/s that the pump gives."""
+    """Compute the pump's flow (T,), kg/s; 0 with the pump off or below the sprayer's lowest
+    speed.
+    """
     limits, velocity = course.limits, course.velocity_ned
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     if given.flow_per_metre > 0.0:
@@ -301,7 +318,11 @@ def _flow(course: Course, pump: Bools, given: PlanConditions) -> Floats:
 
 
 def _attitude(force: Floats, yaw: Floats) -> Floats:
-    """(T, 3) roll, pitch, yaw with which rotors give `force` over mass, weight aside (T, 3)."""
+    """Compute roll, pitch and yaw (T, 3), rad, that give the horizontal and vertical `force` (T,
+    3).
+
+    `force` is acceleration without weight, m/s² NED: rotor force over mass minus gravity's part.
+    """
     down = np.array([0.0, 0.0, G0]) - force
     down /= np.linalg.norm(down, axis=1)[:, None]
     ahead = np.cos(yaw) * down[:, 0] + np.sin(yaw) * down[:, 1]
@@ -311,7 +332,9 @@ def _attitude(force: Floats, yaw: Floats) -> Floats:
 
 
 def _rates(time_s: Floats, attitude: Floats) -> Floats:
-    """(T, 3) rad/s about forward, right, down."""
+    """Compute body rates (T, 3), rad/s about forward, right, down, from `attitude` (T, 3): roll,
+    pitch, yaw.
+    """
     roll, pitch, _ = attitude.T
     up, over, round_ = np.gradient(attitude, time_s, axis=0).T
     return np.column_stack(
@@ -323,8 +346,10 @@ def _rates(time_s: Floats, attitude: Floats) -> Floats:
     )
 
 
-def _felt(gained: Floats, attitude: Floats) -> Floats:
-    """(T, 3) m/s² that the IMU feels forward, right, down."""
+def _specific_force(gained: Floats, attitude: Floats) -> Floats:
+    """Compute the specific force (T, 3), m/s² forward, right, down, from acceleration (T, 3)
+    NED.
+    """
     force = gained - np.array([0.0, 0.0, G0])
     return np.column_stack([np.sum(force * axis, axis=1) for axis in body_axes(attitude)])
 
@@ -338,7 +363,9 @@ APART_S = 2.0  # between rows of steady flight, more than any effect looks aroun
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WayBack:
-    """Where home gets out of reach; `time_s` NaN: it is in reach all along."""
+    """The place from which home is out of reach; `time_s` is NaN where home is in reach
+    throughout.
+    """
 
     item: int  # flown to at that moment, else at the moment with least to spare
     time_s: float  # after take-off
@@ -353,7 +380,10 @@ def energy_back(
     model: RotorModel,
     wind_ned: tuple[float, float, float],
 ) -> Floats:
-    """(T,) Wh that the way home takes from each row; NaN where the model predicts nothing."""
+    """Compute the energy (T,), Wh, of the way home from each row of a flight.
+
+    It is computed every EVERY_S s and interpolated. NaN where the model predicts nothing.
+    """
     track = flight.track
     every = np.arange(0.0, track.time_s[-1] + EVERY_S, EVERY_S)
     rows = np.unique(np.clip(np.searchsorted(track.time_s, every), 0, track.time_s.size - 1))
@@ -370,7 +400,10 @@ def energy_home(
     model: RotorModel,
     wind_ned: tuple[float, float, float],
 ) -> Floats:
-    """(N,) Wh that the way home takes from places (N, 3) m about home, with so much in the tank."""
+    """Compute the energy (N,), Wh, of the way home from places (N, 3), m NED about home.
+
+    `tank_kg` and `density` are (N,). It is 0 on the ground.
+    """
     away = np.hypot(place_ned[:, 0], place_ned[:, 1])
     home = -place_ned[:, :2] / np.maximum(away, 1e-9)[:, None]
     airspeed = np.linalg.norm(home * limits.speed - np.asarray(wind_ned)[:2], axis=1)
@@ -388,7 +421,10 @@ def energy_home(
 
 
 def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats) -> Floats:
-    """(N,) W in steady level flight; what is nearly alike is asked of the model once."""
+    """Compute the battery power (N,), W, of steady level flight.
+
+    Inputs are rounded to ALIKE and each distinct one is predicted once, because prediction is slow.
+    """
     rounded = np.round(np.column_stack([density, tank_kg, airspeed]) / ALIKE) * ALIKE
     asked, of = np.unique(rounded, axis=0, return_inverse=True)
     steady = FlightTrack.of(
@@ -411,9 +447,11 @@ def way_back(
     *,
     charge_kept: float = 0.0,
 ) -> WayBack:
-    """Where home gets out of reach of a battery that gives `usable_wh`, `charge_kept` kept back.
+    """Find the first row where a battery that gives `usable_wh` no longer reaches home.
 
-    `used_wh` (T,) Wh is what its present battery has given, `back_wh` (T,) what the way home takes.
+    `used_wh` (T,) Wh is the use of the present battery, `back_wh` (T,) the energy of the way home;
+    `charge_kept` is the share kept in reserve. Where home stays in reach, the place is the row with
+    least to spare.
     """
     spare = usable_wh - used_wh - back_wh
     known = np.where(np.isfinite(spare), spare, np.inf)

@@ -1,7 +1,7 @@
-"""What the model says of a plan before take-off: the same analysis and answer as of a flight.
+"""Forecast a plan before take-off, with the analysis and the answer that a flight gets.
 
-Turbulence, gusts and the pilot are not in it; a thrust utilisation above 1 is asked of the rotors
-and cannot be had.
+Turbulence, gusts and the pilot are not modelled. A thrust utilisation above 1 means the rotors
+cannot deliver the thrust required.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from thrustmargin.mission.forecast.plan_flight import (
     conditions,
     energy_back,
     fly_plan,
-    giving_way,
     known_pump,
     largest_use,
     way_back,
     wind_from_deg,
     wind_ned,
+    with_slower_yaw,
 )
 from thrustmargin.mission.forecast.way import (
     Course,
@@ -76,7 +76,7 @@ LONGEST_LEG_S = 7200.0  # with its wait, more than any battery of a multirotor l
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanForecast:
-    """A plan before take-off."""
+    """The forecast of one plan."""
 
     plan: MissionPlan
     steps: PlanSteps
@@ -99,8 +99,11 @@ class PlanForecast:
 
     @property
     def level(self) -> FlightLevel:
-        """The answer; a battery that is used up on the way is the gravest. None of an aircraft that
-        its last flight speaks against, nor a good one where that contradicts the model."""
+        """Return the level of the answer; a battery used up on the way comes before any other.
+
+        UNKNOWN where the aircraft's last flight contradicts the airframe. UNKNOWN instead of UNDER
+        where that flight contradicts the model.
+        """
         if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
             return FlightLevel.BATTERY
         level = self.advised.advice.level
@@ -109,7 +112,7 @@ class PlanForecast:
 
     @property
     def too_heavy(self) -> bool:
-        """Whether it is over the maker's largest take-off mass."""
+        """Return whether the mass at take-off exceeds the maker's largest take-off mass."""
         craft = identified_airframe(self.advised.analysis.model)
         return bool(craft.empty_mass + self.flight.track.tank_kg[0] > craft.max_takeoff_mass + 1e-6)
 
@@ -135,15 +138,16 @@ def forecast(
     faults: FaultHistory | None = None,
     other_order: bool = False,
 ) -> PlanForecast:
-    """What `plan` takes of an aircraft of `model`, before it is flown.
+    """Forecast `plan` for an aircraft of `model`.
 
-    `take_off` is what it takes off with, or kg in the tank alone.
+    `take_off` is the conditions at take-off, or the tank mass in kg alone.
 
-    `parameters` are the autopilot's by name; their defaults are taken for those that are missing.
-    `limit` is the share of a rotor's largest thrust that may last. Not `refilled`, it is flown on
-    with an empty tank. `faults` are those of the flight in which it was flown before, and not known
-    to be repaired; None: what the model holds. `other_order`: in that flight the motors were not in
-    the order of the airframe. Raises PlanError when the plan flies nowhere.
+    `parameters` are the autopilot's by name; missing ones take their defaults. `limit` is the share
+    of a rotor's largest thrust allowed for lasting use. With `refilled` False the plan is flown on
+    with an empty tank. `faults` are those of the last flight of this aircraft and not known to be
+    repaired; None: those stored in the model. `other_order`: the motors of that flight were not in
+    the order of the airframe. Raise PlanError if the plan flies nowhere, or if a leg lasts longer
+    than any battery.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 6.0).level.value
@@ -183,7 +187,7 @@ def forecast(
         first = course(legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)], limits)
         given = _worst_wind(given, day.wind, model, lambda g: fly(first, g))
         assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
-    once = giving_way(
+    once = with_slower_yaw(
         fly(course(legs, limits), given), model, partial(course, legs), lambda way: fly(way, given)
     )
     if once.course.limits.yaw_acceleration < limits.yaw_acceleration:
@@ -262,10 +266,11 @@ def forecast(
 
 
 def sortie_plans(made: PlanForecast, *, pump: PumpOutput | None = None) -> tuple[MissionPlan, ...]:
-    """One plan for each sortie that the forecast counts, refilled at home.
+    """Return one plan for each sortie of the forecast; between sorties the vehicle is refilled at
+    home.
 
-    Raises PlanError where one line alone takes more than tank or battery gives, or where a part of
-    the plan is not understood.
+    Raise PlanError where one line alone exceeds tank or battery, or where a part of the plan is not
+    understood.
     """
     if made.needs.short_of:
         raise PlanError(
@@ -274,14 +279,14 @@ def sortie_plans(made: PlanForecast, *, pump: PumpOutput | None = None) -> tuple
     ends, flown = line_ends(made.plan, made.steps), made.steps.steps
     cuts: list[int] = []
     for sortie in made.needs.sorties[:-1]:
-        # By a jump the same item is flown to again: the next one is meant.
+        # A jump flies to an item more than once: take the first end after the cut before.
         after = cuts[-1] if cuts else -1
         cuts.append(next(k for k in ends if k > after and flown[k].item == sortie.last_item))
     return split_plan(made.plan, made.steps, cuts, pump=pump)
 
 
 def _refuse_endless(timed: Sequence[TimedLeg]) -> None:
-    """Raise PlanError for a leg or a wait that no battery lasts."""
+    """Raise PlanError for a leg that, with its wait, lasts longer than any battery."""
     for leg in timed:
         took = leg.end_s + leg.leg.wait_s - leg.active_s
         if not took <= LONGEST_LEG_S:
@@ -292,12 +297,16 @@ def _refuse_endless(timed: Sequence[TimedLeg]) -> None:
 
 
 def _within(timed: Sequence[TimedLeg], seconds: float, whole_s: float) -> int:
-    """How many legs are flown until then, at least; all of a plan of `whole_s` at most."""
+    """Return the number of legs to simulate: all if the plan lasts `whole_s` at most.
+
+    Else count the legs that end within `seconds`, and one more.
+    """
     ends = [leg.end_s for leg in timed]
     return len(timed) if ends[-1] <= whole_s else bisect.bisect(ends, seconds) + 1
 
 
 def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
+    """Return the answer for a simulated flight."""
     made = analyse(flight.track, model, flight.density, claim=PLANNED)
     return advise(made, limit=limit, planned=True)
 
@@ -308,7 +317,7 @@ def _worst_wind(
     model: RotorModel,
     fly: Callable[[PlanConditions], PlanFlight],
 ) -> PlanConditions:
-    """The conditions with the wind from where it takes most thrust."""
+    """Return the conditions with the wind from the direction of the largest utilisation."""
     tried = [
         replace(given, wind_ned=wind_ned(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
     ]

@@ -1,19 +1,17 @@
-"""A plan's way in time, by the vehicle's own limits alone: no load, wind or air is in it yet.
+"""Compute the course of a plan in time from the vehicle's limits alone, without load, wind or air.
 
-Where the nose points: it follows the way flown, as fast as the vehicle may turn.
+Legs: the steps of a plan become straight legs, NED about home.
 
-ArduPilot's rule (AC_AttitudeControl, input_shaping_angle): the wanted rate is that at which the way
-turns, and what an error of heading e asks for, min(e/t, sqrt(2 a (|e| - a t²/2))); the rate is cut
-at its limit and changes by no more than a. So a nose that is slow to turn goes on beyond.
+Position: each leg goes from rest to rest by its profile. At a corner without a stop the next leg
+starts before the last has ended, and their motions add up. It starts so early that the middle of
+the corner lies within the radius of the place; the corner is slower than both legs and keeps the
+acceleration allowed there (ArduPilot, SCurve). PX4 cuts corners by another rule, for which this one
+is used too.
 
-The legs that a vehicle flies for the steps of a plan, in NED about home.
-
-Where the autopilot's target is at each moment: legs one after the other, corners cut.
-
-Each leg goes from rest to rest by its profile. At a corner that is not stopped at, the next leg
-starts before the last has ended, and the two add up: as early as the middle of the corner lies
-within the radius of the place, slower than both legs, and accelerates no more than allowed there
-(ArduPilot, SCurve). PX4 cuts its corners by another rule; the same one stands in for it.
+Yaw: the nose follows the direction of motion as fast as the vehicle may turn. ArduPilot's rule
+(AC_AttitudeControl, input_shaping_angle) demands the rate at which the direction turns plus, for an
+error of heading e, min(e/t, sqrt(2 a (|e| - a t²/2))). The demand is clipped to the limit of rate
+and changes by at most a. So a nose that turns slowly overshoots.
 """
 
 from __future__ import annotations
@@ -44,7 +42,7 @@ UNEASY = math.radians(3.0)  # rad off its heading, or rad/s, with which a turn i
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """A stretch of the flight: rows from `first` up to `last`, which is not in it."""
+    """A stretch of a course: the rows from `first` up to, and without, `last`."""
 
     item: int  # number of the mission item flown to; of a turn, that at its corner
     kind: SpanKind
@@ -54,7 +52,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Course:
-    """Where the aircraft is meant to be, in T rows."""
+    """The target positions of the aircraft along a plan, in T rows."""
 
     legs: tuple[TimedLeg, ...]
     limits: FlightLimits
@@ -68,7 +66,7 @@ class Course:
 
 
 def course(legs: Sequence[WayLeg], limits: FlightLimits) -> Course:
-    """The way along `legs`, from the ground to where the last one ends."""
+    """Compute the course along `legs`, from the ground to the end of the last leg."""
     timed = timed_legs(legs)
     end = timed[-1].end_s + legs[-1].wait_s
     time_s = np.linspace(0.0, end, max(math.ceil(end / STEP), 2) + 1)
@@ -79,7 +77,7 @@ def course(legs: Sequence[WayLeg], limits: FlightLimits) -> Course:
     first = next((x.vector for x in legs if not x.vertical), legs[0].vector)
     start = float(np.arctan2(first[1], first[0]))
     target_yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
-    yaw = followed(time_s, target_yaw, limits)
+    yaw = lagged_yaw(time_s, target_yaw, limits)
     return Course(
         legs=timed,
         limits=limits,
@@ -96,8 +94,11 @@ def course(legs: Sequence[WayLeg], limits: FlightLimits) -> Course:
 def _spans(
     timed: Sequence[TimedLeg], time_s: Floats, active: NDArray[np.intp], off: Floats
 ) -> tuple[Span, ...]:
-    """Turns, from braking to where speed is regained and the nose is at rest; what is between them
-    is the leg, climb or wait that it is part of."""
+    """Divide the rows into turns and the legs, climbs and waits between them.
+
+    A turn lasts from braking until speed is regained and `off` (T,), rad of yaw still to turn, is
+    small.
+    """
     uneasy = np.abs(off) > UNEASY
     turns: list[tuple[float, float, int]] = []
     for one, two in pairwise(timed):
@@ -147,10 +148,11 @@ def heading(
     limits: FlightLimits,
     start: float,
 ) -> tuple[Floats, Floats]:
-    """Yaw (T,) rad, going on beyond a full turn, and how far (T,) rad it has still to turn.
+    """Compute the target yaw (T,), rad and unwrapped, and the yaw still to turn (T,), rad.
 
-    The way is that of a target with velocity m/s and acceleration m/s² (T, 3) NED. `ordered` (T,)
-    rad is what the plan orders, NaN where the nose is free.
+    The target moves with `velocity_ned` m/s and `gained_ned` m/s², both (T, 3). `ordered` (T,) rad
+    is the heading that the plan orders, NaN where it orders none. `start` is the first heading,
+    rad.
     """
     wanted, turning = _wanted(velocity_ned, gained_ned, ordered, limits, start)
     yaw = np.empty_like(time_s)
@@ -179,9 +181,12 @@ def heading(
     return yaw, wanted - yaw
 
 
-def followed(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
-    """The yaw (T,) rad of an aircraft that is asked to turn as `target` (T,) rad does, at times
-    evenly spaced: behind it by the time of the loop of angle, 1/p."""
+def lagged_yaw(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
+    """Compute the aircraft's yaw (T,), rad, for a target yaw (T,), rad.
+
+    It lags the target by the time constant of the yaw angle loop, 1/`yaw_gain`. `time_s` must be
+    evenly spaced.
+    """
     steps = limits.yaw_gain * float(time_s[1] - time_s[0])
     keep = math.exp(-steps)
     gone = 1.0 - keep
@@ -194,7 +199,7 @@ def followed(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
 def _wanted(
     velocity: Floats, gained: Floats, ordered: Floats, limits: FlightLimits, start: float
 ) -> tuple[Floats, Floats]:
-    """Heading wanted (T,) rad without leaps of a full turn, and its rate (T,) rad/s."""
+    """Compute the heading demanded (T,), rad and unwrapped, and its rate (T,), rad/s."""
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     way = np.arctan2(velocity[:, 1], velocity[:, 0])
     free = np.isnan(ordered)
@@ -218,11 +223,14 @@ _ON = ("fly", "spline")
 
 @dataclass(slots=True)
 class _Way:
+    """The legs built so far, and the place `at` which the last one ends."""
+
     limits: FlightLimits
     at: Floats
     legs: list[WayLeg] = field(default_factory=list)
 
     def to(self, step: Step, place: Floats, **options: float | bool | None) -> None:
+        """Append a leg to `place`; none where it has no length."""
         heading = None if step.heading_deg is None else math.radians(step.heading_deg)
         leg = way_leg(
             self.limits,
@@ -240,11 +248,13 @@ class _Way:
             self.at = place
 
     def wait(self, seconds: float) -> None:
+        """Let the last leg end with a stop and a wait."""
         if self.legs and seconds > 0.0:
             last = self.legs[-1]
             self.legs[-1] = replace(last, stops=True, wait_s=last.wait_s + seconds)
 
     def lift(self, step: Step, height: float) -> None:
+        """Append a vertical leg to `height`, m; the first one has the jerk of a take-off."""
         before = len(self.legs)
         self.to(step, np.array([*self.at[:2], -height]), stops=True)
         if len(self.legs) > before and before == 0:
@@ -264,11 +274,11 @@ class _Way:
 def plan_legs(
     plan: MissionPlan, steps: PlanSteps, limits: FlightLimits, *, start: Floats | None = None
 ) -> tuple[WayLeg, ...]:
-    """The legs of `plan`, flown as `steps` from `start` (3,) m NED about home, or from home.
+    """Return the straight legs that a vehicle flies for `steps`, from `start` (3,) m NED about
+    home, or from home.
 
-    Heights above the ground count as above home.
-
-    Raises PlanError when the plan flies nowhere, or to where no aircraft of this kind does.
+    A height above the ground counts as above home. Raise PlanError if the plan flies nowhere, or
+    farther than such an aircraft can.
     """
     way = _Way(limits, np.zeros(3) if start is None else start)
     flown = steps.steps
@@ -308,7 +318,9 @@ def plan_legs(
 
 
 def _places(plan: MissionPlan, steps: Sequence[Step]) -> Floats:
-    """(S, 3) m NED about home of the steps; NaN where it is where it was."""
+    """Return the places of S steps (S, 3), m NED about home; NaN where a step keeps the value
+    before.
+    """
     there = [step.place or (math.nan, math.nan, math.nan) for step in steps]
     degrees = np.array(there, dtype=np.float64).reshape(-1, 3)
     home = plan.home
@@ -332,7 +344,9 @@ def _places(plan: MissionPlan, steps: Sequence[Step]) -> Floats:
 
 
 def above_ground(steps: PlanSteps) -> bool:
-    """Whether some height is above the ground, which is taken as level."""
+    """Return whether any height of the plan is above the ground, which the forecast takes as
+    level.
+    """
     return any(step.frame == FRAME_ABOVE_GROUND and step.place for step in steps.steps)
 
 
@@ -342,7 +356,7 @@ SHORTEST = 0.05  # m of a leg
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WayLeg:
-    """One straight leg to fly; limits are those along it."""
+    """One straight leg to fly, with the limits of motion along it."""
 
     item: int  # number of the mission item that it leads to
     start_ned: Floats  # (3,) m
@@ -386,7 +400,7 @@ class WayLeg:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TimedLeg:
-    """A leg with its profile, and when it is flown."""
+    """A leg with its motion profile and the time of its start."""
 
     leg: WayLeg
     profile: LegProfile
@@ -412,7 +426,7 @@ def way_leg(
     pump: bool = False,
     heading: float | None = None,
 ) -> WayLeg | None:
-    """A leg within the limits of the vehicle; None where it leads nowhere."""
+    """Return a leg within the limits of the vehicle; None where its length is next to nothing."""
     north, east, down = (end_ned - start_ned).tolist()
     length = math.hypot(north, east, down)
     if length < SHORTEST:
@@ -444,14 +458,19 @@ def way_leg(
 
 
 def _share(level_most: float, vertical_most: float, level: float, rise: float) -> float:
-    """The most along a leg of which these shares are level and up."""
+    """Return the largest value along a leg that keeps a horizontal and a vertical limit.
+
+    `level` and `rise` are the horizontal and vertical parts of the leg's direction.
+    """
     by_level = level_most / level if level > 1e-9 else math.inf
     by_rise = vertical_most / abs(rise) if abs(rise) > 1e-9 else math.inf
     return max(min(by_level, by_rise), 1e-3)
 
 
 def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, ...]:
-    """The legs in time; corners are cut where no leg stops."""
+    """Return the legs with their times; the next leg overlaps the last at a corner without a
+    stop.
+    """
     made: list[TimedLeg] = []
     begun = active = start_s
     for leg, following in pairwise([*legs, None]):
@@ -468,7 +487,7 @@ def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, 
 
 
 def _overlap(leg: WayLeg, following: WayLeg, *, most: float) -> float:
-    """s before the end of a leg at which the next starts."""
+    """Return how long, s, before the end of a leg the next one starts."""
     here, there = leg.profile.pulse, following.profile.pulse
     longest = min(here.seconds, there.seconds, most)
     (a, b, down_one), (c, d, down_two) = leg.vector.tolist(), following.vector.tolist()
@@ -491,7 +510,11 @@ def _overlap_of(
     near: tuple[float, float],
     gains: tuple[float, float],
 ) -> float:
-    """The longest overlap, of `longest` steps at most, that keeps to m and m/s, and to m/s²."""
+    """Return the longest overlap, s, of at most `longest` steps, that keeps `near` and `gains`.
+
+    `near` is the corner's radius, m, and top speed, m/s; `gains` its accelerations, m/s², level and
+    vertical. Cached.
+    """
     bend, down_one, down_two = angles
     radius, top_speed = near
     level_most, climb_most = gains
@@ -515,8 +538,10 @@ def _overlap_of(
 
 
 def target(legs: Sequence[TimedLeg], time_s: Floats) -> tuple[Floats, Floats, Floats]:
-    """Position m, velocity m/s and acceleration m/s² of the target, (N, 3) NED, at times (N,) s
-    that increase."""
+    """Compute position m, velocity m/s and acceleration m/s² of the target, each (N, 3) NED.
+
+    `time_s` (N,) s must increase.
+    """
     place, speed, gained = (np.zeros((time_s.size, 3)) for _ in range(3))
     done = np.zeros((time_s.size + 1, 3))
     at = legs[0].leg.start_ned

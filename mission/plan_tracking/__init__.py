@@ -1,1 +1,3 @@
-"""A flight beside the forecast of its plan, and which assumption of that was off."""
+"""Compare a flight with the forecast of its plan, and find which assumption of the forecast was
+wrong.
+"""

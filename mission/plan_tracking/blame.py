@@ -1,9 +1,10 @@
-"""Which assumption of a forecast was off, by flying the plan again with what was found.
+"""Find which assumption of a forecast was wrong, by forecasting the plan again with measured
+values.
 
-Each assumption alone is replaced by what the flight shows of it. The one that brings the forecast
-nearest to the flight was off, where it takes away half of what is squared between them in thrust,
-tank or voltage; then the next is looked for. What none of them takes away is the model's, or the
-aircraft's.
+Each assumption alone is replaced by its measured value. The one that brings the forecast nearest to
+the flight counts as wrong if it at least halves the mean square difference in thrust, tank or
+voltage; the search then repeats with it replaced. A difference that no assumption explains is
+attributed to the model, or the aircraft.
 """
 
 from __future__ import annotations
@@ -31,8 +32,11 @@ LEAST_USED = 0.05  # kg below which a flow cannot be compared
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Off:
-    """One assumption that was off: in m/s, kg, kg/m³ or V; of a flow the kg used, of the model the
-    utilisation of the stretch that is furthest off, which leads to `item`."""
+    """One wrong assumption, with its forecast and flown amount, in m/s, kg, kg/m³ or V.
+
+    For the flow the amount is the kg used; for the model, the utilisation of the stretch with the
+    largest error, which leads to `item`.
+    """
 
     what: Assumption
     amount: Pair
@@ -42,7 +46,7 @@ class Off:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShownDay:
-    """What the flight shows of the conditions; NaN where it shows nothing."""
+    """The conditions measured in a flight; NaN where unknown."""
 
     wind_ned: tuple[float, float, float]
     fill_kg: float
@@ -50,7 +54,7 @@ class ShownDay:
 
 
 def shown_day(analysis: FlightAnalysis) -> ShownDay:
-    """What a flight shows of the day that it was flown on."""
+    """Return the conditions measured in an analysed flight."""
     track, rows = analysis.track, analysis.track.flying
     known_air = track.reports("pressure") or track.reports("altitude")
     density = np.where(known_air, analysis.density, np.nan)
@@ -58,7 +62,10 @@ def shown_day(analysis: FlightAnalysis) -> ShownDay:
 
 
 def day_of(wind_ned: Floats, tank_kg: Floats, density: Floats) -> ShownDay:
-    """The day of T rows in flight: wind (T, 3) m/s, tank (T,) kg and density (T,) kg/m³."""
+    """Return the conditions in T rows of flight: wind (T, 3) m/s, tank (T,) kg, density (T,) kg/m³.
+
+    Wind is the mean, fill the first tank value, density the median.
+    """
     north, east = (_known(axis) for axis in wind_ned[:, :2].T)
     tank, air = _known(tank_kg), _known(density)
     return ShownDay(
@@ -73,15 +80,17 @@ def day_of(wind_ned: Floats, tank_kg: Floats, density: Floats) -> ShownDay:
 
 
 def _known(values: Floats) -> Floats:
+    """Return the finite values."""
     return values[np.isfinite(values)]
 
 
 def which_was_off(
     fly: Callable[[PlanConditions], Beside], given: PlanConditions, found: ShownDay
 ) -> tuple[Off, ...]:
-    """The assumptions in `given` that were off, the one that explains most first; () where none.
+    """List the assumptions in `given` that were wrong, the one that explains most first; empty if
+    none.
 
-    `fly` forecasts the plan under conditions and puts it beside the flight.
+    `fly` forecasts the plan under conditions and compares it with the flight.
     """
     off: list[Off] = []
     made = fly(given)
@@ -109,7 +118,9 @@ def which_was_off(
 
 
 def _model(stretches: Sequence[StretchBeside]) -> tuple[Off, ...]:
-    """What of thrust no assumption explains."""
+    """Return the model as the cause of a difference in thrust that no assumption explains; empty if
+    small.
+    """
     known = [s for s in stretches if math.isfinite(s.utilisation_mean.off)]
     squares = [s.utilisation_mean.off**2 for s in known]
     if not known or float(np.mean(squares)) <= MODEL**2:
@@ -119,8 +130,10 @@ def _model(stretches: Sequence[StretchBeside]) -> tuple[Off, ...]:
 
 
 def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
-    """(3,) mean square of the differences in thrust, tank and voltage, in units of a good
-    forecast's; 0 where nothing is known."""
+    """Compute the mean square differences (3,) in thrust, tank and voltage.
+
+    The unit is the error of a good forecast; 0 where nothing is known.
+    """
     sizes = (
         (THRUST, [s.utilisation_mean for s in stretches]),
         (FILL_SHARE * max(fill_kg, 1.0), [s.tank_end_kg for s in stretches]),
@@ -134,7 +147,9 @@ def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
 def _candidates(
     given: PlanConditions, found: ShownDay, stretches: Sequence[StretchBeside]
 ) -> list[tuple[Off, PlanConditions]]:
-    """Each assumption of which the flight shows something, replaced by it."""
+    """List each assumption with a measured value, and the conditions with that value in its
+    place.
+    """
     made: list[tuple[Off, PlanConditions]] = []
     if all(map(math.isfinite, found.wind_ned[:2])):
         speeds = Pair(math.hypot(*given.wind_ned[:2]), math.hypot(*found.wind_ned[:2]))
@@ -166,7 +181,11 @@ def _candidates(
 def _used(
     given: PlanConditions, found: ShownDay, stretches: Sequence[StretchBeside]
 ) -> Pair | None:
-    """kg used until the last moment at which neither tank was empty; None of next to nothing."""
+    """Return the kg used, forecast and flown, until the last moment at which neither tank was
+    empty.
+
+    None where next to nothing was used.
+    """
     ends = [s.tank_end_kg for s in stretches if math.isfinite(s.tank_end_kg.flown)]
     last = next((p for p in reversed(ends) if p.least > LEAST_USED), None)
     if last is None or not math.isfinite(found.fill_kg):

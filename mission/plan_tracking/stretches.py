@@ -1,12 +1,11 @@
-"""What is known of a flight before take-off without being asked, and its plan flown with that.
+"""Compare a flight with the forecast of its plan, stretch by stretch.
 
-Still and standard air at home's height, the battery that the parameters name, full, and the pump as
-the sprayer's parameters drive it.
+The forecast is made under the conditions known before take-off without asking: still standard air
+at home's height, the battery of the parameters, full, and the pump driven by the sprayer's
+parameters.
 
-A flight beside the forecast of its plan, stretch by stretch.
-
-The flight is matched to the plan by place and time: where a stretch of the forecast ends, the
-flight is looked for near that place, about as long after the stretch before as the forecast took.
+The flight is matched to the plan by place and time. The end of each stretch is searched for near
+its planned place, about as long after the end before as the forecast took.
 """
 
 from __future__ import annotations
@@ -28,8 +27,8 @@ from thrustmargin.mission.forecast.plan_flight import (
     PlanConditions,
     PlanFlight,
     fly_plan,
-    giving_way,
     known_pump,
+    with_slower_yaw,
 )
 from thrustmargin.mission.forecast.way import Course, Span, SpanKind, course, plan_legs
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
@@ -44,7 +43,7 @@ from thrustmargin.models.physics.smoothing import known_mean, known_most, moving
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanToFly:
-    """A plan on one vehicle, to be flown under conditions."""
+    """The course of a plan on one vehicle, ready to be simulated under any conditions."""
 
     course: Course  # by the limits of the vehicle
     model: RotorModel
@@ -52,30 +51,35 @@ class PlanToFly:
 
     @classmethod
     def of(cls, plan: MissionPlan, parameters: Mapping[str, float], model: RotorModel) -> PlanToFly:
-        """Raises PlanError when the plan flies nowhere."""
+        """Return the course of a plan; raise PlanError if the plan flies nowhere."""
         limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
         legs = plan_legs(plan, plan_steps(plan, pump_output(parameters)), limits)
         return cls(course=course(legs, limits), model=model, home=plan.home)
 
     def fly(self, given: PlanConditions) -> tuple[PlanFlight, FlightAnalysis]:
-        """The planned flight, analysed."""
+        """Simulate the planned flight and return it with its analysis."""
 
         def fly(way: Course) -> PlanFlight:
             return fly_plan("the plan", way, self.model, given)
 
         legs = [timed.leg for timed in self.course.legs]
-        flight = giving_way(fly(self.course), self.model, partial(course, legs), fly)
+        flight = with_slower_yaw(fly(self.course), self.model, partial(course, legs), fly)
         return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
 
     def beside(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:
-        """The planned flight beside what was flown; `over_s` as of `beside.passed`."""
+        """Simulate the planned flight and compare it with the flown one; `over_s` as in
+        `beside`.
+        """
         return beside(*self.fly(given), flown, over_s=over_s)
 
 
-def known_before(
+def conditions_before_take_off(
     parameters: Mapping[str, float], airframe: Airframe, *, fill_kg: float, altitude: float
 ) -> PlanConditions:
-    """Conditions with `fill_kg` in the tank (NaN: full), at `altitude` m above the sea."""
+    """Return the conditions known before take-off, with `fill_kg` in the tank (NaN: full).
+
+    `altitude` is m above the sea; NaN counts as 0.
+    """
     pump = known_pump(parameters, airframe)
     most = pump.most if math.isfinite(pump.most) else 0.0
     return PlanConditions(
@@ -98,25 +102,25 @@ SHORTEST_S = 1.0  # stretches shorter than that are not compared
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """A figure as forecast and as flown; NaN unknown."""
+    """A value as forecast and as flown; NaN where unknown."""
 
     forecast: float
     flown: float
 
     @property
     def off(self) -> float:
-        """How much more was flown than forecast."""
+        """Return flown minus forecast."""
         return self.flown - self.forecast
 
     @property
     def least(self) -> float:
-        """The smaller of both."""
+        """Return the smaller of forecast and flown."""
         return min(self.forecast, self.flown)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StretchBeside:
-    """One stretch of the plan as forecast and as flown; shares are of the worst rotor's thrust."""
+    """One stretch of a plan as forecast and as flown; utilisations are of the most used rotor."""
 
     item: int
     kind: SpanKind
@@ -131,7 +135,9 @@ class StretchBeside:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beside:
-    """The stretches that were flown, and the item at which the plan was left, if it was."""
+    """The stretches that were flown, and the item at which the flight left the plan, None if it did
+    not.
+    """
 
     stretches: tuple[StretchBeside, ...]
     left_at: int | None = None
@@ -139,7 +145,7 @@ class Beside:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlownWay:
-    """T rows of a flight off the ground, placed about the plan's home."""
+    """The T rows of a flight off the ground, placed about the plan's home."""
 
     time_s: Floats
     place_ned: Floats  # (T, 3) m
@@ -150,7 +156,11 @@ class FlownWay:
 
 
 def flown_way(analysis: FlightAnalysis, home: tuple[float, float, float]) -> FlownWay:
-    """The flight of an analysis about `home`, degrees and m above the sea (NaN: as its origin)."""
+    """Return the rows off the ground of an analysed flight, placed about `home`.
+
+    `home` is latitude and longitude, degrees, and m above the sea; a NaN height counts as that of
+    the log's origin.
+    """
     track = analysis.track
     rows = track.flying
     return FlownWay(
@@ -164,12 +174,16 @@ def flown_way(analysis: FlightAnalysis, home: tuple[float, float, float]) -> Flo
 
 
 def worst_smoothed(time_s: Floats, use: Floats) -> Floats:
-    """(T,) utilisation of the worst rotor, of half-second means of `use` (T, R)."""
+    """Return the utilisation (T,) of the most used rotor, of half-second means of `use` (T, R)."""
     return np.max([moving_mean(time_s, rotor, SMOOTH_S) for rotor in use.T], axis=0)
 
 
 def shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
-    """(3,) m from the plan's home to the origin of a track; the ground is taken as that of home."""
+    """Return the vector (3,), m NED, from the plan's home to the origin of a track.
+
+    The vertical part is 0, because the ground at the origin counts as that at home. NaN without an
+    origin.
+    """
     if track.origin is None:
         return np.full(3, np.nan)
     at = track.origin
@@ -179,10 +193,11 @@ def shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
     return np.array([float(north), float(east), 0.0])
 
 
-def passed(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
-    """Rows of `flown` at the ends of the forecast's spans, as far as the plan was flown.
+def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
+    """Return the rows of `flown` at the ends of the forecast's spans, up to where the flight left
+    the plan.
 
-    Of a flight that goes on, a place is passed once it lies `over_s` s back.
+    In a flight still in progress a place counts as passed once it lies `over_s` s back.
     """
     time_s, place = flight.track.time_s, flight.track.position_ned
     at, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
@@ -211,13 +226,14 @@ def passed(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple
 def beside(
     flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay, *, over_s: float = 0.0
 ) -> Beside:
-    """The forecast `flight`, analysed as `forecast`, beside what was flown; `over_s` as of
-    `passed`."""
+    """Compare the planned `flight`, analysed as `forecast`, with the flown one; `over_s` as in
+    `stretch_ends`.
+    """
     if not flown.time_s.size or not flight.course.spans:
         return Beside(
             stretches=(), left_at=flight.course.spans[0].item if flight.course.spans else None
         )
-    ends = passed(flight, flown, over_s=over_s)
+    ends = stretch_ends(flight, flown, over_s=over_s)
     use, reach = worst_use(forecast, slice(None))
     planned = _Planned(
         utilisation=use,
@@ -235,6 +251,10 @@ def beside(
 
 
 class _Planned(NamedTuple):
+    """The predicted utilisation (T,), half its interval (T,), and the speed over ground (T,),
+    m/s.
+    """
+
     utilisation: Floats
     reach: Floats
     speed: Floats
@@ -243,6 +263,7 @@ class _Planned(NamedTuple):
 def _stretch(
     span: Span, flight: PlanFlight, planned: _Planned, flown: FlownWay, done: slice
 ) -> StretchBeside:
+    """Return the comparison of one span; `done` are the rows of `flown` matched to it."""
     track, rows = flight.track, slice(span.first, span.last)
     end = min(span.last, track.time_s.size - 1)
     use = planned.utilisation[rows]
@@ -266,5 +287,7 @@ def _stretch(
 
 
 def mean_off(pairs: Sequence[Pair]) -> float:
-    """Mean of flown less forecast where both are known; NaN of none."""
+    """Return the mean of flown minus forecast over the pairs with both known; NaN if there are
+    none.
+    """
     return known_mean(np.array([pair.off for pair in pairs]))

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from thrustmargin.mission.forecast.battery import FlightBattery
+from thrustmargin.mission.forecast.plan_flight import PlanConditions
 from thrustmargin.mission.plan import MissionPlan, PlanItem
 from thrustmargin.mission.route import (
-    Conditions,
     Forecast,
     forecast,
     margin_at_fill,
@@ -51,7 +52,7 @@ PLAN = MissionPlan(
     home=(HOME.latitude_deg, HOME.longitude_deg, 5.0),
 )
 HERE = np.array([50.0, 0.0, -3.0])
-NOW = Conditions(tank_kg=10.0, flow=0.05, density=1.225, voltage=58.8)
+NOW = PlanConditions(fill_kg=10.0, flow=0.05, density=1.225, battery=FlightBattery(voltage=58.8))
 
 
 PARAMETERS = {"WP_SPD": 2.0, "WP_ACC": 1.0, "RTL_ALT_M": 3.0, "SPRAY_SPEED_MIN": 0.0}
@@ -61,7 +62,7 @@ def legs_ahead(item: int, here: Any = HERE, plan: MissionPlan = PLAN, **options:
     return route_ahead(plan, item, here, HOME, parameters=PARAMETERS, speed=2.0, **options)[0]
 
 
-def ahead(now: Conditions = NOW, item: int = 4, model: RotorModel = MODEL) -> Forecast:
+def ahead(now: PlanConditions = NOW, item: int = 4, model: RotorModel = MODEL) -> Forecast:
     legs, limits = route_ahead(PLAN, item, HERE, HOME, parameters=PARAMETERS, speed=2.0)
     found = forecast(legs, limits, model, now)
     assert found is not None
@@ -128,7 +129,7 @@ def test_turns_take_from_the_least_margin_and_not_from_what_lasts():
 
 
 def test_a_tank_that_runs_dry_on_the_way_stays_empty():
-    tank = ahead(replace(NOW, tank_kg=0.5)).analysis.track.tank_kg
+    tank = ahead(replace(NOW, fill_kg=0.5)).analysis.track.tank_kg
     dry = np.flatnonzero(tank <= 0.0)
     assert 9.0 < dry[0] / 10.0 < 16.0  # 50 m of a line at 5 m/s, from rest
     assert not tank[dry[0] :].any()
@@ -143,7 +144,7 @@ def test_wind_is_in_the_airspeed_and_not_in_the_time():
 
 
 def test_an_unknown_tank_gives_an_unknown_margin_and_not_a_guess():
-    unknown = ahead(replace(NOW, tank_kg=NAN))
+    unknown = ahead(replace(NOW, fill_kg=NAN))
     assert math.isnan(unknown.least_margin)
     assert math.isnan(unknown.lasting_margin)
 

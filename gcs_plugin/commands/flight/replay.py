@@ -9,18 +9,18 @@ from rich.markup import escape
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import LIMIT, Chosen, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    Reading,
+    ReadingOptions,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     UsageError,
     check_port,
     check_range,
     check_speed,
     require_logs,
-)
-from thrustmargin.gcs_plugin.commands.shared.reading import (
-    AS_HEARD,
-    Reading,
-    ReadingOptions,
-    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
@@ -123,7 +123,7 @@ def replay_view(
     of that number.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
-    from thrustmargin.gcs_plugin.logs.findings import names_wrong, repeated
+    from thrustmargin.gcs_plugin.logs.findings import names_wrong, report_findings
     from thrustmargin.gcs_plugin.logs.log_answer import answer_log
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
@@ -147,7 +147,7 @@ def replay_view(
         shown = order[0] if sortie is None else sortie - 1
         (flight, claim), analysis = flights[shown], said[shown].made.whole
         older = None if before is None else analyse(analysis.track, before, claim=claim)
-        found = repeated(said[shown].findings)
+        found = report_findings(said[shown].findings)
         whole = answer_of(answers[shown], said[shown].contact)
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):

@@ -13,11 +13,12 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.rows.tank_balance import DeliveryMeter
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT, VehicleState
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
+from thrustmargin.mission.forecast.battery import FlightBattery
+from thrustmargin.mission.forecast.plan_flight import PlanConditions
 from thrustmargin.mission.plan import MissionPlan, plan_from_items
 from thrustmargin.mission.plan_check import parameter
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.mission.route import (
-    Conditions,
     Forecast,
     forecast,
     margin_at_fill,
@@ -126,11 +127,11 @@ class LookAhead:
         inferred = math.isnan(track.measured("tank_kg")[row])
         error = track.standard_errors["tank_kg"][row] if inferred and math.isfinite(tank) else 0.0
         flow = self._flow(clock_s, tank, float(error), pump_share, self._delivery.now)
-        conditions = Conditions(
-            tank_kg=tank,
+        conditions = PlanConditions(
+            fill_kg=tank,
             flow=flow,
             density=float(analysis.density[row]),
-            voltage=float(track.voltage[row]),
+            battery=FlightBattery(voltage=float(track.voltage[row])),
             wind_ned=tuple(float(w) for w in np.nan_to_num(track.wind_ned[row])),  # type: ignore[arg-type]
         )
         airspeed, fill = float(track.airspeed[row]), airframe.tank_capacity_kg
@@ -166,7 +167,7 @@ class LookAhead:
         track: FlightTrack,
         row: int,
         clock_s: float,
-        conditions: Conditions,
+        conditions: PlanConditions,
         state: VehicleState,
         mission_item: int,
     ) -> Forecast | None:

@@ -1,1 +1,1 @@
-"""ArduPilot's DataFlash logs, binary and as text."""
+"""Read ArduPilot's DataFlash logs, binary and text."""

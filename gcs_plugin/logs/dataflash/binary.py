@@ -29,16 +29,17 @@ from thrustmargin.models.flight import Floats
 
 
 def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recording]:
-    """The needed messages of a binary DataFlash log: a recording from restart to restart.
+    """Yield a recording of a binary DataFlash log for each run between restarts.
 
-    Raises LogError when no message can be made out, or `vehicle` is not the one in the log.
+    Raise LogError if no message is found, or `vehicle` is not the one in the log.
     """
     yield from boots_of(path, "DataFlash", **_found(path), vehicle=vehicle)
 
 
 def _found(path: Path) -> dict[str, Any]:
-    """What `boots_of` is given of a file, so that neither its bytes nor the places found in them
-    stay while tables are made."""
+    """Return the arguments of `boots_of` for a file, so that its bytes are freed before tables
+    are made.
+    """
     data, size = read_bytes(path, PADDING)
     found = scan(data, size)
     if found.start.size == 0 or len(found.formats) < 2:
@@ -69,9 +70,9 @@ def _found(path: Path) -> dict[str, Any]:
 
 
 def _clock(found: FoundMessages) -> Floats:
-    """(n,) s since boot of each message, NaN where it has none or a damaged one.
+    """Return the time (n,), s since boot, of each message, NaN if it has none or a damaged one.
 
-    In logs from before 2015, in which most have none, both are filled from their neighbours.
+    In logs from before 2015, most of whose messages have none, it is interpolated.
     """
     clock = np.full(found.start.size, np.nan)
     # Where in a message of each type its clock is, by what it is written as; 0 in all others.

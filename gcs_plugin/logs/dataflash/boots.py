@@ -1,4 +1,6 @@
-"""From the messages of a DataFlash log, binary or text, to a Recording from restart to restart."""
+"""Turn the messages of a DataFlash log, binary or text, into a Recording for each run between
+restarts.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,7 @@ _TIMELESS = ("PARM", "CMD")
 
 
 class Messages(NamedTuple):
-    """All messages of one type, (n,) each."""
+    """All messages of one type, arrays (n,)."""
 
     form: Format
     table: NDArray[np.void]
@@ -61,7 +63,9 @@ class Messages(NamedTuple):
     place: Index  # offset in the file
 
     def between(self, first: int, end: int) -> Messages:
-        """Those from byte `first` up to `end`, of a type with a clock those that have a time."""
+        """Return the messages from byte `first` up to `end`; of a type with a clock, those with
+        a time.
+        """
         rows = (self.place >= first) & (self.place < end)
         if own_clock(self.form.columns) is not None:
             rows &= np.isfinite(self.clock_s)
@@ -69,7 +73,7 @@ class Messages(NamedTuple):
 
 
 class Times(NamedTuple):
-    """The vehicle's clock along the file: (n,) s since boot and the offsets at which it is said."""
+    """The vehicle's clock along the file: (n,) s since boot, and the file offsets (n,)."""
 
     clock_s: Floats
     place: Index
@@ -86,11 +90,11 @@ def boots_of(
     skipped: Sequence[tuple[int, int]],
     vehicle: int | None,
 ) -> Iterator[Recording]:
-    """A recording from restart to restart of a file of `size` bytes.
+    """Yield a recording for each run between restarts of a file of `size` bytes.
 
-    `messages` are those that are read and the three of units, by name; `kept` is how many there are
-    of all types, `skipped` the (offset, length) of what is none. Raises LogError when `vehicle` is
-    not the one in the log.
+    `messages` are the needed ones and the three of units, by name; `kept` is the number of all
+    messages, `skipped` the (offset, length) of damage. Raise LogError if `vehicle` is not the one
+    in the log.
     """
     in_text = format_name != "DataFlash"
     units = Units.of(lambda name: messages[name].table if name in messages else None)
@@ -113,7 +117,7 @@ def boots_of(
 
 
 def _stream(found: Messages, units: Units, *, in_text: bool) -> Stream | None:
-    """The messages as a Stream; None where they have no time, or lack what they are read for."""
+    """Return the messages as a Stream; None if they have no time, or lack a required column."""
     name = found.form.name
     scale, label = units.describe(found.form, text=in_text)
     if not found.place.size or any(column not in scale for column in REQUIRED.get(name, ())):
@@ -131,7 +135,7 @@ def _recording_of(
     quality: LogQuality,
     vehicle: int | None,
 ) -> Recording:
-    """A Recording from the streams of one boot."""
+    """Return the Recording of the streams of one boot."""
     parameters: dict[str, float] = {}
     sent: tuple[tuple[float, str, float], ...] = ()
     if "PARM" in streams:
@@ -175,7 +179,7 @@ def _errors(stream: Stream | None) -> tuple[VehicleEvent, ...]:
 
 
 def _unix_offset(stream: Stream | None) -> float | None:
-    """Seconds from the vehicle's clock to Unix time by the GPS week; None without a fix."""
+    """Return Unix time minus vehicle's clock, s, by the GPS week; None without a fix."""
     if stream is None:
         return None
     columns = columns_of(stream)
@@ -191,7 +195,7 @@ def _unix_offset(stream: Stream | None) -> float | None:
 
 
 def _waypoints(stream: Stream | None) -> tuple[PlanItem, ...]:
-    """The mission as last logged, by item number."""
+    """Return the mission as last logged, by item number."""
     if stream is None:
         return ()
     columns = columns_of(stream)
@@ -218,7 +222,7 @@ def _waypoints(stream: Stream | None) -> tuple[PlanItem, ...]:
 def sorties_by(
     reader: Callable[..., Iterator[Recording]], path: Path, vehicle: int | None, options: Options
 ) -> tuple[FlightLog, ...]:
-    """The sorties of a DataFlash log, binary or text by its `reader`."""
+    """Return the sorties of a DataFlash log, read by `reader`."""
     return sorties_of(map(_with_signals, reader(path, vehicle=vehicle)), options)
 
 

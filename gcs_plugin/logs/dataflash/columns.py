@@ -1,4 +1,6 @@
-"""Columns of a DataFlash message in the units that the log states (FMT, FMTU, UNIT, MULT)."""
+"""Convert the columns of a DataFlash message by the units that the log states (FMT, FMTU, UNIT,
+MULT).
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ class DataFlashColumns:
         return raw if factor == 1.0 else raw.astype(np.float64) * factor
 
     def number(self, name: str) -> Floats:
-        """(n,) as people read it; NaN where a damaged description made it text."""
+        """Return a column (n,) in its display unit; NaN where a damaged description made it
+        text.
+        """
         values = self[name]
         if values.dtype.kind not in "iuf" or values.ndim != 1:
             return np.full(len(values), np.nan)
@@ -52,14 +56,16 @@ class DataFlashColumns:
             return values.astype(np.float64)
 
     def texts(self, name: str) -> list[str]:
-        """n printable strings; empty where a damaged description made it a number."""
+        """Return a column as n printable strings; empty where a damaged description made it a
+        number.
+        """
         values = self[name]
         if values.dtype.kind != "S":
             return [""] * len(values)
         return [printable(raw) for raw in values]
 
     def si(self, name: str, assumed: str) -> Floats:
-        """(n,) in SI; the unit `assumed` holds where the log states none."""
+        """Return a column (n,) in SI; its unit is `assumed` if the log states none."""
         label = self.label.get(name, "")
         # A label that is not known is SI already, or none.
         factor, offset = SCALES[assumed] if label in NO_UNIT else SCALES.get(label, Scale())
@@ -67,9 +73,10 @@ class DataFlashColumns:
 
 
 def own_clock(columns: Sequence[str]) -> tuple[str, float] | None:
-    """The column with the vehicle's clock and s of its unit; None for a message without one.
+    """Return the column with the vehicle's clock and its unit, s; None for a message without one.
 
-    Logs from before 2015 count ms; their GPS has it in T, and TimeMS of the GPS's week.
+    Logs from before 2015 count ms; their GPS message has the clock in T, and its TimeMS is of the
+    GPS week.
     """
     if columns[:1] == ("TimeUS",):
         return "TimeUS", 1e-6
@@ -79,7 +86,7 @@ def own_clock(columns: Sequence[str]) -> tuple[str, float] | None:
 
 
 def filled_clock(clock: Floats) -> Floats:
-    """(n,) s of messages in the order of the file, those without a time between their neighbours.
+    """Interpolate the missing times (n,), s, of messages in file order.
 
     For logs from before 2015, most of whose messages have none.
     """
@@ -89,7 +96,7 @@ def filled_clock(clock: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """UNIT and MULT by the code of their letter, FMTU by message type."""
+    """The log's UNIT and MULT by the code of their letter, and FMTU by message type."""
 
     label: Mapping[int, str] = field(default_factory=dict)
     factor: Mapping[int, float] = field(default_factory=dict)
@@ -97,7 +104,8 @@ class Units:
 
     @classmethod
     def of(cls, table: Callable[[str], NDArray[np.void] | None]) -> Units:
-        """The units that a log states; `table` gives the messages of a name, None if absent.
+        """Return the units that a log states; `table` returns the messages of a name, None if
+        absent.
 
         Factors are logged as single precision widened to double.
         """
@@ -118,10 +126,10 @@ class Units:
         )
 
     def describe(self, form: Format, *, text: bool) -> tuple[dict[str, float], dict[str, str]]:
-        """Factor and unit label of each column of `form`.
+        """Return factor and unit label of each column of `form`.
 
-        A letter with a factor of its own (centi, 1e-7) takes no MULT; in text logs its numbers
-        are scaled already.
+        A letter with a factor of its own (centi, 1e-7) takes no MULT; numbers of text logs are
+        scaled already.
         """
         scale: dict[str, float] = {}
         ids, multipliers = self.of_type.get(form.type, ("", ""))

@@ -1,4 +1,6 @@
-"""Which DataFlash message gives which channel: the table, and the few that need more than one."""
+"""Map DataFlash messages to channels, by a table and a few functions for those that need several
+messages.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
-    collected,
     ordered_signal,
+    signals_by_channel,
 )
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
@@ -107,14 +109,18 @@ def _of(message: str, *fields: str) -> Provenance:
 
 
 def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
-    """Signals of every DataFlash message in `streams`, whose columns are DataFlashColumns."""
+    """Return the signals of every DataFlash message in `streams`, whose columns are
+    DataFlashColumns.
+    """
     signals = [signal for rule in RULES for signal in _by_rule(rule, streams)]
     signals += _wind(streams)
     for name, method in _METHODS:
         if name in streams:
             signals += method(streams[name])
     signals += _armed(streams)
-    return collected([*signals, *(s for rule in LAST_RULES for s in _by_rule(rule, streams))])
+    return signals_by_channel(
+        [*signals, *(s for rule in LAST_RULES for s in _by_rule(rule, streams))]
+    )
 
 
 #: Signals of a battery monitor -> the monitors (BATT_MONITOR) that do not measure them: none at
@@ -125,9 +131,9 @@ _NOT_MEASURED = {"voltage": (0,), "current": (0, 3)}
 def without_monitors_off(
     signals: Signals, parameters: Mapping[str, float]
 ) -> tuple[Signals, dict[str, str]]:
-    """The signals without those of battery monitors that are off, and what is to be said of them.
+    """Remove the signals of battery monitors that are off; also return the reasons by channel.
 
-    Such a monitor is logged by older firmware with whatever its pins read.
+    Older firmware logs such a monitor with whatever its pins read.
     """
     kept: dict[str, tuple[Signal, ...]] = dict(signals)
     unused: dict[str, str] = {}
@@ -144,7 +150,7 @@ def without_monitors_off(
 
 
 def columns_of(stream: Stream) -> DataFlashColumns:
-    """The stream's columns, which DataFlash readers make."""
+    """Return the stream's columns, which DataFlash readers make."""
     assert isinstance(stream.columns, DataFlashColumns)
     return stream.columns
 
@@ -175,9 +181,9 @@ def _by_rule(rule: Rule, streams: Mapping[str, Stream]) -> list[Signal]:
 
 
 def _in_hundredths(rate: Floats, streams: Mapping[str, Stream]) -> bool:
-    """Whether body rates (n, 3) are of ArduCopter before 3.4, which logs hundredths of a degree.
+    """Return whether body rates (n, 3) are in hundredths of a degree, as in ArduCopter before 3.4.
 
-    The message is the same in both: the gyroscope shows which, or that none measures as much.
+    The message is equal in both; the gyroscope shows the unit, or the size does.
     """
     sizes = np.linalg.norm(rate, axis=1)
     gyro = streams.get("IMU")
@@ -191,7 +197,7 @@ def _in_hundredths(rate: Floats, streams: Mapping[str, Stream]) -> bool:
 
 
 def _real_numbers(numbers: Floats) -> list[int]:
-    """The sources' numbers; those of a few damaged rows, which nothing else catches, left out."""
+    """Return the distinct source numbers without those of a few damaged rows."""
     found, counts = np.unique(numbers[np.isfinite(numbers)], return_counts=True)
     common = counts >= 0.02 * counts.max() if counts.size else counts > 0
     return [int(n) for n in found[common] if 0 <= n < _MOST_SOURCES and n == int(n)]
@@ -207,7 +213,9 @@ def _rangefinder_good(columns: DataFlashColumns) -> np.ndarray:
 
 
 def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, Stream] | None:
-    """The first of the EKF messages there, of its first core, and its name."""
+    """Return name and stream of the first EKF message present, of its first core; None if
+    absent.
+    """
     for name in names:
         stream = streams.get(name)
         if stream is None:
@@ -222,7 +230,9 @@ def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, S
 
 
 def _wind(streams: Mapping[str, Stream]) -> list[Signal]:
-    """Wind by the EKF; 0 throughout it is no estimate: there is neither airspeed nor drag model."""
+    """Return the EKF's wind; none if it is 0 throughout, which means neither airspeed nor drag
+    model.
+    """
     core = _core(streams, ("XKF2", "NKF2"))
     if core is None:
         return []
@@ -306,7 +316,7 @@ def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
 
 
 def _crash_checks(streams: Mapping[str, Stream]) -> Floats:
-    """Return the times (n,) s at which the crash check disarmed."""
+    """Return the times (n,), s, at which the crash check disarmed."""
     if "ERR" not in streams:
         return np.empty(0)
     columns = columns_of(streams["ERR"])

@@ -62,7 +62,7 @@ class Format:
 
     @property
     def dtype(self) -> np.dtype:
-        """Layout of the whole message, header included."""
+        """Return the layout of the whole message, header included."""
         head: list[tuple[str, str]] = [("_head", "V3")]
         kinds = [LETTERS[letter][0] for letter in self.letters]
         return np.dtype(head + list(zip(self.columns, kinds, strict=True)))
@@ -70,7 +70,7 @@ class Format:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundMessages:
-    """Messages of a .BIN in file order."""
+    """The messages of a .BIN in file order."""
 
     data: Bytes  # the file followed by PADDING zeros
     start: Index  # (n,)
@@ -79,20 +79,22 @@ class FoundMessages:
     skipped: tuple[tuple[int, int], ...]  # (offset, length)
 
     def rows_of(self, name: str) -> tuple[Index, Format | None]:
-        """Rows of the messages called `name`, and their format; none when the log has none."""
+        """Return the rows of the messages called `name`, and their format; None if the log has
+        none.
+        """
         for number, form in self.formats.items():
             if form.name == name:
                 return np.flatnonzero(self.type == number), form
         return np.empty(0, np.int64), None
 
     def table(self, rows: Index, form: Format) -> NDArray[np.void]:
-        """(n,) structured array of the messages `rows`, all of `form`."""
+        """Return the fields of the messages `rows`, all of `form`, as a structured array (n,)."""
         body = gather(self.data, self.start[rows], form.length)
         return body.view(form.dtype).reshape(rows.size)
 
 
 def make_format(number: int, length: int, name: str, letters: str, columns: str) -> Format | None:
-    """The Format, or None when the parts do not fit together (a damaged FMT)."""
+    """Return the Format, or None if its parts are inconsistent (a damaged FMT)."""
     names = tuple(c.strip() for c in columns.split(",")) if columns else ()
     if not name or not name.isalnum() or len(names) != len(letters):
         return None
@@ -103,7 +105,7 @@ def make_format(number: int, length: int, name: str, letters: str, columns: str)
 
 
 def scan(data: Bytes, size: int) -> FoundMessages:
-    """All messages in the first `size` bytes of `data`, which ends with PADDING more."""
+    """Return all messages in the first `size` bytes of `data`, which ends with PADDING more."""
     heads = [_heads(data, size, low) for low in range(0, size, _CHUNK)]
     start = np.concatenate(heads) if heads else np.empty(0, np.int64)
     del heads
@@ -123,14 +125,14 @@ def scan(data: Bytes, size: int) -> FoundMessages:
 
 
 def _heads(data: Bytes, size: int, low: int) -> Index:
-    """Offsets of A3 95 in one chunk."""
+    """Return the offsets of A3 95 in one chunk."""
     part = data[low : min(low + _CHUNK + 1, size)]
     found = np.flatnonzero((part[:-1] == HEAD[0]) & (part[1:] == HEAD[1]))
     return found.astype(np.int64) + low
 
 
 def _formats(data: Bytes, start: Index) -> dict[int, Format]:
-    """Message types by number, from every intact FMT message, which begin at `start` (n,)."""
+    """Return message types by number, from every intact FMT message; they begin at `start` (n,)."""
     own = make_format(FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
     assert own is not None
     formats: dict[int, Format] = {}
@@ -152,7 +154,9 @@ def _formats(data: Bytes, start: Index) -> dict[int, Format]:
 
 
 def _torn_tail(data: Bytes, size: int, lengths: NDArray[np.int64]) -> int:
-    """Offset of a last message that the end of the file cuts off; the file's end if none is."""
+    """Return the offset of a last message that the end of the file cuts off; the file's end if
+    none.
+    """
     longest = int(lengths.max(initial=0))
     for at in range(max(size - longest, 0), size):
         head = data[at : min(at + 2, size)].tolist()
@@ -164,10 +168,10 @@ def _torn_tail(data: Bytes, size: int, lengths: NDArray[np.int64]) -> int:
 
 
 def _chain(start: Index, end: Index, size: int, *, torn: int) -> NDArray[np.bool_]:
-    """(n,) True for candidates that another candidate, or the end of the file, follows directly.
+    """Flag candidates (n,) that another candidate, or the end of the file, follows directly.
 
-    `torn` is where a message begins that the end of the file cuts off. Candidates inside the body
-    of a kept message are chance and are dropped.
+    `torn` is the start of a message cut off by the end of the file. Candidates inside the body of a
+    kept message are chance matches and are dropped.
     """
     count = start.size
     keep = np.zeros(count, dtype=np.bool_)

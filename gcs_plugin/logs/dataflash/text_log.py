@@ -1,4 +1,4 @@
-"""Read ArduPilot's DataFlash logs as text (.log), as ground stations convert them."""
+"""Read ArduPilot's DataFlash logs in text form (.log), as ground stations convert them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TEXT_LETTERS = frozenset("nNZMa")
 
 @dataclass(slots=True, eq=False)
 class _Lines:
-    """What the lines hold: formats by name, cells and file offsets by message, and the rest."""
+    """The content of the lines: formats by name, cells and file offsets by message, and damage."""
 
     formats: dict[str, Format] = field(default_factory=dict)
     cells: dict[str, list[list[str]]] = field(default_factory=dict)
@@ -34,9 +34,9 @@ class _Lines:
 
 
 def dataflash_text_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recording]:
-    """The needed messages of a DataFlash log in text form: a recording from restart to restart.
+    """Yield a recording of a DataFlash log in text form for each run between restarts.
 
-    Raises LogError when it describes no message (FMT), or `vehicle` is not the one in the log.
+    Raise LogError if it describes no message (FMT), or `vehicle` is not the one in the log.
     """
     text = path.read_bytes()
     lines = _lines(text)
@@ -115,7 +115,7 @@ def _format(rest: bytes) -> Format | None:
 
 
 def _table(form: Format, cells: list[list[str]]) -> tuple[NDArray[np.void], Bools]:
-    """The lines whose every cell fits its letter, by column, and which lines those are."""
+    """Return the lines whose every cell fits its letter, by column, and flags of those lines."""
     good = np.ones(len(cells), dtype=np.bool_)
     texts = {
         name: letter in _TEXT_LETTERS

@@ -1,7 +1,7 @@
-"""A mission that sprays a field: lines back and forth, the pump on along them and off between.
+"""Make a mission that sprays a field: parallel lines, the pump on along them and off between.
 
-Commands are take-off, speed, waypoints, pump and return, which ArduPilot flies; the pump is
-switched by DO_SPRAYER, or by the servo output or relay that it hangs at.
+Commands are take-off, speed, waypoints, pump and return, which ArduPilot flies. The pump is
+switched by DO_SPRAYER, or by its servo output or relay.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ FARTHEST = 20_000.0  # m from the middle of a field to a home that is of it
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoverageOrder:
-    """How a field is to be sprayed."""
+    """The user's settings for spraying a field."""
 
     swath: float  # m
     speed: float  # m/s over ground
@@ -80,11 +80,12 @@ def cover_field(
     no_spray: FieldOutline | None = None,
     home: tuple[float, float, float] | None = None,
 ) -> Coverage:
-    """The route that sprays `outline`; obstacles are flown around, `no_spray` is flown over dry.
+    """Return the route that sprays `outline`; obstacles are flown around, `no_spray` is crossed
+    with the pump off.
 
-    Both are in the plane of `outline`; its holes are flown around. `home` is latitude, longitude in
-    degrees and m AMSL or NaN; without one it is where the first line starts.
-    Raises PlanError when nothing is left to spray or no mission holds the route.
+    Both are in the plane of `outline`; its holes are flown around. `home` is latitude, longitude,
+    degrees, and m AMSL or NaN; without one it is the start of the first line. Raise PlanError if
+    nothing is left to spray or the route is too long for a mission.
     """
     if not (math.isfinite(order.swath) and order.swath > 0.0):
         raise PlanError(f"a swath of {order.swath:g} m sprays nothing; give its width in m")
@@ -145,7 +146,7 @@ def _polygons(area: shapely.Geometry) -> shapely.MultiPolygon:
 def _outside(
     outline: FieldOutline, obstacles: FieldOutline | None, order: CoverageOrder
 ) -> Detours:
-    """Ways where none stays in the field, as from part to part: clear of holes and obstacles."""
+    """Return the detours to use where no way stays in the field: clear of holes and obstacles."""
     solid = shapely.MultiPolygon([shapely.Polygon(p.exterior) for p in outline.area.geoms])
     shut = shapely.difference(solid, outline.area)
     if obstacles is not None:
@@ -157,7 +158,7 @@ def _outside(
 
 @dataclass(slots=True)
 class _Way:
-    """The points of the route, and between which the pump runs."""
+    """The points of the route so far, and the stretches with the pump on."""
 
     dry: shapely.MultiPolygon | None  # where the pump is off
     inside: Detours
@@ -169,7 +170,9 @@ class _Way:
     outside: int = 0
 
     def follow(self, line: Floats) -> None:
-        """On to the start of `line` (2, 2) and along it; the pump runs where there is to spray."""
+        """Append the way to the start of `line` (2, 2) and along it, with the pump on outside
+        `dry`.
+        """
         if self.points:
             self._cross(self.points[-1], line[0])
         wet = shapely.LineString(line)

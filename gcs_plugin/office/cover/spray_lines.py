@@ -1,9 +1,10 @@
-"""Parallel lines over an area, put into an order: back and forth through one cell after another.
+"""Lay parallel lines over an area and order them, and find ways between them inside the area.
 
-A cell is a run of neighbouring lines that nothing divides (boustrophedon cellular decomposition,
-Choset 2000); a hole or a notch begins new ones. Lines are evenly spaced over each part of the area.
+Lines are flown back and forth in one cell after another. A cell is a run of neighbouring lines that
+nothing divides (boustrophedon cellular decomposition, Choset 2000); a hole or a notch begins new
+cells. Lines are evenly spaced over each part of the area.
 
-The shortest way between two points that stays inside an area: around its holes and corners.
+The way between two points is the shortest that stays inside the area, around its holes and corners.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ TRIED_DEG, TRIED_LINES, TRIED_EDGES = 5.0, 60, 40
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinesInOrder:
-    """L straight lines in the order and direction of flight."""
+    """The L straight lines in the order and direction of flight."""
 
     lines: Floats  # (L, 2, 2) start and end, each (east, north) in m
     heading_deg: tuple[float, ...]  # of the lines of each part, 0 to 180
@@ -45,10 +46,11 @@ class LinesInOrder:
 def lines_in_order(
     area: shapely.MultiPolygon, swath: float, heading_deg: float | None, start: Floats
 ) -> LinesInOrder:
-    """Lines `swath` m apart over each part of `area` (east, north), from `start` (2,) on.
+    """Return lines `swath` m apart over each part of `area` (east, north), ordered from `start`
+    (2,).
 
-    Without `heading_deg` each part gets the heading that gives it the fewest lines.
-    Raises PlanError when nothing is left of the area or the lines are too many for a mission.
+    Without `heading_deg` each part gets the heading with the fewest lines. Raise PlanError if no
+    area is left or the lines are too many for a mission.
     """
     cells: list[list[Floats]] = []
     headings: list[float] = []
@@ -72,7 +74,9 @@ def lines_in_order(
 
 
 def fewest_turns(part: shapely.Polygon, swath: float) -> float:
-    """Heading in degrees from 0 to 180 whose lines over `part` are fewest, then longest."""
+    """Return the heading, degrees from 0 to 180, with the fewest lines over `part`; of equal
+    ones, the longest lines.
+    """
     rough = shapely.simplify(part.exterior, swath / 4, preserve_topology=False)
     corners = shapely.get_coordinates(rough)
     edge = np.diff(corners, axis=0)
@@ -94,14 +98,16 @@ def fewest_turns(part: shapely.Polygon, swath: float) -> float:
 
 
 def _turned(points: Floats, heading_deg: float, *, back: bool = False) -> Floats:
-    """(N, 2) points in (along, across) of a heading from (east, north), or `back`."""
+    """Rotate points (N, 2) from (east, north) to (along, across) of a heading, or `back`."""
     a = math.radians(heading_deg)
     matrix = np.array([[math.sin(a), math.cos(a)], [-math.cos(a), math.sin(a)]])
     return points @ (matrix if back else matrix.T)
 
 
 def _count(width: float, swath: float) -> int:
-    """Lines over a strip `width` m wide: the nearest number, one more where they would gape."""
+    """Return the number of lines over a strip `width` m wide: the nearest, one more if they
+    would leave gaps.
+    """
     exact = width / swath
     near = max(round(min(exact, 1e9)), 1)
     return near if exact <= near * (1.0 + LOOSE) else near + 1
@@ -110,7 +116,7 @@ def _count(width: float, swath: float) -> int:
 def _pieces(
     level: shapely.Polygon, low: float, high: float, swath: float
 ) -> tuple[list[list[Floats]], float]:
-    """Of each line across, its pieces (2, 2) in `level` from left to right; and the spacing."""
+    """Return the pieces (2, 2) in `level` of each line, left to right, and the spacing, m."""
     count = _count(high - low, swath)
     if count > MOST_LINES:
         raise PlanError(
@@ -142,7 +148,9 @@ def _pieces(
 
 
 def _cells(part: shapely.Polygon, swath: float, heading: float) -> tuple[list[list[Floats]], float]:
-    """Cells of `part`, each its lines (2, 2) in order across, in (east, north); and the spacing."""
+    """Return the cells of `part`, each its lines (2, 2) in order across, in (east, north), and
+    the spacing, m.
+    """
     level = shapely.transform(part, lambda xy: _turned(xy, heading))
     _, low, _, high = level.bounds
     rows, spacing = _pieces(level, low, high, swath)
@@ -173,7 +181,9 @@ def _overlap(a: Floats, b: Floats) -> bool:
 
 
 def _tour(cells: Sequence[Sequence[Floats]], start: Floats) -> Floats:
-    """(L, 2, 2) all lines: always on to the nearest corner of a cell, then back and forth in it."""
+    """Order all lines (L, 2, 2): go to the nearest corner of a remaining cell, then back and
+    forth in it.
+    """
     # Corner k of a cell: from its first (0, 1) or last line (2, 3), at that line's start or end.
     corners = np.array([[c[0][0], c[0][1], c[-1][0], c[-1][1]] for c in cells])
     left = np.ones(len(cells), dtype=np.bool_)
@@ -197,7 +207,7 @@ MOST_CORNERS = 150
 
 
 class Detours:
-    """Ways inside one area (east, north) in m."""
+    """The shortest ways inside one area (east, north), m."""
 
     def __init__(self, area: shapely.Geometry) -> None:
         self._wide = shapely.buffer(area, CLOSE, join_style="mitre")
@@ -207,9 +217,10 @@ class Detours:
         self._between = np.empty((0, 0))
 
     def way(self, start: Floats, end: Floats) -> Floats | None:
-        """(K, 2) points to turn at from `start` (2,) to `end` (2,), none where the way is free.
+        """Return the turning points (K, 2) from `start` (2,) to `end` (2,); K is 0 if the straight
+        way is free.
 
-        None when no way stays inside.
+        None if no way stays inside.
         """
         if shapely.covers(self._wide, shapely.LineString([start, end])):
             return np.empty((0, 2))
@@ -235,7 +246,9 @@ class Detours:
         return np.array(found[::-1])
 
     def _lengths(self, a: Floats, b: Floats) -> Floats:
-        """(A, B) m from each point of `a` to each of `b`, 0 where that is not free."""
+        """Return distances (A, B), m, from each point of `a` to each of `b`; 0 where the line
+        leaves the area.
+        """
         if not len(a) or not len(b):
             return np.zeros((len(a), len(b)))
         ends = np.stack(np.broadcast_arrays(a[:, None], b[None, :]), axis=2)
@@ -244,7 +257,7 @@ class Detours:
 
 
 def _inner_corners(area: shapely.Geometry) -> Floats:
-    """(C, 2) corners at which a shortest way may turn: those that point into the area."""
+    """Return the corners (C, 2) that point into the area, at which a shortest way may turn."""
     simple, step = shapely.simplify(area, CLOSE), 0.25
     while len(found := _reflex(simple)) > MOST_CORNERS:
         simple = shapely.simplify(shapely.buffer(area, -step, join_style="mitre"), step)

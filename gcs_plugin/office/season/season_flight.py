@@ -10,10 +10,15 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.commands.shared.anonymous import anonymous, pseudonym, without_name
-from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights, unnamed
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    ReadingOptions,
+    chosen_model,
+    read_flights,
+    unnamed,
+)
 from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.logs.findings import repeated
+from thrustmargin.gcs_plugin.logs.findings import report_findings
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
@@ -252,7 +257,10 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "latitude_deg": track.origin.latitude_deg if track.origin else nan,
         "longitude_deg": track.origin.longitude_deg if track.origin else nan,
         "alarms": [str(alarm["words"]) for alarm in report.alarms],
-        "notes": [*track.notes, *(f"{f.check}: {f.words}" for f in repeated(report.findings))],
+        "notes": [
+            *track.notes,
+            *(f"{f.check}: {f.words}" for f in report_findings(report.findings)),
+        ],
         "missing_channels": [c.name for c in log.channels if not c.samples],
         "unmeasured": list(log.unmeasured),
         **{name: quality[name] for name in QUALITY_COLUMNS},

@@ -15,7 +15,7 @@ from dataclasses import asdict
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
+from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, report_findings
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
 from thrustmargin.gcs_plugin.reports.shared.page_shell import unix_text
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
@@ -27,7 +27,11 @@ from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.mission.forecast.plan_flight import PlanConditions
 from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.mission.plan_tracking.blame import Off, shown_day, which_was_off
-from thrustmargin.mission.plan_tracking.stretches import PlanToFly, flown_way, known_before
+from thrustmargin.mission.plan_tracking.stretches import (
+    PlanToFly,
+    conditions_before_take_off,
+    flown_way,
+)
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.output_faults import MisreadSpeed
@@ -178,7 +182,7 @@ def misread_row(misread: MisreadSpeed | None) -> JsonObject | None:
 
 def look_facts(findings: Iterable[Finding]) -> Iterator[Fact]:
     """What must be known of the log beside its verdict, the names of the rotors first."""
-    order = sorted(repeated(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
+    order = sorted(report_findings(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
     for one in order:
         if one.spoils is Spoils.ROTOR_NAMES:
             yield Fact("rotor names", f"{NAMES_WRONG}{one.words}")
@@ -202,7 +206,7 @@ def plan_beside(
     found = shown_day(analysis)
     origin = log.track.origin
     ground = math.nan if origin is None else origin.altitude
-    given = assumed or known_before(
+    given = assumed or conditions_before_take_off(
         log.parameters,
         model.airframe,
         fill_kg=found.fill_kg,

@@ -1,1 +1,1 @@
-"""What a vehicle is set to: values of its parameters, and what they mean for its outputs."""
+"""Interpret a vehicle's parameters: kind of vehicle, pulse range of its outputs, airframe."""

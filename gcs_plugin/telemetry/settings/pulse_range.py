@@ -1,11 +1,9 @@
-"""Values of a vehicle's parameters: whole numbers, and motors by output.
-
-What a motor output stands between: from no thrust to full, by the vehicle's parameters.
+"""Read from a vehicle's parameters the motor on each output, and its pulses at no and full thrust.
 
 ArduPilot (AP_MotorsMulticopter::get_pwm_output_min): MOT_PWM_MIN and _MAX where both are set, else
-the range of the throttle channel, RC3 unless RCMAP_THROTTLE says another. PX4: PWM_MAIN_MINn and
-_MAXn of one output, then PWM_MAIN_MIN and _MAX of all, then PWM_MIN and _MAX of before 1.12.
-PX4 reports what goes to the ESCs: pulses, DShot's 1 to 1999 or UAVCAN's 1 to 8191.
+the range of the throttle channel, RC3 unless RCMAP_THROTTLE names another. PX4: PWM_MAIN_MINn and
+_MAXn of one output, then PWM_MAIN_MIN and _MAX of all, then PWM_MIN and _MAX of versions before
+1.12. PX4 reports the values sent to the ESCs: pulses, DShot's 1 to 1999 or UAVCAN's 1 to 8191.
 """
 
 from __future__ import annotations
@@ -45,29 +43,32 @@ def sent_values(values: NDArray[Any], kinds: NDArray[Any]) -> Floats:
 
 
 def whole_number(parameters: Mapping[str, float], name: str) -> int | None:
-    """A parameter that counts or selects; None where it is absent, not finite or no whole number.
+    """Return an integer parameter; None if absent, not finite or not whole.
 
-    Every parameter that is used as a whole number is read by this function.
+    Every integer parameter is read by this function.
     """
     value = parameter(parameters, name)
     return int(value) if math.isfinite(value) and value == round(value) else None
 
 
 def motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
-    """Motor -> its servo output by SERVOn_FUNCTION, both from 0; empty where none is said."""
+    """Return motor -> servo output by SERVOn_FUNCTION, both from 0; empty if none is set."""
     return _by_function(parameters, "SERVO{}_FUNCTION", MOTOR_FUNCTIONS)
 
 
 def moved_motors(parameters: Mapping[str, float], count: int) -> list[int]:
-    """Of the first motors, from 0, those that are not on the output of their number by
-    SERVOn_FUNCTION: that drives something else, or another drives them."""
+    """List those of the first `count` motors, from 0, that are not on the output of their own
+    number.
+    """
     on = motor_outputs(parameters)
     says = [whole_number(parameters, f"SERVO{k + 1}_FUNCTION") for k in range(count)]
     return [k for k in range(count) if on.get(k, -1 if says[k] is not None else k) != k]
 
 
 def px4_motor_outputs(parameters: Mapping[str, float], bank: str) -> dict[int, int]:
-    """The same by PX4's PWM_MAIN_FUNCn or PWM_AUX_FUNCn, as `bank` is."""
+    """Return motor -> output, both from 0, by PX4's PWM_MAIN_FUNCn or PWM_AUX_FUNCn; `bank` is MAIN
+    or AUX.
+    """
     return _by_function(parameters, f"PWM_{bank}_FUNC{{}}", PX4_FUNCTIONS)
 
 
@@ -96,7 +97,7 @@ _RC_THROTTLE = 3  # ArduPilot's throttle channel where no RCMAP_THROTTLE says an
 
 @dataclass(frozen=True, slots=True)
 class PulseRange:
-    """What goes to an ESC at no and at full output."""
+    """The values sent to an ESC at no and at full output."""
 
     low_us: float = 1000.0
     high_us: float = 2000.0
@@ -104,13 +105,13 @@ class PulseRange:
     unit: str = "µs"  # of another protocol than pulses: "counts"
 
     def share(self, pulses: Floats) -> Floats:
-        """Output from 0 to 1, of the shape of `pulses`; NaN where there is no pulse."""
+        """Return the output from 0 to 1, in the shape of `pulses`; NaN where there is no pulse."""
         share = np.clip((pulses - self.low_us) / (self.high_us - self.low_us), 0.0, 1.0)
         return np.where(pulses > 0, share, np.nan)
 
 
 def range_words(ranges: Iterable[PulseRange]) -> str:
-    """As "1000 to 2000 µs, assumed", of each range that differs."""
+    """Return the distinct ranges in words, as "1000 to 2000 µs, assumed"."""
     return " and ".join(
         f"{r.low_us:g} to {r.high_us:g} {r.unit}, {r.set_by or 'assumed'}"
         for r in dict.fromkeys(ranges)
@@ -120,12 +121,12 @@ def range_words(ranges: Iterable[PulseRange]) -> str:
 def pulse_ranges(
     parameters: Mapping[str, float], outputs: Sequence[int], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """The range of each motor output, counted from 0; `bank` is PX4's: "MAIN" or "AUX"."""
+    """Return the range of each motor output, counted from 0; `bank` is PX4's: "MAIN" or "AUX"."""
     return tuple(_stated(parameters, output + 1, bank) for output in outputs)
 
 
 def span_of(values: Iterable[Floats], before: Span = NOTHING_SENT) -> Span:
-    """Least and most of what was sent that is no 0, beside what was `before`."""
+    """Return the smallest and largest value above 0 in `values`, `before` included."""
     low, high = before
     for sent in values:
         there = sent[sent > 0]
@@ -136,9 +137,10 @@ def span_of(values: Iterable[Floats], before: Span = NOTHING_SENT) -> Span:
 def ranges_of_span(
     span: Span, outputs: Sequence[int], parameters: Mapping[str, float], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """As `pulse_ranges`, by the protocol that a span of values is of; empty: of none known.
+    """Return the range of each motor output for the protocol that a span of values fits; empty if
+    none.
 
-    A DShot output in flight may stay where pulses are: timers set to DShot come first.
+    DShot values in flight may lie in the range of pulses, so timers set to DShot are checked first.
     """
     low, high = span
     timers = (whole_number(parameters, f"PWM_{bank}_TIM{k}") for k in range(_TIMERS))
@@ -157,7 +159,7 @@ def ranges_of_span(
 
 
 def _stated(parameters: Mapping[str, float], number: int, bank: str) -> PulseRange:
-    """The first range that is one; its name ends with what differs: MOT_PWM_MIN/MAX."""
+    """Return the first valid range; its source is named by its common part: MOT_PWM_MIN/MAX."""
     for least, most in _pairs(parameters, number, bank):
         low, high = parameters.get(least, 0.0), parameters.get(most, 0.0)
         if 0.0 < low < high < inf:
@@ -166,7 +168,9 @@ def _stated(parameters: Mapping[str, float], number: int, bank: str) -> PulseRan
 
 
 def _pairs(parameters: Mapping[str, float], number: int, bank: str) -> Iterator[tuple[str, str]]:
-    """Names of the lowest and the highest pulse of an output, counted from 1; best first."""
+    """Yield the parameter names of the lowest and highest pulse of an output, counted from 1; best
+    first.
+    """
     hover = "Q_M_PWM_MIN" in parameters
     prefix = "Q_M_PWM_" if hover else "MOT_PWM_"
     yield f"{prefix}MIN", f"{prefix}MAX"

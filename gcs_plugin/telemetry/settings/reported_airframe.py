@@ -1,9 +1,9 @@
-"""What a vehicle's own parameters say of its airframe: layout, motors, battery. The rest is asked.
+"""Derive layout, motors and battery of an airframe from the vehicle's own parameters.
 
 ArduPilot: FRAME_CLASS, FRAME_TYPE, SERVOn_FUNCTION, MOT_*, BATT_*, SERVO_BLH_POLES; of a plane with
-hover motors Q_FRAME_CLASS, Q_FRAME_TYPE, Q_M_*.
-PX4: CA_ROTORn_PX, _PY, _PZ (forward, right, down, m) and _KM (torque over thrust, m; above 0 turns
-counter-clockwise), BATn_N_CELLS.
+hover motors Q_FRAME_CLASS, Q_FRAME_TYPE, Q_M_*. PX4: CA_ROTORn_PX, _PY, _PZ (forward, right, down,
+m) and _KM (torque over thrust, m; above 0 turns counter-clockwise), BATn_N_CELLS. Other values must
+be asked of the owner.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _SETTINGS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportedAirframe:
-    """What could be read; a layout with `rotors` of its own has positions in m already."""
+    """The values derived; a layout with its own `rotors` already has positions in m."""
 
     layout: str | None = None
     rotors: list[dict[str, Any]] | None = None
@@ -81,11 +81,11 @@ def reported_airframe(
     texts: Iterable[str] = (),
     layout: str | None = None,
 ) -> ReportedAirframe:
-    """The airframe that `parameters` describe; `highest_voltage` [V] is the battery's in a flight.
+    """Return the airframe that `parameters` describe; `highest_voltage` [V] is the battery's in a
+    flight.
 
-    `facts` are what a log says of the kind of vehicle, `texts` its status texts; a `layout` that is
-    stated takes the place of what the vehicle says of it. Raises AirframeError when the vehicle is
-    no multirotor, or of a frame that is not known.
+    `facts` are the log's kind of vehicle, `texts` its status texts; a stated `layout` replaces the
+    vehicle's own. Raise AirframeError if the vehicle is no multirotor, or its frame is unknown.
     """
     facts = vehicle_facts(parameters, texts=texts) if facts is None else facts
     if refusal := facts.refusal("the vehicle"):
@@ -172,8 +172,10 @@ MOST_CELLS = 100
 def _battery(
     parameters: Mapping[str, float], highest_voltage: float, battery: StatedBattery
 ) -> dict[str, Quantity]:
-    """Nominal voltage by the number of cells that the battery itself or a setting states and the
-    voltage allows, else by what other settings and the voltage agree on."""
+    """Return the nominal voltage by the stated number of cells if the voltage allows it.
+
+    Otherwise use the cells that other settings and the voltage agree on.
+    """
     stated = [(battery.cells, battery.source.words)]
     stated += [
         (whole_number(parameters, name) or 0, name) for name in ("BAT1_N_CELLS", "BAT_N_CELLS")
@@ -188,11 +190,12 @@ def _battery(
 def _cells_by_settings(
     parameters: Mapping[str, float], highest_voltage: float
 ) -> dict[str, Quantity]:
-    """Nominal voltage by the cells that battery settings and the log's voltage fit best.
+    """Return the nominal voltage by the cell count that best fits battery settings and the log's
+    voltage.
 
-    The cells are guessed where one figure alone says them, or where lithium polymer, high-voltage
-    and ion cells read the figures as different counts. Empty where no count of cells can have the
-    voltage, or nothing says it.
+    The count is marked as guessed if a single figure supports it, or if lithium polymer,
+    high-voltage and ion cells give different counts. Empty if no count of cells allows the voltage,
+    or nothing is known.
     """
     volts = {
         f"{name} {parameters[name]:g}": (kind, parameters[name])
@@ -235,7 +238,7 @@ def _cells_by_settings(
 
 
 def _agreeing(volts: Iterable[tuple[str, float]], cells: int, chemistry: str) -> int:
-    """Count the voltages that so many cells of a chemistry usually have."""
+    """Count the voltages that are usual for `cells` cells of a chemistry."""
     usual = _CHEMISTRIES[chemistry]
     return sum(
         abs(setting / cells - usual[kind]) < _MOST_SPREADS * _SPREAD[kind]
@@ -246,9 +249,9 @@ def _agreeing(volts: Iterable[tuple[str, float]], cells: int, chemistry: str) ->
 def _best_cells(
     volts: Sequence[tuple[str, float]], usual: Mapping[str, float]
 ) -> tuple[float, int] | None:
-    """The misfit, in spreads, and the count of cells of one chemistry that fits `volts` best.
+    """Return the misfit, in spreads, and the cell count of one chemistry that fits `volts` best.
 
-    None where there are no voltages, or no count of cells can have them.
+    None without voltages, or if no count of cells allows them.
     """
     extra = 0.0 if usual is _CHEMISTRIES["LiPo"] else _LESS_USUAL
     fits = [
@@ -267,9 +270,9 @@ def _best_cells(
 
 
 def _possible(kind: str, setting: float, cells: int) -> bool:
-    """Return whether each of the cells can have the voltage that a setting or the log gives it.
+    """Return whether `cells` cells can have the voltage of a setting or the log.
 
-    The settings of an empty battery are often left at those of another one, and exclude nothing.
+    Settings for an empty battery are often left at another battery's, and exclude nothing.
     """
     volts = setting / cells
     if kind == "log":

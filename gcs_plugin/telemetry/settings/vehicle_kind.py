@@ -1,8 +1,8 @@
-"""What kind of vehicle sends, and how many rotors lift it, by everything it says of itself.
+"""Determine the kind of vehicle, and how many rotors lift it, from all its reports.
 
 ArduPilot: its boot text, its vehicle type (HEARTBEAT), FRAME_CLASS or Q_FRAME_CLASS,
-SERVOn_FUNCTION; where none of these is there, parameters that one vehicle alone has.
-PX4: its vehicle type, CA_AIRFRAME, CA_ROTORn, SYS_AUTOSTART.
+SERVOn_FUNCTION; if none is present, parameters that only one kind of vehicle has. PX4: its vehicle
+type, CA_AIRFRAME, CA_ROTORn, SYS_AUTOSTART.
 """
 
 from __future__ import annotations
@@ -89,9 +89,9 @@ def vehicle_facts(
     texts: Iterable[str] = (),
     whole: bool = True,
 ) -> VehicleFacts:
-    """Kind and rotors of a vehicle by its parameters, its MAV_TYPE and its status texts.
+    """Return kind and rotors of a vehicle by its parameters, its MAV_TYPE and its status texts.
 
-    Not `whole`: more parameters may come; motors are then not counted by a part of the outputs.
+    If not `whole`, more parameters may come, and motors are not counted from part of the outputs.
     """
     if not whole and any(f"SERVO{n}_FUNCTION" not in parameters for n in OUTPUTS):
         functions = {f"SERVO{n}_FUNCTION" for n in range(1, 33)}
@@ -108,7 +108,7 @@ def vehicle_facts(
 def _kind(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, str]:
-    """The kind and what says so; "unknown" without evidence."""
+    """Return the kind and its evidence; "unknown" without evidence."""
     kind, evidence = _program(parameters, mav_type, texts)
     frame = whole_number(parameters, "FRAME_CLASS")
     if kind == "multirotor" and mav_type == 4:
@@ -128,7 +128,7 @@ def _kind(
 def _program(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, str]:
-    """What the vehicle says first: its program, its type, its airframe, its parameters."""
+    """Return the kind by the first evidence: boot text, vehicle type, airframe, parameters."""
     for text in texts:
         found = _BOOT.match(text)
         if found:
@@ -150,7 +150,7 @@ def _program(
 def _rotors(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, str, str]:
-    """Rotors that lift, what says so, and what says another number; 0 when nothing does."""
+    """Return the number of lifting rotors, its evidence, and contrary evidence; 0 if unknown."""
     on_output = motor_outputs(parameters)
     by_function = len(on_output) if set(on_output) == set(range(len(on_output))) else 0
     by_function = by_function if by_function >= 3 else 0
@@ -175,7 +175,7 @@ def _rotors(
 def _by_frame(
     parameters: Mapping[str, float], texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, str]:
-    """Motors of ArduPilot's frame and what says which it is; 0 where nothing does."""
+    """Return the motors of ArduPilot's frame and the evidence for it; 0 if unknown."""
     name = "Q_FRAME_CLASS" if winged else "FRAME_CLASS"
     frame = whole_number(parameters, name)
     if count := FRAME_ROTORS.get(-1 if frame is None else frame, 0):

@@ -13,7 +13,7 @@ from thrustmargin.gcs_plugin.logs.findings import (
     event_findings,
     gravest_first,
     names_wrong,
-    repeated,
+    report_findings,
 )
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, VehicleEvent
@@ -45,7 +45,7 @@ def test_a_report_repeats_what_makes_it_wrong_and_what_the_vehicle_said():
     said = finding("vehicle reported", "warning", time_s=3.0)
     harmless = finding("time", "warning")
     good = finding("motor order", "ok", spoils=Spoils.ROTOR_NAMES)
-    assert repeated([order, said, harmless, good]) == [order, said]
+    assert report_findings([order, said, harmless, good]) == [order, said]
     assert names_wrong([order, said]) == ["rotor names cannot be trusted: w"]
     assert names_wrong([said]) == []
 

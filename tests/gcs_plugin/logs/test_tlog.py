@@ -16,7 +16,7 @@ from tests.gcs_plugin.logs.tlog_files import (
     written,
 )
 from thrustmargin.gcs_plugin.logs import read_log, read_sorties
-from thrustmargin.gcs_plugin.logs.findings import repeated
+from thrustmargin.gcs_plugin.logs.findings import report_findings
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
 from thrustmargin.models.errors import LogError
@@ -31,7 +31,7 @@ def test_two_vehicles_are_told_apart_and_the_choice_is_said(tmp_path):
     log = read_log(path)
     assert (log.vehicle, log.vehicles) == (2, (1, 2))
     found = inspect_log(log, load_airframe("topxgun-f16-sitl")).findings
-    (said, *_) = repeated(found)
+    (said, *_) = report_findings(found)
     words = "2 in the log (1, 2), vehicle 2 is read: --vehicle chooses another"
     assert (said.check, said.words) == ("vehicles", words)
     assert log.track.rotor_speed_rpm[0, 1] == 2501
@@ -236,7 +236,7 @@ def test_a_parameter_that_changes_in_flight_is_a_finding_and_on_the_ground_none(
     frames.insert(cut, frames[cut][:8] + value.pack(link()))
     log = read_log(written(tmp_path, b"".join(frames)))
     found = inspect_log(log, load_airframe("topxgun-f16-sitl")).findings
-    words = [one.words for one in repeated(found) if one.check == "vehicle reported"]
+    words = [one.words for one in report_findings(found) if one.check == "vehicle reported"]
     changed = [one for one in words if "parameter changed" in one]
     assert len(changed) == said
     assert all("(MOT_SPIN_MIN: 0.15 to 0.5; the whole log" in one for one in changed)

@@ -7,7 +7,7 @@ import numpy as np
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.position import GroundContact, airborne_so_far
-from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.models.checks.held import HeldSoFar
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
@@ -40,7 +40,7 @@ def flying(
     if height is not None:
         channels["height_agl"] = np.asarray(height, float)
     found, words, after, _ = airborne_so_far(
-        collected(signals),
+        signals_by_channel(signals),
         np.arange(float(rows)),
         channels,
         airframe,

@@ -8,7 +8,7 @@ import pytest
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets
-from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 
 TIME = np.arange(0.0, 60.0, 0.1)
 LOAD = (TIME > 20.0) * 20.0  # A through each ESC
@@ -17,7 +17,7 @@ BATTERY = 52.0 - 0.1 * LOAD + 0.05 * np.sin(TIME)
 
 def offsets(*reads, outputs=(0, 1, 2, 3)):
     return esc_voltage_offsets(
-        collected(
+        signals_by_channel(
             Signal("esc_voltage", sent("ESC Volt"), TIME, np.round(volts, 1), k)
             for k, volts in enumerate(reads)
         ),

@@ -13,7 +13,7 @@ from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track,
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.rows import Carried, FlightRows, flight_rows, row_times
-from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
@@ -45,7 +45,7 @@ def rotor(number: int, times, speed: float = 900.0) -> Signal:
 
 
 def rows_of(*signals: Signal, sampling: Any = "hold", **carried) -> list[float]:
-    found = collected(signals)
+    found = signals_by_channel(signals)
     return row_times(found, FOUR.rotor_speed(found), Carried(**carried), sampling).tolist()
 
 
@@ -124,7 +124,7 @@ LIVE = Options(airframe=OURS, sampling="hold", tank_start_kg=5.0)
 
 
 def made(signals: list[Signal], options: Options = LIVE, carried: Carried | None = None):
-    found = flight_rows(collected(signals), FOUR, {}, options, carried)
+    found = flight_rows(signals_by_channel(signals), FOUR, {}, options, carried)
     assert found is not None
     return found
 
@@ -231,7 +231,7 @@ def test_a_listener_reads_spraying_from_the_tank_until_its_pump_has_a_pulse():
     pulses[60:, 4] = 1100.0  # 6 s on: off
     tank = reports("named_value", times, 9.0 - 0.05 * (times - 100.0), "TANK")
     servo = FOUR
-    signals = collected([rotor(0, times), reports("servo_us", times, pulses), tank])
+    signals = signals_by_channel([rotor(0, times), reports("servo_us", times, pulses), tank])
     live = flight_rows(signals, servo, {}, LIVE)
     assert live is not None
     assert live.track.spraying[[0, 55, 60, 99]].tolist() == [0.0, 1.0, 0.0, 0.0]
@@ -256,7 +256,9 @@ def test_a_listener_knows_from_idle_motors_that_what_they_are_sent_is_dshot():
     counts[:10] = 110.0
 
     def throttle(part: slice, carried: Carried | None) -> FlightRows:
-        signals = collected([rotor(0, times[part]), reports("servo_us", times[part], counts[part])])
+        signals = signals_by_channel(
+            [rotor(0, times[part]), reports("servo_us", times[part], counts[part])]
+        )
         rows = flight_rows(signals, FOUR, {"DSHOT_MIN": 0.0}, LIVE, carried)
         assert rows is not None
         return rows
@@ -323,7 +325,9 @@ def recording(**given: Any) -> Recording:
 
 
 def test_a_flight_counts_from_its_first_row():
-    log = assemble(recording(), collected(flight()), Options(airframe=OURS, tank_start_kg=5.0))
+    log = assemble(
+        recording(), signals_by_channel(flight()), Options(airframe=OURS, tank_start_kg=5.0)
+    )
     track = log.track
     assert (log.clock_start_s, track.start_unix_s, track.name) == (100.0, 1e9 + 100.0, "north.tlog")
     assert (track.time_s[0], track.time_s[-1]) == (0.0, pytest.approx(11.9))
@@ -340,7 +344,7 @@ def test_a_flight_counts_from_its_first_row():
     assert (voltage.minimum, voltage.median, voltage.maximum) == pytest.approx((50.0, 55.95, 61.8))
     assert (found["wind_ned"].samples, found["wind_ned"].source) == (0, "not in the log")
     assert np.isnan(found["wind_ned"].rate_hz)
-    unknown = assemble(recording(unix_minus_clock=None), collected(flight()), LIVE).track
+    unknown = assemble(recording(unix_minus_clock=None), signals_by_channel(flight()), LIVE).track
     assert unknown.start_unix_s is None
 
 
@@ -348,24 +352,26 @@ def test_what_is_in_the_log_and_not_used_is_named_with_the_reason():
     unknown = reports("battery_current", [0.0, 1.0], [NAN, NAN], 0)
     absurd = reports("pressure", [0.0, 1.0], [1.0, 1.0])
     unmapped = reports("servo_us", [0.0, 1.0], [[1500.0], [1600.0]])
-    signals = collected([rotor(0, [0.0, 1.0]), unknown, absurd, unmapped])
+    signals = signals_by_channel([rotor(0, [0.0, 1.0]), unknown, absurd, unmapped])
     read = recording(unused={"altitude": "in the log (baro), not used: it has no unit"})
     found = {report.name: report.source for report in assemble(read, signals, Options()).channels}
     assert found["current"].endswith("), not used: never with a value")
     assert found["pressure"].endswith("), not used: no value that can be believed or is in time")
     assert found["altitude"] == "in the log (baro), not used: it has no unit"
     assert found["wind_ned"] == "not in the log"
-    nobody = assemble(recording(mav_type=None), collected([unmapped, absurd, unknown]), Options())
+    nobody = assemble(
+        recording(mav_type=None), signals_by_channel([unmapped, absurd, unknown]), Options()
+    )
     found = {report.name: report.source for report in nobody.channels}
     assert found["throttle"].endswith("), not used: of no known motor")
 
 
 def test_absent_rotor_speeds_are_told():
     # Motor 3 was heard at first only.
-    signals = collected([rotor(0, np.arange(20.0)), rotor(2, [0.0, 1.0])])
+    signals = signals_by_channel([rotor(0, np.arange(20.0)), rotor(2, [0.0, 1.0])])
     log = assemble(recording(), signals, Options())
     assert log.track.notes[-1] == "no rotor speed of motor 2, 4"
-    log = assemble(recording(), collected([reports("airspeed", [0.0], [1.0])]), Options())
+    log = assemble(recording(), signals_by_channel([reports("airspeed", [0.0], [1.0])]), Options())
     assert (
         log.track.notes[-1] == "no ESC telemetry of its motors in the log: rotor speeds are unknown"
     )
@@ -375,7 +381,7 @@ def test_absent_rotor_speeds_are_told():
 
 @pytest.mark.parametrize(("days", "fine"), [(7.0, True), (7.6, False)])
 def test_a_flight_of_more_than_a_week_has_damaged_times(days, fine):
-    signals = collected([rotor(0, [5e5, 5e5 + 10.0, 5e5 + days * 86_400.0])])
+    signals = signals_by_channel([rotor(0, [5e5, 5e5 + 10.0, 5e5 + days * 86_400.0])])
     if fine:
         assert assemble(recording(), signals, Options()).track.duration == days * 86_400
     else:
@@ -416,16 +422,16 @@ def test_reports_of_a_channel_are_counted_with_their_pauses():
     times = np.array([0.0, 0.0, 0.1, 0.2, 0.3, 3.3, 3.4, 6.9, 7.0, 7.1])
     values = np.array([50.0, 50.0, 50.0, NAN, 50.0, 50.0, 50.0, 50.0, 50.0, 50.0])
     signals = [rotor(0, np.arange(0, 8, 0.5)), reports("voltage", times, values)]
-    log = assemble(recording(), collected(signals), Options())
+    log = assemble(recording(), signals_by_channel(signals), Options())
     found = next(r for r in log.channels if r.name == "voltage")
     assert (found.samples, found.gaps) == (9, 1)
     assert found.longest_gap_s == pytest.approx(3.5)
     assert found.rate_hz == pytest.approx(10.0)
     twice = [rotor(0, [0.0, 1.0]), reports("voltage", [0.0, 0.0, 0.5, 0.5, 1.0, 1.0], [50.0] * 6)]
-    found = assemble(recording(), collected(twice), Options()).channels
+    found = assemble(recording(), signals_by_channel(twice), Options()).channels
     assert next(r for r in found if r.name == "voltage").rate_hz == pytest.approx(2.0)
     once = [rotor(0, [0.0, 1.0]), reports("voltage", [0.0], [50.0])]
-    found = assemble(recording(), collected(once), Options()).channels
+    found = assemble(recording(), signals_by_channel(once), Options()).channels
     voltage = next(r for r in found if r.name == "voltage")
     assert (voltage.samples, voltage.gaps, np.isnan(voltage.rate_hz)) == (1, 0, True)
     assert np.isnan(voltage.longest_gap_s)

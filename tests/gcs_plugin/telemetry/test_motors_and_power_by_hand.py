@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.motors import motor_map
 from thrustmargin.gcs_plugin.telemetry.power import power
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
-from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -37,7 +37,9 @@ def functions(*outputs: int, first: int = 33) -> dict[str, float]:
 
 def motors(parameters=None, signals=(), airframe=None, **given):
     facts = vehicle_facts(parameters or {}, mav_type=given.pop("mav_type", None))
-    return motor_map("log", parameters or {}, collected(signals), airframe, facts=facts, **given)
+    return motor_map(
+        "log", parameters or {}, signals_by_channel(signals), airframe, facts=facts, **given
+    )
 
 
 def test_motors_are_where_their_functions_are():
@@ -57,12 +59,12 @@ def test_the_output_of_a_pump_is_no_motors_where_a_motor_is_not_found():
     driven = [reports("servo_us", np.full((3, 8), 1500.0))]
     for other in ({"SERVO1_FUNCTION": 22.0}, functions(5, 2), {"SERVO3_FUNCTION": 0.0}):
         found = motors(other, driven, F16)
-        assert found.throttle(collected(driven), other) == [None] * 4
+        assert found.throttle(signals_by_channel(driven), other) == [None] * 4
         assert found.notes[0].endswith("by SERVOn_FUNCTION: no motor output is used")
     unsaid = {"SERVO6_FUNCTION": 22.0, "SERVO2_FUNCTION": 34.0}
     found = motors(unsaid, driven, F16)
     assert (found.outputs, found.notes) == ((0, 1, 2, 3), ())
-    assert None not in found.throttle(collected(driven), unsaid)
+    assert None not in found.throttle(signals_by_channel(driven), unsaid)
 
 
 def test_motors_that_nothing_names_are_taken_in_order():
@@ -130,7 +132,7 @@ def test_rotors_of_ardupilots_frame_classes(frame_class, count):
 
 
 def throttles(pulses, parameters=None, outputs=(1, 2, 3, 4)):
-    signals = collected([reports("servo_us", pulses)])
+    signals = signals_by_channel([reports("servo_us", pulses)])
     found = motors(functions(*outputs)).throttle(signals, parameters or {})
     return [None if s is None else s.values.tolist() for s in found]
 
@@ -224,22 +226,22 @@ def test_escs_are_matched_by_what_turns(outputs, turn, phantom, escs):
 
 def test_outputs_without_a_pulse_or_beyond_the_reported_have_no_throttle():
     assert throttles([[1500, 0, 1500]] * 3, outputs=(1, 2, 4)) == [[0.5] * 3, None, None]
-    none = motors(functions(1, 2, 3)).throttle(collected([]), {})
+    none = motors(functions(1, 2, 3)).throttle(signals_by_channel([]), {})
     assert none == [None, None, None]
     # Taken to be on outputs 1 to 4, of which one never has a pulse: then it is no motor's.
     assumed = motors({"FRAME_CLASS": 1.0})
-    pumps = collected([reports("servo_us", [[1500, 1700, 0, 1500]] * 3)])
+    pumps = signals_by_channel([reports("servo_us", [[1500, 1700, 0, 1500]] * 3)])
     assert assumed.throttle(pumps, {}) == [None] * 4
-    driven = collected([reports("servo_us", [[1500, 1700, 1600, 1500]] * 3)])
+    driven = signals_by_channel([reports("servo_us", [[1500, 1700, 1600, 1500]] * 3)])
     found = assumed.throttle(driven, {})
     assert [None if s is None else s.values[0] for s in found] == [0.5, 0.7, 0.6, 0.5]
     direct = reports("throttle", [0.1, 0.2, 0.3], 1)
-    found = motors(functions(1, 2, 3)).throttle(collected([direct]), {})
+    found = motors(functions(1, 2, 3)).throttle(signals_by_channel([direct]), {})
     assert found == [None, direct, None]
 
 
 def test_what_an_esc_says_of_itself_holds_for_five_seconds():
-    said = collected([reports("esc_failure", [2.0, 0.0], 2, times=[10.0, 20.0])])
+    said = signals_by_channel([reports("esc_failure", [2.0, 0.0], 2, times=[10.0, 20.0])])
     found = motors(functions(3, 2, 1)).failures(said, np.array([9.0, 10.0, 15.0, 15.1, 21.0]))
     np.testing.assert_array_equal(found[:, 0], [NAN, 2.0, 2.0, NAN, 0.0])
     assert np.isnan(found[:, 1:]).all()
@@ -249,7 +251,7 @@ def test_rotor_speeds_follow_the_outputs_and_silent_ones_are_none():
     escs = [reports("esc_rpm", [1000.0 + k] * 3, k) for k in (0, 2)]
     escs.append(reports("esc_rpm", [NAN] * 3, 1))
     escs.append(reports("esc_rpm", [-1003.0] * 3, 3))  # a reversed motor on CAN
-    found = motors(functions(3, 2, 1, 4)).rotor_speed(collected(escs))
+    found = motors(functions(3, 2, 1, 4)).rotor_speed(signals_by_channel(escs))
     assert [None if s is None else s.values[0] for s in found] == [1002.0, None, 1000.0, 1003.0]
 
 
@@ -271,7 +273,7 @@ def test_words_say_where_rotor_speed_and_throttle_come_from():
 
 def first_of(channel: str, *signals: Signal, sampling: Any = "linear"):
     notes: list[str] = []
-    sources = tuple(power(collected(signals), sampling, notes)[channel])
+    sources = tuple(power(signals_by_channel(signals), sampling, notes)[channel])
     return sources, notes
 
 

@@ -8,7 +8,7 @@ import pytest
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.position import PlaceOfZero, place_of_zero, position_sources
-from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.models.flight import Origin
 
 NAN = float("nan")
@@ -36,7 +36,7 @@ def origin(times, *values) -> Signal:
 
 def zero_of(*signals: Signal, flying=(), before: PlaceOfZero | None = None):
     off = np.isin(np.arange(10), flying)
-    found = place_of_zero(collected(signals), CLOCK, off, before)
+    found = place_of_zero(signals_by_channel(signals), CLOCK, off, before)
     if found is None:
         return None
     where = found.origin
@@ -133,7 +133,7 @@ def test_positions_count_from_zero_in_metres_north_east_and_down():
         (0.0, 10.0, 40_000.0),
     )
     local = places("position_ned", [0.0, 1.0], [[1.0, 2.0, 3.0]] * 2, "LOCAL_POSITION_NED")
-    sources = position_sources(collected([local, signal]), zero)
+    sources = position_sources(signals_by_channel([local, signal]), zero)
     assert [s.channel for s in sources] == ["position_ned", "position_ned"]
     assert sources[1] is local
     assert sources[0].source.words == "GPS x (from home; by H)"
@@ -142,9 +142,9 @@ def test_positions_count_from_zero_in_metres_north_east_and_down():
     np.testing.assert_allclose(found[1], [0.0, EAST * 1e-4, -3.0], atol=1e-3)
     # No fix, off the earth, and a height that cannot be.
     assert np.isnan(found[2:]).any(axis=1).all()
-    assert position_sources(collected([local, signal]), None) == (local,)
+    assert position_sources(signals_by_channel([local, signal]), None) == (local,)
     assert position_sources({}, zero) == ()
     # At the edges of the earth it is still there.
     edge = fixes((90.0, 360.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-    sources = position_sources(collected([edge]), zero)
+    sources = position_sources(signals_by_channel([edge]), zero)
     assert np.isfinite(sources[0].values).all()

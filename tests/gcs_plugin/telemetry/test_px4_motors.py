@@ -5,7 +5,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
 from thrustmargin.models.provenance import Provenance, SourceKind
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -40,7 +40,7 @@ def outputs(*ports: list[int]) -> Signals:
     """SERVO_OUTPUT_RAW of each port, the same three times."""
     source = Provenance(kind=SourceKind.MESSAGE, name="SERVO_OUTPUT_RAW", unit="us")
     made = [np.tile(np.array(values, float), (3, 1)) for values in ports]
-    return collected(
+    return signals_by_channel(
         Signal("servo_us", source, np.arange(3.0) + 0.1 * port, values, port)
         for port, values in enumerate(made)
     )

@@ -28,7 +28,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     airspeed_sources,
     best,
     by_index,
-    collected,
+    signals_by_channel,
 )
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.provenance import Meaning
@@ -214,7 +214,7 @@ def test_signals_by_channel_and_the_first_of_each_number():
         signal([0.0], [1.0 + k], "esc_rpm", f"s{k}", index) for k, index in enumerate((3, None, 3))
     )
     d = signal([0.0], [9.0], "voltage")
-    signals = collected([a, d, b, c])
+    signals = signals_by_channel([a, d, b, c])
     assert signals == {"esc_rpm": (a, b, c), "voltage": (d,)}
     assert by_index(signals, "esc_rpm") == {3: a}
     assert by_index(signals, "airspeed") == {}
@@ -304,7 +304,7 @@ def test_a_damaged_time_at_an_end_is_a_leap_too(row):
 def test_without_an_airspeed_it_is_the_velocity_less_the_wind_heard_before(sampling):
     velocity = [[3.0, 0.0, 0.0], [3.0, 4.0, 0.0], [3.0, 4.0, 0.0]]
     wind = [[-2.0, 0.0, 0.0], [-1.0, 7.0, 0.0]]
-    signals = collected(
+    signals = signals_by_channel(
         [
             signal([0.0, 2.0, 3.0], velocity, "velocity_ned"),
             signal([1.0, 2.5], wind, "wind_ned"),
@@ -321,9 +321,9 @@ def test_an_airspeed_that_is_reported_throughout_stands_alone():
     times = np.arange(20.0)
     velocity = signal(times, np.tile([3.0, 4.0, 0.0], (20, 1)), "velocity_ned")
     own = signal(times, np.full(20, 6.0), "airspeed")
-    assert list(airspeed_sources(collected([velocity, own]), "linear")) == [own]
+    assert list(airspeed_sources(signals_by_channel([velocity, own]), "linear")) == [own]
     half = signal(times[:10], np.full(10, 6.0), "airspeed")
-    _, found = airspeed_sources(collected([velocity, half]), "linear")
+    _, found = airspeed_sources(signals_by_channel([velocity, half]), "linear")
     assert found.source.meaning is Meaning.GROUND_SPEED
     assert found.values.tolist() == [5.0] * 20
 

@@ -22,11 +22,11 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
     by_index,
-    collected,
     hud_airspeed,
     mavlink_signals,
     output_pulses,
     pitot_present,
+    signals_by_channel,
 )
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.vehicle_facts import VehicleFacts
@@ -312,7 +312,7 @@ def test_of_two_sources_of_one_esc_the_first_that_ever_read_anything(silent):
     def escs(raw: list[float], smooth: list[float]) -> dict[int | str, Signal]:
         made = ((name, values) for name, values in (("RawRPM", raw), ("RPM", smooth)))
         return by_index(
-            collected(
+            signals_by_channel(
                 Signal("esc_rpm", replace(HUD, name=name), time_s, np.array(values), 2)
                 for name, values in made
             ),

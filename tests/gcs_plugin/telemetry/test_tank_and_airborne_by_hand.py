@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.power import spraying_sources
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
-from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     TankContext,
     first_level,
@@ -40,7 +40,7 @@ def reports(channel: str, values, index=None, times: Any = TIME) -> Signal:
 
 def level(*signals: Signal, airframe: Any = OURS, source: str = "auto", **given: Any):
     context = TankContext(airframe=airframe, parameters=given.pop("parameters", {}), **given)
-    return first_level(tank_levels(collected(signals), context, source))
+    return first_level(tank_levels(signals_by_channel(signals), context, source))
 
 
 def kilograms(*signals: Signal, **given) -> list[float]:
@@ -78,13 +78,15 @@ def pack(volts: float, number: int) -> Signal:
 
 
 def test_a_pack_reads_more_than_two_and_a_half_volts():
-    assert flight_battery(collected([pack(2.5, 0), pack(2.51, 1)])) == 1
-    assert flight_battery(collected([pack(50.0, 2), pack(48.0, 1)])) == 1  # the lowest number
+    assert flight_battery(signals_by_channel([pack(2.5, 0), pack(2.51, 1)])) == 1
+    assert (
+        flight_battery(signals_by_channel([pack(50.0, 2), pack(48.0, 1)])) == 1
+    )  # the lowest number
     # What the autopilot is fed by is not flown on; half as much is.
-    assert flight_battery(collected([pack(5.1, 0), pack(22.0, 1)])) == 1
-    assert flight_battery(collected([pack(11.1, 0), pack(22.0, 1)])) == 0
-    assert flight_battery(collected([pack(2.0, 0)])) is None
-    assert flight_battery(collected([reports("battery_voltage", [NAN] * 4, 0)])) is None
+    assert flight_battery(signals_by_channel([pack(5.1, 0), pack(22.0, 1)])) == 1
+    assert flight_battery(signals_by_channel([pack(11.1, 0), pack(22.0, 1)])) == 0
+    assert flight_battery(signals_by_channel([pack(2.0, 0)])) is None
+    assert flight_battery(signals_by_channel([reports("battery_voltage", [NAN] * 4, 0)])) is None
 
 
 def battery_tank(percent, used=None, number=1) -> list[Signal]:
@@ -170,7 +172,9 @@ def test_a_pump_that_is_not_known_gives_no_level():
 def spraying(*signals: Signal, tank: Signal | None = None, sampling: Sampling = "linear", **given):
     context = TankContext(airframe=OURS, parameters=given.pop("parameters", {}), **given)
     notes: list[str] = []
-    found = spraying_sources(pump_share(collected(signals), context), tank, sampling, notes)
+    found = spraying_sources(
+        pump_share(signals_by_channel(signals), context), tank, sampling, notes
+    )
     return found[0] if found else None, notes
 
 
@@ -214,12 +218,12 @@ def table(clock, channels) -> dict[str, np.ndarray]:
 
 
 def flying(*signals: Signal, clock=CLOCK, **channels) -> tuple[list[int], str]:
-    found = airborne(collected(signals), clock, table(clock, channels))
+    found = airborne(signals_by_channel(signals), clock, table(clock, channels))
     return np.flatnonzero(found.flying).tolist(), found.words
 
 
 def grounded_by(*signals: Signal, airframe: Airframe | None = None, clock=CLOCK, **channels):
-    found = airborne(collected(signals), clock, table(clock, channels), airframe)
+    found = airborne(signals_by_channel(signals), clock, table(clock, channels), airframe)
     assert not found.flying.any()
     return found.by
 

@@ -10,7 +10,7 @@ from tests.gcs_plugin.logs.log_files import frames_of
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     TankContext,
     check_source,
@@ -56,7 +56,7 @@ def battery(percent, *, number=1, volts=1.5, used=None) -> list[Signal]:
 
 
 def level(*signals, source="auto", **given):
-    return first_level(tank_levels(collected([*PACK, *signals]), context(**given), source))
+    return first_level(tank_levels(signals_by_channel([*PACK, *signals]), context(**given), source))
 
 
 def test_a_named_value_goes_before_a_tank_battery():
@@ -133,7 +133,7 @@ def test_what_monitor_announces_as_a_battery_is_no_gauge(number: int):
 def test_the_pack_is_found_though_the_tank_has_the_lower_id():
     tank_first = battery(TIME * 0 + 50.0, number=0)
     pack = Signal("battery_voltage", sent("BATTERY_STATUS of id 1"), TIME, TIME * 0 + 56.0, 1)
-    assert flight_battery(collected([*tank_first, pack])) == 1
+    assert flight_battery(signals_by_channel([*tank_first, pack])) == 1
 
 
 def pump(share: float) -> Signal:

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.limits import flight_limits
+from thrustmargin.mission.forecast.plan_flight import PlanConditions
 from thrustmargin.mission.forecast.plan_forecast import TakeOff
 from thrustmargin.mission.forecast.plan_forecast import forecast as before_take_off
 from thrustmargin.mission.forecast.way import plan_legs
-from thrustmargin.mission.plan_tracking.stretches import PlanToFly, known_before
-from thrustmargin.mission.route import Conditions, forecast
+from thrustmargin.mission.plan_tracking.stretches import PlanToFly, conditions_before_take_off
+from thrustmargin.mission.route import forecast
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.model.model_file import shipped_model
 
@@ -22,12 +24,12 @@ def test_where_the_rotors_have_no_moment_left_every_forecast_gives_up_yaw_alike(
     """16 kg at 4,000 m: turns ask more than a rotor has, and the nose turns slower."""
     made = before_take_off(PLAN, MODEL, TakeOff(fill_kg=16.0, altitude=4000.0), parameters=SHARP)
     assert "nose gives way" in made.assumed
-    given = known_before(SHARP, MODEL.airframe, fill_kg=16.0, altitude=4000.0)
+    given = conditions_before_take_off(SHARP, MODEL.airframe, fill_kg=16.0, altitude=4000.0)
     flight, _ = PlanToFly.of(PLAN, SHARP, MODEL).fly(given)
     assert flight.course.limits.yaw_acceleration == made.limits.yaw_acceleration
     limits = flight_limits(SHARP)
     legs = plan_legs(PLAN, plan_steps(PLAN), limits)
-    now = Conditions(tank_kg=16.0, flow=0.0, density=given.density, voltage=54.0)
+    now = PlanConditions(fill_kg=16.0, density=given.density, battery=FlightBattery(voltage=54.0))
     ahead = forecast(legs, limits, MODEL, now)
     assert ahead is not None
     slow, fast = (np.abs(a.track.angular_rate_frd[:, 2]).max() for a in (ahead.analysis, still()))
@@ -37,14 +39,16 @@ def test_where_the_rotors_have_no_moment_left_every_forecast_gives_up_yaw_alike(
 def still():
     """The same rest at sea level with an empty tank, where the nose has all it asks for."""
     limits = flight_limits(SHARP)
-    now = Conditions(tank_kg=0.0, flow=0.0, density=1.225, voltage=54.0)
+    now = PlanConditions(fill_kg=0.0, density=1.225, battery=FlightBattery(voltage=54.0))
     made = forecast(plan_legs(PLAN, plan_steps(PLAN), limits), limits, MODEL, now)
     assert made is not None
     return made.analysis
 
 
 def test_what_is_known_before_is_still_standard_air_and_the_battery_of_the_parameters():
-    given = known_before({"BATT_CAPACITY": 16000.0}, MODEL.airframe, fill_kg=8.0, altitude=1000.0)
+    given = conditions_before_take_off(
+        {"BATT_CAPACITY": 16000.0}, MODEL.airframe, fill_kg=8.0, altitude=1000.0
+    )
     assert given.wind_ned == (0.0, 0.0, 0.0)
     assert given.density == pytest.approx(1.112, abs=0.001)  # ISO 2533 at 1000 m
     assert given.battery.capacity_ah == 16.0

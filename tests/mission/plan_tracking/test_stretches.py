@@ -22,7 +22,7 @@ from thrustmargin.mission.plan_tracking.stretches import (
     FlownWay,
     beside,
     flown_way,
-    passed,
+    stretch_ends,
     worst_smoothed,
 )
 from thrustmargin.mission.steps import plan_steps
@@ -186,7 +186,7 @@ def test_a_stretch_of_20_s_may_be_21_s_late(late_s: float, ends: int):
         tank_kg=unknown,
         voltage=unknown,
     )
-    assert passed(cast(PlanFlight, planned), way) == (int(20.0 + late_s),) * ends
+    assert stretch_ends(cast(PlanFlight, planned), way) == (int(20.0 + late_s),) * ends
 
 
 def test_the_worst_rotor_is_that_of_means_over_half_a_second():
