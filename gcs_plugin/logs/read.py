@@ -69,7 +69,7 @@ def read_sorties(
 
     `vehicle` is the system id (default: the one that reports rotor speeds, and of several the one
     that has the rotors of the airframe, unless that is not `sought`). `any_vehicle` reads one that
-    is no multirotor, too. The other `options` are those of `telemetry.statements.Options`:
+    is no multirotor, too. The other `options` are those of `telemetry.vehicle_events.Options`:
     `airframe` gives the number of rotors, the tank and the liquid; `sampling` puts other channels
     onto the rows by interpolation ("linear") or as a live listener would ("hold"); `tank` names the
     source of the tank level as `telemetry.tank_source` lists them; `tank_start_kg` is what a tank

@@ -9,18 +9,18 @@ from rich.markup import escape
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import LIMIT, Chosen, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import (
-    AS_HEARD,
-    Reading,
-    ReadingOptions,
-    reading_keywords,
-)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     UsageError,
     check_port,
     check_range,
     check_speed,
     require_logs,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    Reading,
+    ReadingOptions,
+    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
