@@ -33,10 +33,9 @@ from thrustmargin.mission.steps import plan_steps, pump_output
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Floats, Origin
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse, thrust_use
 from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.thrust_use import thrust_use
 
 Rows = NDArray[np.intp]
 Worst = Literal["max", "min", "abs"]

@@ -14,12 +14,11 @@ from typing import Any
 from thrustmargin.gcs_plugin.logs.read import read_sorties
 from thrustmargin.gcs_plugin.telemetry.flight_log import with_track
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
-from thrustmargin.models.checks.frozen import without_frozen
+from thrustmargin.models.checks.instruments import without_frozen
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.inferred.prepared import fill_channels
-from thrustmargin.models.model.predict import identified_airframe
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 
 
 def claimed_flights(

@@ -20,9 +20,8 @@ from thrustmargin.gcs_plugin.logs.findings import (
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.models.checks.frozen import INSTRUMENTS
 from thrustmargin.models.checks.held import attitude_denied
-from thrustmargin.models.checks.instruments import sprayed_by_thrust
+from thrustmargin.models.checks.instruments import INSTRUMENTS, sprayed_by_thrust
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.plausible import OF_ANY_AIRFRAME, Comparison, comparisons

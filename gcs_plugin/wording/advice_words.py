@@ -18,8 +18,8 @@ from thrustmargin.gcs_plugin.wording.language import (
     say,
 )
 from thrustmargin.models.model.advice import Advice, FlightLevel
-from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.fault_test import MOST, RotorFault
+from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 

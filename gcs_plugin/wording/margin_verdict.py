@@ -19,8 +19,8 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.inferred.speed_basis import SpeedBasis
+from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 

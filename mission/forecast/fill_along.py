@@ -19,7 +19,7 @@ from thrustmargin.models.model.advice import Advised, FlightLevel
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
-from thrustmargin.models.model.predict import identified_airframe
+from thrustmargin.models.model.rotor_model import identified_airframe
 
 #: Standard error of a stretch's largest utilisation, as a share of it, by how it is flown: 4 to 5 %
 #: at 3,000 m and 2 % elsewhere, by the command of docs/forecast.md.

@@ -31,8 +31,7 @@ from thrustmargin.mission.forecast.limits import FlightLimits
 from thrustmargin.mission.forecast.way import CONE, RETURN_WAIT_S, Course
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_axes
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.predict import identified_airframe, predict
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe, predict
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import (
     G0,

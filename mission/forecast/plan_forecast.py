@@ -59,10 +59,9 @@ from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.caveats import Caveat
-from thrustmargin.models.model.predict import Basis, identified_airframe
+from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_faults import FaultHistory
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import Basis, RotorModel, identified_airframe
 
 STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.

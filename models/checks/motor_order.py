@@ -26,7 +26,7 @@ import numpy as np
 from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.allocation import mixer
+from thrustmargin.models.physics.margin import mixer
 from thrustmargin.models.physics.smoothing import running_mean
 
 #: How much more likely the best assignment must be than the next one, and than chance: e^10.

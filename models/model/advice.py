@@ -23,21 +23,33 @@ from enum import StrEnum
 
 import numpy as np
 
-from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
-from thrustmargin.models.checks.stopped_rotor import stopped_rotors
+from thrustmargin.models.checks.loss_of_control import (
+    LossOfControl,
+    before_loss,
+    loss_of_control,
+    stopped_rotors,
+)
 from thrustmargin.models.checks.voltage import HELD_ROWS
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
+    ThrustUse,
     analysis_for_verdict,
+    running_median,
+    thrust_use,
     with_bad_part,
     with_true_speed,
 )
-from thrustmargin.models.model.caveats import Caveat, caveats
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.fill_limits import NextFill, next_fill, unsound_fill
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
-from thrustmargin.models.model.model_misfit import ModelMisfit, model_misfit, with_misfit
+from thrustmargin.models.model.model_misfit import (
+    Caveat,
+    ModelMisfit,
+    caveats,
+    model_misfit,
+    with_misfit,
+)
 from thrustmargin.models.model.output_faults import MisreadSpeed, misread_speed, undecided
 from thrustmargin.models.model.rotor_faults import (
     FaultEpisode,
@@ -47,7 +59,6 @@ from thrustmargin.models.model.rotor_faults import (
     fault_signals,
     faults_in_model,
 )
-from thrustmargin.models.model.thrust_use import ThrustUse, running_median, thrust_use
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_least
 from thrustmargin.models.vehicle_facts import CELL_IN_USE

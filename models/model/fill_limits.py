@@ -24,12 +24,10 @@ from numpy.typing import ArrayLike
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import RESTS_ON, AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.analysis import FlightAnalysis, ThrustUse, analyse
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL, guessed_variance
-from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_faults import faults_in_model
-from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.thrust_use import ThrustUse
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, largest_fill
 

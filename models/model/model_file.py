@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.effects.stored import EffectRecord
+from thrustmargin.models.effects.compose import EffectRecord
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thermometer import Thermometer
-from thrustmargin.models.network.ensemble import RotorNetwork
+from thrustmargin.models.network.network import RotorNetwork
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import airframe_from_table, airframe_table

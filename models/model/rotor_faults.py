@@ -35,8 +35,7 @@ from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
-from thrustmargin.models.effects.compose import rotor_speed_rpm, with_neutral_gaps
-from thrustmargin.models.effects.stored import losses_of
+from thrustmargin.models.effects.compose import losses_of, rotor_speed_rpm, with_neutral_gaps
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -56,12 +55,11 @@ from thrustmargin.models.model.output_faults import (
     square_of_outputs,
     undecided,
 )
-from thrustmargin.models.model.predict import model_channels, predict, table_of
 from thrustmargin.models.model.rotor_fade import UNKNOWN_DRIFT, RotorFade
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, model_channels, predict, table_of
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.margin import mixer
 from thrustmargin.models.physics.motor_output import curve_of, output_curve
 
 #: Least relative error of a step: half of RATIO

@@ -27,20 +27,23 @@ import numpy as np
 from thrustmargin.models.errors import AirframeError, DataError, ModelError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.inferred.speed_basis import SpeedBasis, speed_basis
-from thrustmargin.models.model.predict import Basis, predict
-from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.network.ensemble import (
+from thrustmargin.models.model.rotor_model import Basis, RotorModel, predict
+from thrustmargin.models.network.network import (
+    NetConfig,
+    NetworkFit,
     RotorNetwork,
     ensemble_speed,
+    fit_network,
     member_speeds,
     stack_networks,
 )
-from thrustmargin.models.network.network import NetConfig, NetworkFit, fit_network
-from thrustmargin.models.network.records import ConditionScore, SplitScore, TrainingRecord
-from thrustmargin.models.network.training_rows import (
+from thrustmargin.models.network.records import (
+    ConditionScore,
     Rows,
     Samples,
     Split,
+    SplitScore,
+    TrainingRecord,
     gather,
     member_splits,
     split_by_flight,

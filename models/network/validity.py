@@ -33,7 +33,7 @@ from statistics import NormalDist
 import numpy as np
 
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.network.training_rows import Rows
+from thrustmargin.models.network.records import Rows
 from thrustmargin.models.scores import t_quantile
 
 KNOT_STEP = 0.5  # m/s between the airspeeds at which the scatter is kept

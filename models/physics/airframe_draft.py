@@ -20,8 +20,13 @@ from math import pi, sqrt
 from types import MappingProxyType
 from typing import Any
 
-from thrustmargin.models.physics.airframe import Airframe, Quantity, airframe_table
-from thrustmargin.models.physics.airframe_checks import OPTIONAL_QUANTITIES, QUANTITIES
+from thrustmargin.models.physics.airframe import (
+    OPTIONAL_QUANTITIES,
+    QUANTITIES,
+    Airframe,
+    Quantity,
+    airframe_table,
+)
 
 INCH = 0.0254  # m
 #: C_T of two-blade propellers: median of the makers' tables of 19 of them, 18 to 40 in, whose

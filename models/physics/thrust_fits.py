@@ -34,9 +34,9 @@ from numpy.typing import ArrayLike
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.flight_phases import hover_rows
+from thrustmargin.models.physics.margin import mixer
 from thrustmargin.models.physics.thrust import fit_thrust_curve
 from thrustmargin.models.scores import Estimate, jackknife
 

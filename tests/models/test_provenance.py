@@ -14,7 +14,7 @@ from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
 from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.predict import identified_airframe
+from thrustmargin.models.model.rotor_model import identified_airframe
 from thrustmargin.models.provenance import (
     NOT_REPORTED,
     Meaning,

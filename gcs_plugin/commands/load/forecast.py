@@ -34,7 +34,7 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.battery import FlightBattery
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
-    from thrustmargin.models.model.caveats import Caveat
+    from thrustmargin.models.model.model_misfit import Caveat
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.airframe import Airframe

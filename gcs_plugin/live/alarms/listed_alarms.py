@@ -35,7 +35,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.models.checks.stopped_rotor import StoppedWatch
+from thrustmargin.models.checks.loss_of_control import StoppedWatch
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault

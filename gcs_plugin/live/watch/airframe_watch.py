@@ -27,8 +27,7 @@ from thrustmargin.models.checks.voltage import ceiling_too_high, highest_voltage
 from thrustmargin.models.flight import FlightTrack, join_tracks
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.predict import identified_airframe
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 

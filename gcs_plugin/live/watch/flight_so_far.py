@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, serviced
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
-from thrustmargin.models.checks.frozen import without_frozen
+from thrustmargin.models.checks.instruments import without_frozen
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
@@ -33,9 +33,8 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
 from thrustmargin.models.model.inferred.prepared import fill_channels
-from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_faults import FaultHistory
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 
 #: s of the vehicle's clock between two answers, and the share by which its rows have grown: more
 #: rows take longer, and change the answer less.

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from thrustmargin.models.checks.frozen import (
+from thrustmargin.models.checks.instruments import (
     Stand,
     drop_readings,
     frozen_channels,

@@ -52,9 +52,8 @@ from thrustmargin.models.model.analysis import (
     with_load_beyond_gauge,
 )
 from thrustmargin.models.model.inferred.prepared import Inferred, fill_channels_so_far
-from thrustmargin.models.model.predict import identified_airframe
 from thrustmargin.models.model.rotor_faults import fault_model
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 
 #: Rows of which screens show a mean, and in which a loss of control lasts: so many stay at least.
 SHOWN = 20

@@ -254,7 +254,7 @@ def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
         by_thrust,
         in_all,
     )
-    from thrustmargin.models.model.predict import identified_airframe
+    from thrustmargin.models.model.rotor_model import identified_airframe
 
     known = [not analysis.withheld for analysis, _ in flights]
     gauge = [by_gauge(log.track) for _, log in flights]

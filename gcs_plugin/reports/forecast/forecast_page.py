@@ -43,7 +43,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import worst_rotor
 from thrustmargin.models.model.fill_limits import largest_fills, steady_flight
-from thrustmargin.models.model.predict import identified_airframe
+from thrustmargin.models.model.rotor_model import identified_airframe
 from thrustmargin.models.physics.atmosphere import (
     air_density,
     isa_pressure,

@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models import scores
-from thrustmargin.models.effects.stored import EffectRecord
+from thrustmargin.models.effects.compose import EffectRecord
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis, SpeedBasis
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS

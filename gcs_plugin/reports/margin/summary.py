@@ -36,7 +36,7 @@ from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.model_misfit import margin_check
-from thrustmargin.models.model.predict import identified_airframe
+from thrustmargin.models.model.rotor_model import identified_airframe
 from thrustmargin.models.physics.margin import ceiling
 from thrustmargin.models.physics.smoothing import known_least, known_median, known_most
 

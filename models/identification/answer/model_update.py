@@ -19,8 +19,12 @@ import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed, Values
-from thrustmargin.models.effects.compose import rotor_speed_rpm, with_neutral_gaps
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import (
+    EffectRecord,
+    Identified,
+    rotor_speed_rpm,
+    with_neutral_gaps,
+)
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.result import Found, Identification
@@ -30,9 +34,8 @@ from thrustmargin.models.identification.rows.output_shares import (
     learnt_spread,
 )
 from thrustmargin.models.identification.rows.problem import Problem
-from thrustmargin.models.model.predict import identified_airframe
-from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.network.ensemble import ensemble_speed
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
+from thrustmargin.models.network.network import ensemble_speed
 from thrustmargin.models.network.validity import (
     Interval,
     calibrate,

@@ -33,12 +33,15 @@ from thrustmargin.models.identification.rows.output_shares import (
 )
 from thrustmargin.models.identification.rows.problem import assemble_flight
 from thrustmargin.models.identification.rows.reduced import delay_of
-from thrustmargin.models.model.predict import predict, temperature_offset
-from thrustmargin.models.model.rotor_model import RotorModel, physics_model
+from thrustmargin.models.model.rotor_model import (
+    RotorModel,
+    physics_model,
+    predict,
+    temperature_offset,
+)
 from thrustmargin.models.model.training import Fold, Trained, condition_scores, training_domain
-from thrustmargin.models.network.ensemble import ensemble_speed
-from thrustmargin.models.network.records import GoodFlights, scatter_between
-from thrustmargin.models.network.training_rows import Samples, gather
+from thrustmargin.models.network.network import ensemble_speed
+from thrustmargin.models.network.records import GoodFlights, Samples, gather, scatter_between
 from thrustmargin.models.network.validity import calibrate, measure_coverage
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air

@@ -54,8 +54,7 @@ from thrustmargin.models.identification.rows.problem import (
     thin_rows,
 )
 from thrustmargin.models.identification.rows.row_fit import fit_rows, move_values
-from thrustmargin.models.model.predict import model_channels, table_of
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, model_channels, table_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

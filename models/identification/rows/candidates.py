@@ -31,7 +31,7 @@ from thrustmargin.models.identification.rows.fast_rows import Reading, delay_rea
 from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ALL_FLIGHTS, ValueColumns
-from thrustmargin.models.model.predict import identified_airframe
+from thrustmargin.models.model.rotor_model import identified_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss

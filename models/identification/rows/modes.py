@@ -14,7 +14,7 @@ import numpy as np
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.allocation import mixer
+from thrustmargin.models.physics.margin import mixer
 
 MODE_NAMES = ("collective", "roll", "pitch", "yaw")
 

@@ -29,7 +29,7 @@ from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.certainty import ERRORS
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.network.ensemble import member_speeds
+from thrustmargin.models.network.network import member_speeds
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 
 ORDER = 2

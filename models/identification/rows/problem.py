@@ -26,8 +26,7 @@ from thrustmargin.models.identification.rows.output_shares import (
     scaled_to,
     spread_of_flights,
 )
-from thrustmargin.models.model.predict import model_channels, table_of
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, model_channels, table_of
 from thrustmargin.models.model.thermometer import with_air_temperature
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.smoothing import moving_mean

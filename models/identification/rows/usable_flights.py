@@ -19,8 +19,7 @@ from thrustmargin.models.identification.rows.problem import LEAST_ROWS, assemble
 from thrustmargin.models.model.airframe_claim import airframe_claim
 from thrustmargin.models.model.analysis import require_rotors
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
-from thrustmargin.models.model.predict import identified_airframe
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import Meaning

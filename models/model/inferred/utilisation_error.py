@@ -22,7 +22,7 @@ import numpy as np
 from thrustmargin.models.checks.output_evidence import OutputEvidence
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.inferred.load_inference import shared_error
-from thrustmargin.models.model.predict import Prediction
+from thrustmargin.models.model.rotor_model import Prediction
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Meaning
 

@@ -41,7 +41,7 @@ from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_fact
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, mavlink_signals
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.models.effects import CATALOGUE
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model

@@ -16,11 +16,11 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import verdict_facts
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.caveats import Caveat
+from thrustmargin.models.model.analysis import ThrustUse
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.fill_limits import NextFill, unsound_fill
+from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_faults import FaultEpisode
-from thrustmargin.models.model.thrust_use import ThrustUse
 
 NO = np.zeros(3, dtype=np.bool_)
 USE = ThrustUse(

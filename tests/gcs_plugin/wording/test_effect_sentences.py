@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import (
 )
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Effect
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION_SINCE,
     ROTOR_DEGRADATION_UNTIL,

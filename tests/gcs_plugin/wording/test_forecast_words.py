@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.wording.language import VARIABLE
 from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.mission.plan_items import PlanItem, plan_from_items
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
 from thrustmargin.models.model.model_file import shipped_model
 

@@ -14,7 +14,7 @@ from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.predict import predict
+from thrustmargin.models.model.rotor_model import predict
 
 LIMITS = flight_limits({"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0, "WP_ACC": 1.5})
 MODEL = shipped_model()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.models.checks.frozen import without_broken_voltage
+from thrustmargin.models.checks.instruments import without_broken_voltage
 from thrustmargin.models.checks.voltage import VoltageSoFar
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.provenance import Reason

@@ -8,13 +8,14 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.read import read_log
-from thrustmargin.models.checks.frozen import frozen_channels, without_frozen
 from thrustmargin.models.checks.instruments import (
     barometer_fault,
     copied_rotors,
+    frozen_channels,
     gauge_unfollowed,
     sprayed_by_thrust,
     voltage_without_sag,
+    without_frozen,
 )
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import Reason

@@ -18,7 +18,7 @@ from thrustmargin.models.checks.motor_order import (
 )
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
-from thrustmargin.models.physics.allocation import mixer
+from thrustmargin.models.physics.margin import mixer
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 DECISIVE = 10.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.made_sources import pulses
-from thrustmargin.models.checks.frozen import without_frozen
+from thrustmargin.models.checks.instruments import without_frozen
 from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import advise

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.models.checks.stopped_rotor import stopped_rotors
+from thrustmargin.models.checks.loss_of_control import stopped_rotors
 from thrustmargin.models.flight import FlightTrack
 
 TIME = np.arange(0.0, 60.0, 0.1)

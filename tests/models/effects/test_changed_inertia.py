@@ -9,13 +9,13 @@ from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flight, 
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_sentence
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Effect, Values
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.model_update import with_effects
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.allocation import mixer
+from thrustmargin.models.physics.margin import mixer
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 USUAL_ARM = 0.9595439

@@ -10,8 +10,12 @@ from thrustmargin.models.effects import CATALOGUE, Placed
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.compose import base_table, rotor_speed_rpm
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.predict import model_channels, table_of
-from thrustmargin.models.model.rotor_model import RotorModel, physics_model
+from thrustmargin.models.model.rotor_model import (
+    RotorModel,
+    model_channels,
+    physics_model,
+    table_of,
+)
 
 EFFECTS = {effect.key: effect for effect in CATALOGUE}
 LIFT = Placed(effect=EFFECTS["translational_lift"], values={"gain": 0.2})

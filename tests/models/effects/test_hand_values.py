@@ -13,12 +13,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.effects.demand_effects import force_ned
-from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.predict import model_channels
-from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.model.rotor_model import model_channels, physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 #: As the code has them, written down by hand: a change there is to be seen here.

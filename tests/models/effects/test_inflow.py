@@ -8,7 +8,7 @@ import pytest
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects.thrust_effects import CLIMB_INFLOW
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.predict import model_channels
+from thrustmargin.models.model.rotor_model import model_channels
 
 
 def weight_on(path) -> float:

@@ -9,8 +9,7 @@ from tests.models.made_flights import F16, made_flight
 from thrustmargin.models.effects import BY_KEY, Placed
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.predict import model_channels, table_of
-from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.model.rotor_model import model_channels, physics_model, table_of
 
 
 def moved(track: FlightTrack, key: str, **values: float) -> Floats:

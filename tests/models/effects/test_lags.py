@@ -9,8 +9,7 @@ from tests.models.made_flights import F16, made_flight
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Placed, look_of
 from thrustmargin.models.effects.channels import derivative_look, lag_weights, shifts_look
-from thrustmargin.models.model.predict import model_channels
-from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.model.rotor_model import model_channels, physics_model
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 LAG_STEP = 0.1

@@ -9,8 +9,7 @@ import pytest
 from tests.models.model.test_windows import EFFECTS, having, lively
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
-from thrustmargin.models.model.predict import Prediction, predict
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import Prediction, RotorModel, predict
 
 #: channel of the track -> effects that it is all to
 ALL_TO = {

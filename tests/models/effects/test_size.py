@@ -11,8 +11,7 @@ from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.effects.moment_effects import FLOW_MOMENT
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.predict import model_channels, table_of
-from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.model.rotor_model import model_channels, physics_model, table_of
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 G0 = 9.80665  # m/s²

@@ -17,8 +17,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows, half_widths
-from thrustmargin.models.model.predict import model_channels
-from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.model.rotor_model import model_channels, physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 G0 = 9.80665  # m/s²

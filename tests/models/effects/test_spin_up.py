@@ -7,8 +7,8 @@ import pytest
 
 from tests.models.effects.test_hand_values import AIRFRAME, EFFECTS, HOVER, SPIN, effect, steady
 from thrustmargin.models.effects.channels import lag_weights
-from thrustmargin.models.effects.spin_up import slowed_yaw_rate
-from thrustmargin.models.effects.stored import placed_from
+from thrustmargin.models.effects.compose import placed_from
+from thrustmargin.models.effects.moment_effects import slowed_yaw_rate
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model

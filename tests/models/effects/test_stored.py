@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.stored import EffectRecord, Identified, losses_of, placed_from
+from thrustmargin.models.effects.compose import EffectRecord, Identified, losses_of, placed_from
 from thrustmargin.models.errors import ModelError
 
 

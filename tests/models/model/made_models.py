@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.network.ensemble import RotorNetwork
+from thrustmargin.models.network.network import RotorNetwork
 from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import Airframe, load_airframe

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.caveats import Caveat, caveats
+from thrustmargin.models.model.model_misfit import Caveat, caveats
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,12 @@ import pytest
 from scipy import stats
 
 from thrustmargin.models.effects import CATALOGUE
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse, worst_rotor
-from thrustmargin.models.model.predict import Basis, predict
-from thrustmargin.models.model.rotor_model import RotorModel, physics_model
-from thrustmargin.models.network.ensemble import RotorNetwork
+from thrustmargin.models.model.rotor_model import Basis, RotorModel, physics_model, predict
+from thrustmargin.models.network.network import RotorNetwork
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio

@@ -10,9 +10,8 @@ from thrustmargin.gcs_plugin.logs.read import read_log
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.caveats import Caveat
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.model_misfit import ModelMisfit, model_misfit, with_misfit
+from thrustmargin.models.model.model_misfit import Caveat, ModelMisfit, model_misfit, with_misfit
 
 ROOT = Path(__file__).resolve().parents[3]
 MODEL = shipped_model()

@@ -8,7 +8,7 @@ import pytest
 
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse, thrust_use
 from thrustmargin.models.model.fill_limits import (
     NextFill,
     before_take_off,
@@ -16,7 +16,6 @@ from thrustmargin.models.model.fill_limits import (
     next_fill,
 )
 from thrustmargin.models.model.rotor_model import physics_model
-from thrustmargin.models.model.thrust_use import thrust_use
 from thrustmargin.models.physics.airframe import load_airframe
 
 CRAFT = load_airframe("topxgun-f16-sitl")

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.predict import Basis, predict
-from thrustmargin.models.model.rotor_model import RotorModel, physics_model
-from thrustmargin.models.network.ensemble import ensemble_speed
+from thrustmargin.models.model.rotor_model import Basis, RotorModel, physics_model, predict
+from thrustmargin.models.network.network import ensemble_speed
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.thrust import thrust_from_speed

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse, running_median, thrust_use
 from thrustmargin.models.model.rotor_model import physics_model
-from thrustmargin.models.model.thrust_use import running_median, thrust_use
 from thrustmargin.models.physics.airframe import load_airframe
 
 NAN = float("nan")

@@ -12,10 +12,10 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model, shipped_model
-from thrustmargin.models.model.predict import Basis, predict
+from thrustmargin.models.model.rotor_model import Basis, predict
 from thrustmargin.models.model.training import TrainSettings, _slow_rows, train
 from thrustmargin.models.network.network import NetConfig, fit_network
-from thrustmargin.models.network.training_rows import (
+from thrustmargin.models.network.records import (
     gather,
     member_splits,
     split_by_flight,

@@ -18,9 +18,14 @@ from thrustmargin.models.model.training import (
     train,
     training_domain,
 )
-from thrustmargin.models.network.ensemble import RotorNetwork, ensemble_speed
-from thrustmargin.models.network.network import NetConfig, NetworkFit, fit_network
-from thrustmargin.models.network.training_rows import Samples, Split, gather, turning_rows
+from thrustmargin.models.network.network import (
+    NetConfig,
+    NetworkFit,
+    RotorNetwork,
+    ensemble_speed,
+    fit_network,
+)
+from thrustmargin.models.network.records import Samples, Split, gather, turning_rows
 from thrustmargin.models.network.validity import calibrate, measure_coverage
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.forward_flight import fit_forward_flight

@@ -7,7 +7,7 @@ import pytest
 
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Effect
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse

@@ -5,13 +5,14 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from thrustmargin.models.network.ensemble import (
+from thrustmargin.models.network.network import (
+    NetConfig,
     RotorNetwork,
     ensemble_speed,
+    fit_network,
     member_speeds,
     stack_networks,
 )
-from thrustmargin.models.network.network import NetConfig, fit_network
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 CHUNK_ROWS = 4096

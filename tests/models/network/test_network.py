@@ -4,17 +4,15 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.errors import DataError, ModelError
-from thrustmargin.models.network.ensemble import (
-    RotorNetwork,
-    ensemble_speed,
-    member_speeds,
-    stack_networks,
-)
 from thrustmargin.models.network.network import (
     EarlyStopping,
     NetConfig,
+    RotorNetwork,
     build_torch_network,
+    ensemble_speed,
     fit_network,
+    member_speeds,
+    stack_networks,
 )
 
 #: As the code has them, written down by hand: a change there is to be seen here.

@@ -8,7 +8,7 @@ import pytest
 from tests.models.made_flights import level_flight
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.network.training_rows import (
+from thrustmargin.models.network.records import (
     Samples,
     gather,
     member_splits,

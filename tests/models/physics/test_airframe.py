@@ -13,8 +13,8 @@ from thrustmargin.models.physics.airframe import (
     airframe_names,
     airframe_table,
     load_airframe,
+    table_problems,
 )
-from thrustmargin.models.physics.airframe_checks import table_problems
 
 SHIPPED = airframe_names()
 SPRAYERS = [name for name in SHIPPED if load_airframe(name).tank_capacity_kg > 0]

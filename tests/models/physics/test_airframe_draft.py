@@ -11,13 +11,13 @@ from statistics import median, stdev
 import pytest
 
 from thrustmargin.models.physics.airframe import (
+    QUANTITIES,
     Quantity,
     airframe_from_table,
     airframe_names,
     airframe_table,
     load_airframe,
 )
-from thrustmargin.models.physics.airframe_checks import QUANTITIES
 from thrustmargin.models.physics.airframe_draft import (
     airframe_toml,
     complete_quantities,

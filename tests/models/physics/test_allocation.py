@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
-from thrustmargin.models.physics.allocation import holdable, mixer, trim_curve
+from thrustmargin.models.physics.margin import holdable, mixer, trim_curve
 
 SHIPPED = airframe_names()
 QUAD, HEXA, X8 = (load_airframe(n) for n in ("topxgun-f16", "agras-t20", "agras-t40"))

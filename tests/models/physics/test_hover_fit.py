@@ -10,8 +10,8 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.flight_phases import hover_rows
+from thrustmargin.models.physics.margin import mixer
 from thrustmargin.models.physics.thrust_fits import fit_hover
 
 G0 = 9.80665  # m/s²

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
-from thrustmargin.models.physics.allocation import holdable
 from thrustmargin.models.physics.atmosphere import isa_density
 from thrustmargin.models.physics.margin import (
     ceiling,
+    holdable,
     hover_use,
     largest_fill,
     nameplate_ceiling,

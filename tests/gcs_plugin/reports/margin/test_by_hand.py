@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
     moment_words,
     voltage_facts,
 )
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, with_bad_part
 from thrustmargin.models.physics.smoothing import known_least, known_mean, known_median, known_most

@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
     unexplained,
 )
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.model_update import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.result import (

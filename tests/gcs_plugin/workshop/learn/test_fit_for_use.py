@@ -6,7 +6,7 @@ import pytest
 from tests.models.model.made_models import learnt_model
 from thrustmargin.gcs_plugin.workshop.learn.training_tables import fit_for_use, odd_flights
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.network.records import ConditionScore, GoodFlights
 from thrustmargin.models.scores import Score
 

@@ -26,7 +26,7 @@ from thrustmargin.models.identification.answer.result import (
     Unexplained,
 )
 from thrustmargin.models.identification.rows.candidates import Term
-from thrustmargin.models.network.ensemble import ensemble_speed
+from thrustmargin.models.network.network import ensemble_speed
 from thrustmargin.models.network.validity import calibrate, measure_coverage
 
 MASS = Term(effect=BY_KEY["extra_mass"])

@@ -9,7 +9,7 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.identification.answer.model_update import margin_changes
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import assemble

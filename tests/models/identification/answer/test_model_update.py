@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.effects.instrument_effects import WIND
-from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
@@ -28,7 +28,7 @@ from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model
 from thrustmargin.models.model.rotor_model import RotorModel, hover_speed, physics_model
-from thrustmargin.models.network.ensemble import RotorNetwork
+from thrustmargin.models.network.network import RotorNetwork
 from thrustmargin.models.network.validity import TrainingDomain
 from thrustmargin.models.physics.airframe import load_airframe
 

@@ -14,8 +14,7 @@ from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.output_shares import is_constant_share
 from thrustmargin.models.identification.rows.problem import assemble_flight
-from thrustmargin.models.model.predict import model_channels, table_of
-from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.model.rotor_model import model_channels, physics_model, table_of
 from thrustmargin.models.physics.airframe import load_airframe
 
 NAMES = ("front right", "rear left", "front left", "rear right")

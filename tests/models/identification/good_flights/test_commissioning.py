@@ -16,10 +16,9 @@ from thrustmargin.models.identification.good_flights.commissioning import (
     validated_chain,
     with_delays,
 )
-from thrustmargin.models.model.predict import predict
+from thrustmargin.models.model.rotor_model import predict
 from thrustmargin.models.model.training import Fold
-from thrustmargin.models.network.records import GoodFlights
-from thrustmargin.models.network.training_rows import gather
+from thrustmargin.models.network.records import GoodFlights, gather
 from thrustmargin.models.physics.atmosphere import track_air
 
 INPUTS = ("airspeed", "tank_kg")

@@ -9,7 +9,7 @@ from tests.models.identification.good_flights.test_standard_effects import with_
 from tests.models.identification.rows.test_row_fit import sums
 from tests.models.made_flights import curve_model, made_flight, made_flights
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.identification.good_flights import flight_scatter
 from thrustmargin.models.identification.good_flights.flight_scatter import (
     HeldOutFlights,

@@ -9,16 +9,15 @@ from tests.models.made_flights import F16, made_flight
 from tests.models.model.test_model_by_hand import AIRFRAME, DRAG, learnt, network_rpm
 from tests.models.model.test_model_by_hand import flight as hand_flight
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.effects.demand_effects import EXTRA_MASS
-from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.good_flights.standard_effects import _half_widths
 from thrustmargin.models.identification.rows.candidates import Term, candidate
 from thrustmargin.models.identification.rows.noise import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.predict import model_channels, table_of
-from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.model.rotor_model import model_channels, physics_model, table_of
 from thrustmargin.models.physics.forward_flight import thrust_ratio
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.identification.rows.candidates import (
     Term,
     TrialEffect,

@@ -9,7 +9,7 @@ from thrustmargin.models.identification.rows.modes import (
     sensor_noise_rpm,
 )
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.allocation import mixer
+from thrustmargin.models.physics.margin import mixer
 
 F16 = load_airframe("topxgun-f16-sitl")
 

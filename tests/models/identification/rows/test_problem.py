@@ -9,7 +9,7 @@ from tests.made_sources import sent
 from tests.models.made_flights import F16, STEP_S, curve_model, made_flight, made_flights
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.problem import (

@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.made_flights import F16, NOISE_RPM, STEP_S, curve_model, made_flights, table
 from thrustmargin.models.effects import BY_KEY, effects_for
-from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.identification.rows.problem import assemble_flight
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search

@@ -26,7 +26,7 @@ from thrustmargin.models.model.inferred.load_inference import (
     with_load_so_far,
 )
 from thrustmargin.models.model.rotor_model import physics_model
-from thrustmargin.models.network.training_rows import gather
+from thrustmargin.models.network.records import gather
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import (
