@@ -9,7 +9,8 @@
 
 All work on the whole flight, or on all of it that has been flown so far.
 
-Readings that cannot be true are dropped from the flight. Each instrument is compared with other measurements of the same flight, in two ways.
+Readings that cannot be true are dropped from the flight. Each
+instrument is compared with other measurements of the same flight, in two ways.
 
 A frozen reading stays the same to the last digit while its quantity must change: a battery under
 load never keeps its voltage; a tank does not keep its level while the thrust shows that the
