@@ -16,10 +16,9 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
-from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any
 
+from thrustmargin.gcs_plugin.commands.shared.extras import HERE, extras
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
 from thrustmargin.gcs_plugin.commands.shared.terminal import as_read, plain_optionals
 from thrustmargin.gcs_plugin.mavlink.text import clean_lines
@@ -47,20 +46,13 @@ FOLDERS = {
     "flight": ("demo", "fetch", "inspect", "monitor", "replay", "report", "stream"),
     "load": ("fill", "forecast"),
 }
-#: Folders of `gcs_plugin` whose folders are extras. Each extra names its commands in `COMMANDS` of
-#: its `__init__`; one that is deleted is not missed.
-DOORS = ("workshop", "office")
-
-
-_HERE = "thrustmargin.gcs_plugin"
 
 
 def _extras() -> Iterator[tuple[str, str, str]]:
     """Yield each subcommand of each extra: its name, the module of its function, first words."""
-    for door in DOORS:
-        for extra in iter_modules([str(Path(__file__).with_name(door))], f"{_HERE}.{door}."):
-            for name, words in import_module(extra.name).COMMANDS.items():
-                yield name, f"{extra.name}.{name}", words
+    for extra in extras():
+        for name, words in extra.COMMANDS.items():
+            yield name, f"{extra.__name__}.{name}", words
 
 
 _OF_EXTRAS = tuple(_extras())
@@ -68,9 +60,9 @@ _OF_EXTRAS = tuple(_extras())
 COMMANDS = dict(sorted({**CORE, **{name: words for name, _, words in _OF_EXTRAS}}.items()))
 #: Subcommand -> the module that holds the function of its name.
 MODULES = {
-    "airframe": f"{_HERE}.commands.airframe",
+    "airframe": f"{HERE}.commands.airframe",
     **{
-        name: f"{_HERE}.commands.{folder}.{name}"
+        name: f"{HERE}.commands.{folder}.{name}"
         for folder, held in FOLDERS.items()
         for name in held
     },

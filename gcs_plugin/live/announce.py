@@ -43,7 +43,9 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
     AlarmEvent,
     AlarmState,
 )
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.telemetry.tank_source import MARGIN_ID, TANK_ID
 from thrustmargin.gcs_plugin.wording.advice_words import LAND_FIRST
@@ -76,8 +78,10 @@ class _Vehicle:
     sent: set[str] = field(default_factory=set)  # names of the figures
 
 
-class Announcer(Subscriber):
-    """A subscriber of the monitor that reports to ground stations what it finds out."""
+class Announcer(Output):
+    """An output that sends alarms and figures to ground stations and vehicles."""
+
+    name = "--announce"
 
     def __init__(self, sender: Sender, *, limit: float = 0.5, battery: bool = False) -> None:
         """`limit` is the smallest thrust margin that may last; `battery` as the module says."""
@@ -225,3 +229,9 @@ def what_to_do(listed: Iterable[Alarm]) -> dict[str, float]:
     grave = [a for a in listed if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
     first = min(grave, key=lambda alarm: alarm.order, default=None)
     return {"MARGIN_DO": 0.0 if first is None else float(asked(first.name))}
+
+
+def output(context: OutputContext, value: bool) -> Announcer:  # noqa: ARG001
+    """Return the output of `--announce`."""
+    battery = context.options["announce_battery"]
+    return Announcer(context.sender, limit=context.least_margin, battery=battery)

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.link_vehicles import OLD, Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import OLD, Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import Lateness, LiveMonitor, MonitorStatus
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording import live_words as words
@@ -101,7 +102,7 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
         remarks.append(Text(words.LEGEND, style="dim"))
     parts: list[RenderableType] = [*lines, table, *remarks]
     for line in status_lines(monitor.status(), page=page):
-        loud = line.startswith((words.NOT_RECORDING, words.BEHIND))
+        loud = line.startswith((words.NOT_RECORDING, words.STOPPED, words.BEHIND))
         parts.append(Text(line, style="bold white on red" if loud else "dim"))
     return Group(*parts)
 
@@ -213,6 +214,7 @@ def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
     """The link and the recording in words; `page`: the 3D page is shown."""
     lines = [words.behind_words(status.behind_s, page=page)] if status.behind_s else []
     lines = [words.CUT_OFF] if status.cut_off else lines
+    lines += [words.output_failed(name, error) for name, error in status.failed.items()]
     lost = {name: getattr(status, name) for name in words.LOST}
     lines.append(words.messages_words(status.frames, lost, status.refused_why))
     recorder = status.recorder
@@ -259,8 +261,10 @@ def _clock(unix_s: float) -> str:
     return time.strftime("%H:%M:%S", time.localtime(unix_s))
 
 
-class Bell(Subscriber):
-    """A subscriber that rings for each alarm that asks for a hand: `ring` sounds the terminal."""
+class Bell(Output):
+    """An output that calls `ring` for each alarm of severity warning or graver when raised."""
+
+    name = "bell"
 
     def __init__(self, ring: Callable[[], None]) -> None:
         self._ring = ring
@@ -271,12 +275,26 @@ class Bell(Subscriber):
             self._ring()
 
 
-class EventPrinter(Subscriber):
-    """A subscriber that prints what happens, a line each: for output into a file or a log.
+class PlanPrinter(Output):
+    """An output that prints how the plan is flown, a line for each sentence."""
+
+    name = "plan lines"
+
+    def __init__(self, print_line: Callable[[str], None]) -> None:
+        self._print = print_line
+
+    def on_plan(self, vehicle: int, text: str) -> None:
+        self._print(words.of_vehicle(vehicle, text))
+
+
+class EventPrinter(Output):
+    """An output that prints one line for each event, for a file or a log instead of a terminal.
 
     Lines begin with the local time, in its order; an alarm's is when the report came that raised
     or cleared it. What is found out after a later line was printed has its own time at its end.
     """
+
+    name = "printed lines"
 
     def __init__(self, monitor: LiveMonitor, announce: Callable[[str], None]) -> None:
         self._monitor = monitor
@@ -285,6 +303,7 @@ class EventPrinter(Subscriber):
         self._problems: dict[int, str] = {}
         self._in_vain: dict[int, set[str]] = {}  # messages that were asked for in vain
         self._trouble = ""
+        self._failed: set[str] = set()  # outputs of which an error was printed
         self._lateness = Lateness()
         self._lock = threading.Lock()
         self._waiting: list[tuple[float, str]] = []  # Unix time and line, until a round is over
@@ -333,10 +352,14 @@ class EventPrinter(Subscriber):
             self._trouble = trouble
             line = words.not_recording(trouble) if trouble else words.RECORDING_AGAIN
             self._say(line, now_s)
+        for name, error in self._monitor.failed.items():
+            if name not in self._failed:
+                self._failed.add(name)
+                self._say(words.output_failed(name, error), now_s)
         self.print()
 
     def look(self, *, page: bool = False) -> None:
-        """Whether the analysis is late; from another thread, for it may be stuck."""
+        """Print whether the analysis is late; called from another thread, for it may be stuck."""
         behind_s, now_s = self._monitor.status().behind_s, self._monitor.now_us() * 1e-6
         if self._lateness.changes(behind_s, now_s):
             late = words.behind_words(behind_s, page=page)

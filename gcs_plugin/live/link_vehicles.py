@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_MISSION
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice
-from thrustmargin.gcs_plugin.live.watch.update import Later, Update, WatchSettings, when_asked
+from thrustmargin.gcs_plugin.live.watch.update import (
+    GONE,
+    Later,
+    Update,
+    WatchSettings,
+    when_asked,
+)
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
@@ -17,6 +24,7 @@ from thrustmargin.gcs_plugin.mavlink.who_sends import (
     NO_AUTOPILOT,
     of_vehicles,
 )
+from thrustmargin.gcs_plugin.wording.live_words import heard_words, silent_words
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STATIONS = (0, 255)  # system ids that are never vehicles
@@ -138,17 +146,38 @@ class Fleet:
                 watch.overhear(frame)
 
 
-class Subscriber:
-    """Gets what the monitor finds out, on its compute thread; without more it does nothing."""
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """An event of one vehicle on the link; `at_us` is the ground's clock, µs."""
 
-    def on_update(self, update: Update) -> None:
-        """New rows of one vehicle."""
+    at_us: int
+    vehicle: int
+    kind: str  # appeared, left, returned or note
+    text: str
 
-    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """An alarm was raised or cleared, or can (not) be confirmed."""
 
-    def on_note(self, vehicle: int, text: str, unix_s: float) -> None:
-        """What was noted of a vehicle that is no alarm: a restart, its airframe, its mission."""
+class Presence:
+    """Which vehicles have appeared and left so far, to find those that newly do."""
 
-    def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """After each round, whether or not there was anything new."""
+    def __init__(self) -> None:
+        self._known: set[int] = set()
+        self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
+
+    def changes(self, fleet: Fleet, now_us: int) -> list[Happening]:
+        """Return what happened since the last call, and empty the notes of each vehicle."""
+        made = []
+        for number, watch in fleet.vehicles.items():
+            if number not in self._known:
+                self._known.add(number)
+                made.append(Happening(watch.first_us, number, "appeared", heard_words(number)))
+            made += [Happening(at_us, number, "note", text) for at_us, text in watch.notes]
+            watch.notes.clear()
+            if number not in self._gone and watch.silent(now_us) > GONE:
+                self._gone[number] = watch.last_us
+                left_us = watch.last_us + round(GONE * 1e6)
+                made.append(Happening(left_us, number, "left", silent_words(number, GONE)))
+            elif watch.back_us > self._gone.get(number, watch.back_us):
+                del self._gone[number]
+                words = heard_words(number, again=True)
+                made.append(Happening(watch.back_us, number, "returned", words))
+        return made

@@ -17,7 +17,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from thrustmargin.gcs_plugin.link.sender import Sender
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import OUTPUTS
@@ -112,8 +114,10 @@ class _Asked:
         return (now.get(number, 0) - begin[1].get(number, 0)) / (end_s - begin[0])
 
 
-class RateRequester(Subscriber):
-    """A subscriber of the monitor that asks vehicles for what is missing."""
+class RateRequester(Output):
+    """An output that asks vehicles for the messages that do not come often enough."""
+
+    name = "--request-rates"
 
     def __init__(self, sender: Sender, rotor_count: int) -> None:
         self._sender = sender
@@ -189,3 +193,8 @@ def wanted_parameters(watch: VehicleMonitor) -> list[str]:
         if known.get(f"SERVO{n}_FUNCTION") == PUMP_FUNCTION:
             names += [f"SERVO{n}_MIN", f"SERVO{n}_MAX"]
     return [name for name in names if name not in known]
+
+
+def output(context: OutputContext, value: bool) -> RateRequester:  # noqa: ARG001
+    """Return the output of `--request-rates`."""
+    return RateRequester(context.sender, context.monitor.model.airframe.rotor_count)

@@ -18,7 +18,9 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from thrustmargin.gcs_plugin.live.announce import figures, what_to_do
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.small_server import SmallServer
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.alarm_words import ASKED
@@ -36,11 +38,13 @@ class _Shown:
     update: Update
 
 
-class PilotBar(Subscriber):
-    """Serves the bar from `start` to `stop`; `clock` gives the ground's time, µs.
+class PilotBar(Output):
+    """An output that serves the bar on a port; `clock` gives the ground's time, µs.
 
     Raises LinkError from `start` when the port is taken.
     """
+
+    name = "--bar"
 
     def __init__(self, clock: Callable[[], int], *, limit: float, port: int, host: str) -> None:
         self._clock, self._limit, self._address = clock, limit, (host, port)
@@ -65,7 +69,7 @@ class PilotBar(Subscriber):
         """Open the port and answer, on threads of its own."""
         self._server = SmallServer(self.answer, "--bar", self._address, for_all=True)
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Close the port; harmless when called twice."""
         if self._server is not None:
             self._server.close()
@@ -113,3 +117,9 @@ def _version() -> str:
         return version("thrustmargin")
     except PackageNotFoundError:
         return "not installed"
+
+
+def output(context: OutputContext, value: int) -> PilotBar:
+    """Return the output of `--bar PORT`."""
+    address = {"port": value, "host": context.options["host"]}
+    return PilotBar(context.monitor.now_us, limit=context.least_margin, **address)

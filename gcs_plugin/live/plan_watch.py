@@ -14,7 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.plan_words import (
     NOT_BESIDE,
@@ -61,9 +63,14 @@ class _Flight:
     so_far: str = ""  # those words
 
 
-class PlanWatch(Subscriber):
-    """Says of each stretch of `plan` that is over how it was flown, and what was off so far: the
-    number of the vehicle and words."""
+class PlanWatch(Output):
+    """An output that compares each flown stretch of `plan` with its forecast.
+
+    `say` gets the number of the vehicle and a sentence: how the stretch was flown, or which
+    assumption of the forecast was off so far.
+    """
+
+    name = "--plan"
 
     def __init__(
         self,
@@ -192,3 +199,9 @@ def _rows(update: Update, home: tuple[float, float, float]) -> Floats:
             np.where(bool(analysis.withheld), np.nan, analysis.known_utilisation[new]),
         ]
     )
+
+
+def output(context: OutputContext, value: MissionPlan) -> PlanWatch:
+    """Return the output of `--plan`; its sentences go to every output of the monitor."""
+    monitor = context.monitor
+    return PlanWatch(value, monitor.model, monitor.say_of_plan, context.options["assumed"])

@@ -16,7 +16,9 @@ from queue import Queue
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.link.listener import Listener
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import PlanError, ThrustMarginError, require
 
@@ -43,11 +45,13 @@ class _Asked:
     again_us: int = 0
 
 
-class MissionFetcher(Subscriber):
-    """A subscriber of the monitor. Give `feed` every batch of frames; end it with `close`.
+class MissionFetcher(Output):
+    """An output that downloads the mission of every vehicle.
 
     What came, or why nothing did, becomes a note of the vehicle's watch, which the monitor records.
     """
+
+    name = "--fetch-mission"
 
     def __init__(
         self,
@@ -70,7 +74,7 @@ class MissionFetcher(Subscriber):
         self._thread = threading.Thread(target=self._run, name="mission", daemon=True)
         self._thread.start()
 
-    def feed(self, frames: Sequence[Frame]) -> None:
+    def on_frames(self, frames: Sequence[Frame]) -> None:
         """Frames as they arrive; returns at once unless a mission is being fetched."""
         if self._link is None:
             return
@@ -113,6 +117,9 @@ class MissionFetcher(Subscriber):
                 watch.use_plan(found)
                 watch.notes.append((now_us, f"mission of {len(found.items)} items fetched"))
 
+    def on_links_closing(self) -> None:
+        self.close()
+
     def close(self) -> None:
         """End a transfer that is under way; may be called again."""
         self._closed = True
@@ -149,3 +156,8 @@ class MissionFetcher(Subscriber):
             if self._closed:
                 link.cancel()
         return download_mission(link, link.vehicle(number, timeout=self._timeout))
+
+
+def output(context: OutputContext, value: bool) -> MissionFetcher:  # noqa: ARG001
+    """Return the output of `--fetch-mission`."""
+    return MissionFetcher(context.monitor.listener, sign=context.sign)

@@ -15,7 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.console import rowless_lines, status_lines
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.view.figures.charts import LIVE_WINDOW_S, chart_images
 from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice, PageState, field_state
@@ -53,13 +56,16 @@ class Aircraft:
     sprayed: SprayedGround = field(default_factory=SprayedGround)
 
 
-class LiveView(ViewPage, Subscriber):
-    """The view of every vehicle that a monitor hears; `start` opens it, `stop` ends it.
+class LiveView(ViewPage, Output):
+    """The output that draws every vehicle that a monitor hears on a page.
 
     `status` gives lines about link and recording, `clock` the ground's time, µs; `silent` makes no
     sound, `max_utilisation` is the limit that the advice before take-off keeps, `acknowledged`
-    hears of what the pilot acknowledged. Raises LinkError from `start` when the port is taken.
+    hears of what the pilot acknowledged. With `browser` not None, `start` prints where the page is,
+    and opens it in the browser if True. Raises LinkError from `start` when the port is taken.
     """
+
+    name = "page"
 
     def __init__(
         self,
@@ -73,6 +79,7 @@ class LiveView(ViewPage, Subscriber):
         silent: bool = False,
         max_utilisation: float = 0.5,
         acknowledged: Callable[[int, Alarm], None] | None = None,
+        browser: bool | None = None,
     ) -> None:
         self._screen = PageState(
             self._fleet,
@@ -90,7 +97,7 @@ class LiveView(ViewPage, Subscriber):
             "view", host=host, port=port, token=token, every=0.25, addition=self._screen
         )
         self._airframe = airframe
-        self._status, self._limit = status, max_utilisation
+        self._status, self._limit, self._browser = status, max_utilisation, browser
         self._heard = Heard(self.wake, clock)
         self._origin: Origin | None = None
         self._shown = 0  # number of the overlay
@@ -98,6 +105,14 @@ class LiveView(ViewPage, Subscriber):
         self._aircraft: dict[int, Aircraft] = {}
         self._fill: dict[int, FillAdvice] = {}
         self._trails_s = 0.0
+
+    def start(self) -> None:
+        super().start()
+        if self._browser is not None:
+            self.announce(browser=self._browser)
+
+    def close(self) -> None:
+        self.stop()
 
     def on_update(self, update: Update) -> None:
         """New rows; called on the compute thread."""
@@ -107,9 +122,8 @@ class LiveView(ViewPage, Subscriber):
         """An alarm was raised or cleared; called on the compute thread."""
         self._screen.on_event(vehicle, event)
 
-    def on_plan(self, vehicle: int, words: str) -> None:
-        """A stretch of the plan is over, or what was off so far; from any thread."""
-        self._screen.note(vehicle, "plan", words)
+    def on_plan(self, vehicle: int, text: str) -> None:
+        self._screen.note(vehicle, "plan", text)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """Ages, alarms and missions; called on the compute thread."""
@@ -281,3 +295,16 @@ class LiveView(ViewPage, Subscriber):
     def _follow(self, number: int) -> None:
         if number in self._aircraft:
             self._focus = number
+
+
+def output(context: OutputContext, value: bool) -> LiveView:  # noqa: ARG001
+    """Return the output of `--view`, the page."""
+    monitor = context.monitor
+    names = ("host", "port", "token", "browser", "silent", "max_utilisation")
+    return LiveView(
+        monitor.model.airframe,
+        **{name: context.options[name] for name in names},
+        status=lambda: [*status_lines(monitor.status(), page=True), *rowless_lines(monitor.fleet)],
+        clock=monitor.now_us,
+        acknowledged=monitor.acknowledge,
+    )

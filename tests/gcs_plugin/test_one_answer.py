@@ -12,13 +12,13 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
-from thrustmargin.gcs_plugin.live.collector import _of_vehicle
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
 from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
 from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
+from thrustmargin.gcs_plugin.office.streams.collector import _of_vehicle
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow

@@ -30,7 +30,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
 )
 from thrustmargin.gcs_plugin.commands.shared.options import (
     LONGEST_S,
-    Output,
+    OutputFile,
     check_outputs,
     check_range,
 )
@@ -96,7 +96,7 @@ class AirframeNew:
             source = str(here[0])
             console.print(f"{source}: the only log in this folder, taken", soft_wrap=True)
         check_outputs(
-            [Output("--out", self.out, (".toml",), keep=not self.force)],
+            [OutputFile("--out", self.out, (".toml",), keep=not self.force)],
             inputs=[source, *self.hover, self.bench],
         )
         found = VehicleParameters(parameters={}, not_named=tuple(path.name for path in here))

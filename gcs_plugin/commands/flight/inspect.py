@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, with_record
 from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     require_logs,
@@ -80,8 +80,8 @@ def inspect(
     console, errors = Terminal(quiet=json == STDOUT), Terminal(stderr=True)
     logs = require_logs(logs)
     outputs = (
-        Output("--json", json, endings=(".json",)),
-        Output("--anonymise", anonymise, endings=(".tlog",)),
+        OutputFile("--json", json, endings=(".json",)),
+        OutputFile("--anonymise", anonymise, endings=(".tlog",)),
     )
     check_outputs(outputs, inputs=[*logs, airframe])
     if anonymise is not None and len(logs) > 1:

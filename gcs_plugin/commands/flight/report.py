@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, flights_of,
 from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     check_outputs,
     check_utilisation,
     require_logs,
@@ -96,14 +96,14 @@ def report(
     if out is None and json is None and pdf is None:
         out = Path("report.html")
     outputs = [
-        Output("--json", json, endings=(".json",)),
-        Output("--pdf", pdf, endings=(".pdf",)),
+        OutputFile("--json", json, endings=(".json",)),
+        OutputFile("--pdf", pdf, endings=(".pdf",)),
     ]
     if out is not None:
         outputs += [
-            Output("--out", out, endings=(".html", ".htm")),
-            Output("--out", out.with_suffix(".json")),
-            Output("--out", out.with_suffix(".csv")),
+            OutputFile("--out", out, endings=(".html", ".htm")),
+            OutputFile("--out", out.with_suffix(".json")),
+            OutputFile("--out", out.with_suffix(".csv")),
         ]
     check_outputs(outputs, inputs=[*logs, chosen.model, chosen.airframe, plan, assumed])
     flights, unread = flights_of(logs, chosen, console)

@@ -11,7 +11,7 @@ from rich.table import Table
 from thrustmargin.gcs_plugin.commands.shared.inputs import Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     check_range,
@@ -79,8 +79,8 @@ def fill(
     check_range("--wind", wind, 0.0, 60.0, "m/s")
     check_outputs(
         (
-            Output("--out", out, endings=(".html", ".htm")),
-            Output("--json", json, endings=(".json",)),
+            OutputFile("--out", out, endings=(".html", ".htm")),
+            OutputFile("--json", json, endings=(".json",)),
         ),
         inputs=[model, airframe],
     )

@@ -17,7 +17,7 @@ from tyro.conf import Positional, UseAppendAction
 from thrustmargin.gcs_plugin.commands.shared.inputs import Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     check_port,
@@ -138,10 +138,10 @@ def forecast(
         raise UsageError("--refuse is how the script of --lua behaves; give --lua FILE as well")
     outputs = [
         *(
-            Output(f"--{name}", path, endings=(f".{name}",))
+            OutputFile(f"--{name}", path, endings=(f".{name}",))
             for name, path in (("json", json), ("csv", csv), ("lua", lua))
         ),
-        *(Output("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
+        *(OutputFile("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
     ]
     check_outputs(outputs, inputs=[plan, model, airframe, parameters])
     if sorties is not None and not sorties.is_dir():

@@ -115,7 +115,7 @@ def check_port(port: int | None, option: str = "--port") -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Output:
+class OutputFile:
     """A file that a command is asked to write, and the option that names it."""
 
     option: str
@@ -124,7 +124,7 @@ class Output:
     keep: bool = False  # what stands there already is not replaced
 
 
-def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | None]) -> None:
+def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str | None]) -> None:
     """Raise DataError when a result would have no place or would harm one of the `inputs`, and
     UsageError when a name is wrong by itself.
 

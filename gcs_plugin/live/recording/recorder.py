@@ -36,7 +36,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -47,10 +47,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
-from thrustmargin.gcs_plugin.live.watch.update import GONE, Update
+from thrustmargin.gcs_plugin.live.output import Output
+from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.store.schema import analysis_columns
-from thrustmargin.gcs_plugin.wording.live_words import heard_words, silent_words
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.whole_file import whole_file
 
@@ -58,77 +58,74 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
-    from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+    from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 
 
-class EventRecord:
-    """Hands events to `recorder`, which may be None, and notes on vehicles to `subscribers` too.
+class RecordingOutput(Output):
+    """The output that writes frames, samples and events of a monitor into one recorder.
 
-    Times are the ground's clock, µs.
+    An event waits until nothing earlier can be found: `found_us` gives the ground's clock, µs, up
+    to which all is known.
     """
 
-    def __init__(self, recorder: Recorder | None, subscribers: Sequence[Subscriber] = ()) -> None:
-        self._recorder = recorder
-        self._subscribers = subscribers
+    name = "recording"
+
+    def __init__(self, recorder: Recorder, found_us: Callable[[], int]) -> None:
+        self._recorder, self._found_us = recorder, found_us
         self._lock = threading.Lock()
         #: Events that are not written yet: their time, how many came before, and what is written.
         self._waiting: list[tuple[int, int, dict[str, object]]] = []
         self._count = 0
-        self._known: set[int] = set()
-        self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
 
-    def note(self, at_us: int, vehicle: int | None, kind: str, text: str, **more: object) -> None:
-        """Record one event of a vehicle, or (None) of the whole link."""
-        if self._recorder is not None:
-            event = {"unix_s": at_us * 1e-6, "vehicle": vehicle, "event": kind, "text": text}
-            with self._lock:
-                self._count += 1
-                heapq.heappush(self._waiting, (at_us, self._count, event | more))
+    def on_frames(self, frames: list[Frame]) -> None:
+        self._recorder.frames(frames)
 
-    def write(self, until_us: float = math.inf) -> None:
-        """Write the events up to a time before which nothing more can be found; all without one."""
-        if self._recorder is None:
-            return
+    def on_update(self, update: Update) -> None:
+        if tabulates():
+            rows = sample_batch(update, slice(update.unsettled, None))
+            settled = update.settled - update.unsettled
+            self._recorder.samples(
+                update.vehicle, update.boot, rows.slice(0, settled), rows.slice(settled)
+            )
+
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        """Record an alarm that was raised, cleared, or can (not) be confirmed."""
+        alarm = event.alarm
+        more = {
+            "alarm": alarm.name,
+            "rotor": alarm.rotor,
+            "rotors": alarm.rotors,
+            "severity": alarm.severity,
+            "state": alarm.state,
+            "missing": alarm.missing,
+            "times": alarm.times,
+            "since_s": alarm.since_s,
+            "time_s": event.time_s,
+        }
+        self.on_happening(round(event.unix_s * 1e6), vehicle, event.kind, alarm.text, more)
+
+    def on_happening(
+        self, at_us: int, vehicle: int | None, kind: str, text: str, more: Mapping[str, object]
+    ) -> None:
+        event = {"unix_s": at_us * 1e-6, "vehicle": vehicle, "event": kind, "text": text}
+        with self._lock:
+            self._count += 1
+            heapq.heappush(self._waiting, (at_us, self._count, event | more))
+
+    def on_round(self, fleet: Fleet, now_us: int) -> None:
+        del fleet, now_us
+        self._write(self._found_us())
+
+    def close(self) -> None:
+        """Write all events that wait, and finish the files."""
+        self._write()
+        self._recorder.close()
+
+    def _write(self, until_us: float = math.inf) -> None:
+        """Write the waiting events up to a time, µs."""
         with self._lock:
             while self._waiting and self._waiting[0][0] <= until_us:
                 self._recorder.event(heapq.heappop(self._waiting)[2])
-
-    def alarm(self, at_us: int, vehicle: int, event: AlarmEvent) -> None:
-        """Record an alarm that was raised, cleared, or can (not) be confirmed."""
-        self.note(
-            at_us,
-            vehicle,
-            event.kind,
-            event.alarm.text,
-            alarm=event.alarm.name,
-            rotor=event.alarm.rotor,
-            rotors=event.alarm.rotors,
-            severity=event.alarm.severity,
-            state=event.alarm.state,
-            missing=event.alarm.missing,
-            times=event.alarm.times,
-            since_s=event.alarm.since_s,
-            time_s=event.time_s,
-        )
-
-    def come_and_go(self, fleet: Fleet, now_us: int) -> None:
-        """Record which vehicles appeared, left and returned, and what was noted of them."""
-        for number, watch in fleet.vehicles.items():
-            if number not in self._known:
-                self._known.add(number)
-                self.note(watch.first_us, number, "appeared", heard_words(number))
-            for at_us, text in watch.notes:
-                self.note(at_us, number, "note", text)
-                for subscriber in self._subscribers:
-                    subscriber.on_note(number, text, at_us * 1e-6)
-            watch.notes.clear()
-            if number not in self._gone and watch.silent(now_us) > GONE:
-                self._gone[number] = watch.last_us
-                left_us = watch.last_us + round(GONE * 1e6)
-                self.note(left_us, number, "left", silent_words(number, GONE))
-            elif watch.back_us > self._gone.get(number, watch.back_us):
-                del self._gone[number]
-                self.note(watch.back_us, number, "returned", heard_words(number, again=True))
 
 
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:

@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
 )
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     check_range,
@@ -105,7 +105,7 @@ def ingest(
     if not logs:
         raise UsageError("no log given; name logs or folders of recorded flights")
     check_utilisation(max_utilisation)
-    check_outputs([Output("--json", json, endings=(".json",))], inputs=[model, airframe])
+    check_outputs([OutputFile("--json", json, endings=(".json",))], inputs=[model, airframe])
     check_range("--workers", workers, 1, 1024)
     reading_keywords(reading)
     where = store if address(store) else str(Path(store).absolute())

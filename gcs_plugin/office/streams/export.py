@@ -12,7 +12,7 @@ from tyro.conf import Positional
 from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, analysed_flights
 from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     require_logs,
@@ -63,9 +63,9 @@ def export(
         raise UsageError(f"{log} holds {len(logs)} logs; name the one to write")
     check_outputs(
         [
-            Output("--mcap", mcap, endings=(".mcap",)),
-            Output("--layout", layout, endings=(".json",)),
-            Output("--grafana", grafana, endings=(".json",)),
+            OutputFile("--mcap", mcap, endings=(".mcap",)),
+            OutputFile("--layout", layout, endings=(".json",)),
+            OutputFile("--grafana", grafana, endings=(".json",)),
         ],
         inputs=[*logs, model, airframe],
     )

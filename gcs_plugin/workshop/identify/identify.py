@@ -15,7 +15,7 @@ from tyro.conf import Positional
 from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     check_outputs,
     require_logs,
 )
@@ -87,10 +87,10 @@ def identify(
     held_out = require_logs(held_out) if held_out else ()
     check_outputs(
         (
-            Output("--out-model", out_model, endings=(".safetensors",), keep=not force),
-            Output("--json", json, endings=(".json",)),
-            Output("--out", out, endings=(".html", ".htm")),
-            Output("--next-flight", next_flight, endings=(".plan",), keep=not force),
+            OutputFile("--out-model", out_model, endings=(".safetensors",), keep=not force),
+            OutputFile("--json", json, endings=(".json",)),
+            OutputFile("--out", out, endings=(".html", ".htm")),
+            OutputFile("--next-flight", next_flight, endings=(".plan",), keep=not force),
         ),
         inputs=[*logs, *held_out, model, airframe],
     )

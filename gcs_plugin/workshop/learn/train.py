@@ -74,7 +74,7 @@ def train(
         read_logs,
     )
     from thrustmargin.gcs_plugin.commands.shared.options import (
-        Output,
+        OutputFile,
         check_outputs,
         check_range,
         require_logs,
@@ -96,8 +96,8 @@ def train(
     logs = require_logs(logs)
     check_outputs(
         [
-            Output("--out-model", out_model, (".safetensors",), keep=not force),
-            *(Output("--out-model", path) for path in loss_paths(out_model)),
+            OutputFile("--out-model", out_model, (".safetensors",), keep=not force),
+            *(OutputFile("--out-model", path) for path in loss_paths(out_model)),
         ],
         inputs=[*logs, airframe],
     )

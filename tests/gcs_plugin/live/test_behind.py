@@ -19,13 +19,14 @@ from tests.gcs_plugin.live.monitored import MODEL, recording_in
 from tests.gcs_plugin.peers.ports import free_udp_port
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.console import EventPrinter, status_lines, vehicle_cells
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import (
     Lateness,
     LiveMonitor,
     MonitorSettings,
     spacing,
 )
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.view.live_heard import Heard
@@ -35,7 +36,7 @@ from thrustmargin.gcs_plugin.view.live_heard import Heard
 SILENCE = 3.0
 
 
-class Blocked(Subscriber):
+class Blocked(Output):
     """Holds the compute thread up in its first row after `hold`, until `release`."""
 
     def __init__(self) -> None:
@@ -87,7 +88,7 @@ def flown(folder: Path) -> Iterator[tuple[LiveMonitor, Blocked, Sending]]:
     seen = Blocked()
     watch = WatchSettings(alarms=AlarmSettings(silence=SILENCE))
     settings = MonitorSettings(urls=("udpin:127.0.0.1:0",), record=folder, watch=watch)
-    monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
+    monitor = LiveMonitor(MODEL, settings, outputs=[seen])
     monitor.start()
     sending = Sending(monitor.listener.links[0].transport.address)  # type: ignore[attr-defined]
     try:
@@ -180,7 +181,7 @@ class BlockedBetween(Blocked):
 def test_its_end_waits_no_longer_than_asked_and_says_what_is_left_out(tmp_path):
     seen = BlockedBetween()
     settings = MonitorSettings(urls=("udpin:127.0.0.1:0",), record=tmp_path)
-    monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
+    monitor = LiveMonitor(MODEL, settings, outputs=[seen])
     monitor.start()
     sending = Sending(monitor.listener.links[0].transport.address)  # type: ignore[attr-defined]
     assert seen.held.wait(20.0)

@@ -11,7 +11,6 @@ from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, RowsNow
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import esc, saturation
 from thrustmargin.gcs_plugin.live.announce import figures
-from thrustmargin.gcs_plugin.live.collector import _of_rotors
 from thrustmargin.gcs_plugin.live.console import numbers
 from thrustmargin.gcs_plugin.live.watch import airframe_watch
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
@@ -20,6 +19,7 @@ from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavproxy_worker import fields, reading, summary
+from thrustmargin.gcs_plugin.office.streams.collector import _of_rotors
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.figures.charts import Speeds, chart_images
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow

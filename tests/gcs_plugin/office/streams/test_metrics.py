@@ -22,7 +22,9 @@ from tests.gcs_plugin.peers.ports import free_port, free_udp_port
 from thrustmargin.gcs_plugin.link.open_transport import open_transport
 from thrustmargin.gcs_plugin.link.playback import play
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
-from thrustmargin.gcs_plugin.live.collector import (
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, MonitorStatus
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.office.streams.collector import (
     COUNTS,
     FIGURES,
     LEVELS,
@@ -30,8 +32,6 @@ from thrustmargin.gcs_plugin.live.collector import (
     MonitorCollector,
     part_of,
 )
-from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, MonitorStatus
-from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import save_model
