@@ -14,10 +14,11 @@ import tyro
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS, Chosen
+from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS
 from thrustmargin.gcs_plugin.commands.shared.extras import extras
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     AS_HEARD,
+    Inputs,
     Reading,
     Share,
     reading_keywords,
@@ -141,7 +142,6 @@ def monitor(
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
     beforehand = None if assumed is None else read_assumed(assumed, beside=plan)
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.console import Bell, EventPrinter, PlanPrinter
     from thrustmargin.gcs_plugin.live.live_monitor import (
@@ -177,17 +177,17 @@ def monitor(
         guard = SigningFilter(key, clock=None) if recorded else SigningFilter(key)
         accept, why = guard.accept, lambda: guard.counts.reasons
         sign = Signer(key, after=lambda: guard.latest).sign
-    stated = Chosen(
+    inputs = Inputs(
         model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading
     )
     settings = MonitorSettings(
         urls=(url,),
         forwards=tuple(forward),
         record=record,
-        beside={OPTIONS: (json.dumps(stated.as_table(), indent=2) + "\n").encode()},
+        beside={OPTIONS: (json.dumps(inputs.as_table(), indent=2) + "\n").encode()},
         watch=WatchSettings(
             alarms=AlarmSettings(max_utilisation=max_utilisation),
-            airframe_given=stated.given,
+            airframe_given=inputs.given,
             asked=frozenset(
                 option for option, on in ((RATES, request_rates), (FETCH, fetch_mission)) if on
             ),
@@ -195,7 +195,7 @@ def monitor(
             **keywords,
         ),
     )
-    chosen = chosen_model(model, airframe)
+    chosen = inputs.rotor_model()
     check_source(chosen.airframe.tank_source)
     if not tabulates():
         Terminal(stderr=True, soft_wrap=True).print(f"note: {NO_SAMPLES}", markup=False)

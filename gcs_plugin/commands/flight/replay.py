@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import LIMIT, Chosen, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     AS_HEARD,
+    LIMIT,
+    Inputs,
     Reading,
     ReadingOptions,
     reading_keywords,
@@ -88,18 +90,16 @@ def replay(
         names = ", ".join(str(path.relative_to(log)) for path in logs[:MOST_NAMED])
         more = f" and {len(logs) - MOST_NAMED} more" if len(logs) > MOST_NAMED else ""
         raise UsageError(f"{log} holds {len(logs)} logs; name one of them: {names}{more}")
-    log = first
-    chosen = with_recorded(
-        [log],
-        Chosen(model=model, airframe=airframe, reading=reading),
+    inputs = with_recorded(
+        Inputs(logs=logs, model=model, airframe=airframe, reading=reading),
         Terminal(stderr=True, soft_wrap=True),
     )
-    rotor_model = chosen_model(chosen.model, chosen.airframe)
+    rotor_model = inputs.rotor_model()
     older = None if before is None else chosen_model(before, rotor_model.airframe.name)
     options = {"host": host, "port": port, "token": page_token(host, token_file)}
     options |= {"speed": speed, "paused": start_paused}
-    options |= {"given": chosen.given, "reading": chosen.reading, "limit": chosen.limit}
-    view = replay_view(log, rotor_model, older, sortie=sortie, **options)
+    options |= {"given": inputs.given, "reading": inputs.reading, "limit": inputs.limit}
+    view = replay_view(first, rotor_model, older, sortie=sortie, **options)
     run_replay(view, browser=browser)
 
 

@@ -67,12 +67,13 @@ def fill(
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
+    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
 
-    if model is None and airframe is None:
+    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation)
+    if not inputs.given:
         raise UsageError("no aircraft given; name one with --airframe or --model")
-    check_utilisation(max_utilisation)
+    check_utilisation(inputs.limit)
     check_range("--air-temperature", air_temperature, -60.0, 60.0, "°C")
     check_range("--altitude", altitude, -430.0, 9000.0, "m")
     check_range("--speed", speed, 0.0, 60.0, "m/s")
@@ -82,9 +83,9 @@ def fill(
             OutputFile("--out", out, endings=(".html", ".htm")),
             OutputFile("--json", json, endings=(".json",)),
         ),
-        inputs=[model, airframe],
+        inputs=inputs.files,
     )
-    rotor_model = chosen_model(model, airframe)
+    rotor_model = inputs.rotor_model()
     nominal = rotor_model.airframe.nominal_voltage
     if voltage is not None:
         check_voltage(voltage, rotor_model.airframe)
@@ -97,7 +98,7 @@ def fill(
     table = made.fill_table(
         rotor_model,
         day,
-        limit=max_utilisation,
+        limit=inputs.limit,
         rotor_lost=rotor_lost,
         temperatures_c=TEMPERATURES_C,
         altitudes=ALTITUDES,

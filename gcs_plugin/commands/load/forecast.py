@@ -147,15 +147,15 @@ def forecast(
     if sorties is not None and not sorties.is_dir():
         raise DataError(f"no folder {sorties}; make it, or give another --sorties")
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
+    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.mission.forecast import plan_forecast
 
-    rotor_model = chosen_model(model, airframe)
+    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation)
+    rotor_model = inputs.rotor_model()
     craft = rotor_model.airframe
     liquid = craft.liquid_density
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
-    given = bool(model or airframe)
-    before = _before(plan, rotor_model, given=given)
+    before = _before(plan, rotor_model, given=inputs.given)
     if before.beyond_gauge_kg > 0.0:
         from thrustmargin.models.model.rotor_model import heavier_model
 
@@ -183,7 +183,7 @@ def forecast(
         ),
         parameters=known,
         pump=None if pump is None else pump_of(pump),
-        limit=max_utilisation,
+        limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
     )
@@ -193,7 +193,7 @@ def forecast(
         made = replace(made, assumed={**hidden, **made.assumed})
     if before.unlike:
         made = replace(made, assumed={"unlike": (craft.title, before.unlike[0]), **made.assumed})
-    elif before.unlike is None and not given:
+    elif before.unlike is None and not inputs.given:
         made = replace(made, assumed={"aircraft": (craft.title,), **made.assumed})
     console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     _show(made, console)

@@ -1,13 +1,14 @@
-"""How a log or a link is read: the options that several commands take alike, and their check.
+"""The inputs of a command that reads flights: logs, model, airframe, how logs are read, limit.
 
-What a command works on: the rotor speed model asked for, and the logs given.
+A command makes one `Inputs` of its parameters and hands that on. Here are also the options by which
+a log or a link is read (`ReadingOptions`) and the functions that read logs by them.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -137,6 +138,7 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
 
 #: Airframe of the shipped model: taken where none is given, for a flight recognised as one of it.
 SHIPPED_AIRFRAME = "topxgun-f16-sitl"
+LIMIT = 0.5  # share of a rotor's maximum thrust, where nobody names another
 NAMED = 3  # logs that an error names beside the first: a line, whatever their number
 
 
@@ -204,29 +206,86 @@ def _of_one_reason(logs: Sequence[UnusedLog]) -> str:
     return f"{message} (likewise {names}{more})"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inputs:
+    """Logs and options that a command works with, as the user gave them."""
+
+    logs: tuple[Path, ...] = ()
+    model: Path | None = None
+    airframe: str | None = None  # name of a shipped airframe, or an airframe file
+    max_utilisation: float | None = None
+    reading: ReadingOptions = AS_HEARD
+
+    @property
+    def given(self) -> bool:
+        """Whether the user named the aircraft, by a model or an airframe."""
+        return self.model is not None or self.airframe is not None
+
+    @property
+    def limit(self) -> float:
+        """Largest share of a rotor's maximum thrust that may be in use."""
+        return LIMIT if self.max_utilisation is None else self.max_utilisation
+
+    @property
+    def files(self) -> list[Path | str | None]:
+        """The files that are read, for `check_outputs`: logs, model and airframe."""
+        return [*self.logs, self.model, self.airframe]
+
+    def rotor_model(self) -> RotorModel:
+        """Load the model; see `chosen_model`."""
+        return chosen_model(self.model, self.airframe)
+
+    @property
+    def words(self) -> str:
+        """The options as they would be typed."""
+        named = {
+            "--model": self.model,
+            "--airframe": self.airframe,
+            "--max-utilisation": self.max_utilisation,
+            "--vehicle": self.reading.vehicle,
+            "--tank": self.reading.tank if self.reading.tank != AS_HEARD.tank else None,
+            "--tank-start-kg": self.reading.tank_start_kg,
+            "--load": self.reading.load,
+            "--load-end": self.reading.load_end,
+            "--air-temperature": self.reading.air_temperature_c,
+        }
+        return " ".join(f"{name} {value}" for name, value in named.items() if value is not None)
+
+    def as_table(self) -> dict[str, Any]:
+        """Return the options for the options.json of a recording; files with their whole path."""
+        airframe = self.airframe
+        if airframe is not None and airframe.endswith(".toml"):
+            airframe = str(Path(airframe).resolve())
+        return {
+            "model": None if self.model is None else str(self.model.resolve()),
+            "airframe": airframe,
+            "max_utilisation": self.max_utilisation,
+            "reading": asdict(self.reading),
+        }
+
+
 def read_logs(
-    logs: Sequence[Path],
+    inputs: Inputs,
     unused: list[UnusedLog],
     console: Console,
     *,
     model: RotorModel,
-    given: bool,
-    reading: ReadingOptions = AS_HEARD,
     skipped: type[ThrustMarginError] = LogError,
 ) -> Iterator[tuple[FlightLog, AirframeClaim]]:
-    """Each sortie of the logs that can be read, in order, as `read_flights`.
+    """Yield each sortie of the logs that can be read, in order, as `read_flights`.
 
     There is a bar on the `console` meanwhile, and a line on every log that is not one sortie alone.
     A log that cannot be read for an error of the kind `skipped` is added to `unused`.
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
+    logs, reading = inputs.logs, inputs.reading
     reading_keywords(reading)  # what is wrong on the command line is wrong in no log
     described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
     quiet = not console.is_terminal
     for path in track(logs, described, console=console, transient=True, disable=quiet):
         try:
-            flights = read_flights(path, model, given=given, reading=reading)
+            flights = read_flights(path, model, given=inputs.given, reading=reading)
         except skipped as error:
             unused.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
             continue
