@@ -110,7 +110,7 @@ class Announcer(Output):
         now_s = now_us * 1e-6
         for number, watch in fleet.vehicles.items():
             state = self._vehicles.setdefault(number, _Vehicle())
-            if watch.silent(now_us) > QUIET:
+            if watch.link.silent(now_us) > QUIET:
                 continue
             if now_s - state.figures_s >= FIGURES_EVERY:
                 state.figures_s = now_s

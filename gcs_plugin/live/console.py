@@ -124,7 +124,7 @@ def vehicle_cells(
     from rich.text import Text
 
     update = watch.last
-    silent = watch.silent(now_us)
+    silent = watch.link.silent(now_us)
     if update is None:
         cells = [str(watch.system), *["-"] * (len(COLUMNS) - 2), seconds(silent)]
         return [Text(cell) for cell in cells]
@@ -337,7 +337,7 @@ class EventPrinter(Output):
         for number, watch in fleet.vehicles.items():
             if number not in self._heard:
                 self._heard.add(number)
-                self._say(words.of_vehicle(number, words.HEARD), watch.first_us * 1e-6)
+                self._say(words.of_vehicle(number, words.HEARD), watch.link.first_us * 1e-6)
             if watch.problem != self._problems.get(number, ""):
                 self._problems[number] = watch.problem
                 line = watch.problem or words.WATCHED_AGAIN

@@ -169,15 +169,15 @@ class Presence:
         for number, watch in fleet.vehicles.items():
             if number not in self._known:
                 self._known.add(number)
-                made.append(Happening(watch.first_us, number, "appeared", heard_words(number)))
+                made.append(Happening(watch.link.first_us, number, "appeared", heard_words(number)))
             made += [Happening(at_us, number, "note", text) for at_us, text in watch.notes]
             watch.notes.clear()
-            if number not in self._gone and watch.silent(now_us) > GONE:
-                self._gone[number] = watch.last_us
-                left_us = watch.last_us + round(GONE * 1e6)
+            if number not in self._gone and watch.link.silent(now_us) > GONE:
+                self._gone[number] = watch.link.last_us
+                left_us = watch.link.last_us + round(GONE * 1e6)
                 made.append(Happening(left_us, number, "left", silent_words(number, GONE)))
-            elif watch.back_us > self._gone.get(number, watch.back_us):
+            elif watch.link.back_us > self._gone.get(number, watch.link.back_us):
                 del self._gone[number]
                 words = heard_words(number, again=True)
-                made.append(Happening(watch.back_us, number, "returned", words))
+                made.append(Happening(watch.link.back_us, number, "returned", words))
         return made

@@ -127,7 +127,7 @@ class RateRequester(Output):
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6
         for number, watch in fleet.vehicles.items():
-            if watch.state.autopilot < 0 or watch.silent(now_us) > SILENT:
+            if watch.state.autopilot < 0 or watch.link.silent(now_us) > SILENT:
                 continue
             asked = self._asked.get(number)
             if asked is None or asked.boot != watch.telemetry.clock.boot:

@@ -87,7 +87,7 @@ class MissionFetcher(Output):
         """Ask for the missions that are new, and hand over those that have come."""
         for number, watch in fleet.vehicles.items():
             asked = self._asked.setdefault(number, _Asked())
-            now = (watch.state.mission_changes, watch.telemetry.clock.boot, watch.back_us)
+            now = (watch.state.mission_changes, watch.telemetry.clock.boot, watch.link.back_us)
             if now != asked.seen:
                 # One that appears is asked at once.
                 asked.seen_us = now_us if asked.seen else now_us - round(SETTLED * 1e6)

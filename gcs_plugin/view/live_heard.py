@@ -94,7 +94,7 @@ class Heard:
         watch = self._watches.get(one.number)
         if watch is None or one.update is None:
             return one
-        return replace(one, age=one.update.age_s(now_us), silent=watch.silent(now_us))
+        return replace(one, age=one.update.age_s(now_us), silent=watch.link.silent(now_us))
 
     def update(self, update: Update) -> None:
         """New rows of one aircraft."""

@@ -316,8 +316,8 @@ def _summary(live: LiveMonitor) -> None:
     for number, watch in live.fleet.vehicles.items():
         lines = [f"{watch.rows} samples, {watch.problem or watch.claim.described}"]
         lines += answer_lines(watch)
-        if watch.doubled:
-            lines.append(copies_words(watch.doubled))
+        if watch.link.doubled:
+            lines.append(copies_words(watch.link.doubled))
         for line in lines:
             out.print(of_vehicle(number, line), soft_wrap=True, markup=False)
     for line in status_lines(live.status()):

@@ -135,7 +135,7 @@ def _gauge(
 
 def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric]:
     """How old everything is, and what is lost on the way."""
-    silent = [((n,), w.silent(now_us)) for n, w in watches.items()]
+    silent = [((n,), w.link.silent(now_us)) for n, w in watches.items()]
     yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
     rows = [((n,), w.last.age_s(now_us)) for n, w in watches.items() if w.last is not None]
     words = "Age of the newest figures; old ones are left out"
@@ -153,7 +153,7 @@ def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric
         counted = [
             ((n, str(component)), float(getattr(sender, name)))
             for n, w in watches.items()
-            for component, sender in list(w.senders.items())
+            for component, sender in list(w.link.senders.items())
         ]
         yield _gauge(f"link_{name}_frames", words, counted, ("vehicle", "component"))
 
@@ -163,7 +163,7 @@ def _figures(watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float) -
     samples: dict[str, list[tuple[tuple[str, ...], float]]] = {name: [] for name in FIGURES}
     for number, watch in watches.items():
         update = watch.last
-        if update is None or update.age_s(now_us) > old_s or watch.shared:
+        if update is None or update.age_s(now_us) > old_s or watch.link.shared:
             continue
         for name, value in _of_vehicle(update).items():
             samples[name].append(((number,), value))

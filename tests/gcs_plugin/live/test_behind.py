@@ -132,7 +132,7 @@ def test_a_blocked_analysis_is_said_and_is_no_lost_telemetry(tmp_path):
             f"this computer is {n} s behind: closing the 3D page helps" for n in range(3, 8)
         )
         for watch in monitor.fleet.vehicles.values():
-            assert watch.silent(monitor.now_us()) < SILENCE
+            assert watch.link.silent(monitor.now_us()) < SILENCE
             assert watch.stale(monitor.now_us()) == ""
         seen.release.set()
         released_us = monitor.now_us()

@@ -149,7 +149,7 @@ def test_without_a_terminal_every_event_is_a_line_with_its_time(monitor):
     times, words = zip(*((line[:19], line[20:]) for line in said), strict=True)
     assert list(words) == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard", claim]
     local = [time.mktime(time.strptime(stamp, "%Y-%m-%d %H:%M:%S")) for stamp in times]
-    first_s, now_s = (int(us * 1e-6) for us in (fleet.vehicles[3].first_us, vehicle.stamp_us))
+    first_s, now_s = (int(us * 1e-6) for us in (fleet.vehicles[3].link.first_us, vehicle.stamp_us))
     assert local == [1e9, first_s, now_s]
     assert first_s < now_s
 

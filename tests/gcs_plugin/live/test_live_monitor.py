@@ -220,13 +220,13 @@ def test_doubled_and_overtaken_frames_change_nothing(tmp_path):
     run(write_log(tmp_path / "twice.tlog", twice), tmp_path / "b")
     one, other = (read_samples(recording_in(tmp_path / n), 1) for n in ("a", "b"))
     same(one, other, after=-1.0)
-    assert clean.fleet.vehicles[1].senders[1].doubled == 0
+    assert clean.fleet.vehicles[1].link.senders[1].doubled == 0
     swapped = list(frames)
     for at in range(30, len(frames) - 10, 50):
         swapped[at], swapped[at + 1] = swapped[at + 1], swapped[at]
     monitor, _ = run(write_log(tmp_path / "swapped.tlog", swapped), tmp_path / "c")
     mixed = read_samples(recording_in(tmp_path / "c"), 1)
-    assert monitor.fleet.vehicles[1].senders[1].late > 10
+    assert monitor.fleet.vehicles[1].link.senders[1].late > 10
     assert monitor.fleet.vehicles[1].problem == ""
     # An overtaken report of rotor speeds costs its row, and no row is out of order.
     assert 180 <= mixed.time_s.size <= 200
