@@ -29,7 +29,7 @@ from thrustmargin.gcs_plugin.live.live_monitor import (
 from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
-from thrustmargin.gcs_plugin.view.live_heard import Heard
+from thrustmargin.gcs_plugin.view.live_view import HeardVehicles
 
 #: s here, to be quick; rotor speeds are missed a second earlier. A busy machine may keep a sender
 #: from sending for most of a second.
@@ -256,7 +256,7 @@ def test_rounds_are_rarer_where_they_take_long_and_rarest_with_many_aircraft(
 
 def test_a_row_is_not_old_while_the_next_one_is_not_overdue(tmp_path):
     fleet, vehicle = Fleet(MODEL), Vehicle(3)
-    view = Heard(threading.Event())
+    view = HeardVehicles(threading.Event())
     for _ in range(80):
         fleet.take(vehicle.tick(rpm=(1700,) * 4))
         for update in fleet.updates():
