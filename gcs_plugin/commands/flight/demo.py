@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_range,
     check_speed,
 )
-from thrustmargin.gcs_plugin.commands.shared.terminal import BUNDLED
+from thrustmargin.gcs_plugin.commands.shared.typed import BUNDLED
 
 
 def demo(

@@ -24,13 +24,13 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
 )
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
 from thrustmargin.models.errors import DataError, ThrustMarginError
-from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.flight import FlightTrack
     from thrustmargin.models.model.analysis import FlightAnalysis
 
 
@@ -144,7 +144,7 @@ def _options_of(log: Path) -> Inputs:
     return made
 
 
-class TracksOnDisk(Sequence[FlightTrack]):
+class TracksOnDisk(Sequence["FlightTrack"]):
     """Tracks in files of a folder, each read again whenever it is looked at.
 
     The folder is the caller's, and private to it: files are pickles of what this process wrote.

@@ -12,7 +12,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import tyro
 from rich.console import Console
 from rich.markup import escape
@@ -20,16 +19,14 @@ from rich.progress import track
 from tyro.constructors import PrimitiveConstructorSpec
 
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_range
-from thrustmargin.gcs_plugin.wording.flight_words import several_words
 from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
-from thrustmargin.models.model.model_file import load_model, shipped_model
-from thrustmargin.models.model.rotor_model import RotorModel, physics_model
-from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.airframe_claim import AirframeClaim
+    from thrustmargin.models.model.rotor_model import RotorModel
+    from thrustmargin.models.physics.airframe import Airframe
 
 
 #: °C. No multirotor flies outside these.
@@ -147,6 +144,11 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
 
     Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
     """
+    # Imported here, as in the functions below: a command's help must be there at once.
+    from thrustmargin.models.model.model_file import shipped_model
+    from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.physics.airframe import load_airframe
+
     if model is not None:
         return _model_of(model, airframe)
     shipped = shipped_model()
@@ -158,6 +160,8 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
 
 def _same_numbers(one: Airframe, other: Airframe) -> bool:
     """Whether two files are of one aircraft: a user's own may have kept the name of another."""
+    import numpy as np
+
     values = [{n: q.value for n, q in craft.quantities.items()} for craft in (one, other)]
     placed = np.array_equal(one.rotor_position_frd, other.rotor_position_frd)
     return one.name == other.name and values[0] == values[1] and placed
@@ -169,6 +173,10 @@ def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel
     Unlike `chosen_model`, an airframe alone always means its weight and thrust curve, so that the
     search can begin without what a network has learnt. Raises as `chosen_model`.
     """
+    from thrustmargin.models.model.model_file import shipped_model
+    from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.physics.airframe import load_airframe
+
     if model is not None:
         return _model_of(model, airframe), str(model)
     if airframe is None:
@@ -177,6 +185,9 @@ def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel
 
 
 def _model_of(file: Path, airframe: str | None) -> RotorModel:
+    from thrustmargin.models.model.model_file import load_model
+    from thrustmargin.models.physics.airframe import load_airframe
+
     chosen = load_model(file)
     wanted = chosen.airframe.name if airframe is None else load_airframe(airframe).name
     if wanted != chosen.airframe.name:
@@ -297,6 +308,8 @@ def read_logs(
 def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
     """Remarks on the log of a sortie that holds others, stretches that are none, or columns that
     are left out."""
+    from thrustmargin.gcs_plugin.wording.flight_words import several_words
+
     several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
     return (*several, *log.unflown, *log.other_units)
 

@@ -31,13 +31,13 @@ class LinkWatch:
         self.first_us = 0  # when it was first heard
         self.back_us = 0  # when it was heard again after GONE s of silence, the last time
         self.shared_since_us = 0
-        self._shared_until_us = 0
+        self.shared_until_us = 0
         self._taken_us = 0  # when the last frame that is no copy came
 
     @property
     def shared(self) -> bool:
         """True while two vehicles send under this id."""
-        return self._taken_us < self._shared_until_us
+        return self._taken_us < self.shared_until_us
 
     @property
     def doubled(self) -> int:
@@ -65,7 +65,7 @@ class LinkWatch:
         if sender.shared:
             if not self.shared:
                 self.shared_since_us = frame.stamp_us
-            self._shared_until_us = frame.stamp_us + int(SHARED_HOLD * 1e6)
+            self.shared_until_us = frame.stamp_us + int(SHARED_HOLD * 1e6)
         if verdict is not Verdict.NEW:
             return False
         self.first_us = self.first_us or frame.stamp_us

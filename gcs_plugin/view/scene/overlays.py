@@ -102,7 +102,7 @@ def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, .
         replace(left, note=words.PLANNED),
         replace(redundancy, note=f"{SPINS}, {words.PLANNED}"),
         Overlay(
-            name=words.TANK,
+            name=words.TANK_SHOWN,
             values=tank,
             scale=colours.tank_scale(float(np.nanmax(tank, initial=0.0))),
             worst="max",

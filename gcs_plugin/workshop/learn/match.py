@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from thrustmargin.gcs_plugin.commands.load.fill import USUAL_ALTITUDE, USUAL_C, USUAL_SPEED
-from thrustmargin.gcs_plugin.commands.shared.analysed import LIMIT
+from thrustmargin.gcs_plugin.commands.shared.inputs import LIMIT
 from thrustmargin.gcs_plugin.commands.shared.options import OutputFile, check_outputs
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.alarm_words import HELD, ONE_LOST, SPINS

@@ -7,7 +7,7 @@ import pytest
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
-from thrustmargin.gcs_plugin.commands.shared.terminal import as_read
+from thrustmargin.gcs_plugin.commands.shared.typed import as_read
 from thrustmargin.models.errors import DataError
 
 BUNDLED = ROOT / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"

@@ -247,7 +247,7 @@ def test_the_interval_of_a_margin_is_turned_round(watched, monkeypatch):
 
 def test_of_two_vehicles_with_one_id_there_are_no_figures(watched, monkeypatch):
     assert figures(watched, monkeypatch)["thrustmargin_margin_ratio"]
-    monkeypatch.setattr(watched.fleet.vehicles[1], "shared_until_us", 2**62)
+    monkeypatch.setattr(watched.fleet.vehicles[1].link, "shared_until_us", 2**62)
     found = figures(watched, monkeypatch)
     assert found["thrustmargin_margin_ratio"] == found["thrustmargin_flying"] == []
 

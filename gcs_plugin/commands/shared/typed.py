@@ -1,0 +1,100 @@
+"""The words of a command line before they are read: what a user may write in more than one way.
+
+This file imports no library at its head: the help must be there at once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import NoneType
+from typing import TYPE_CHECKING, Any, get_args
+
+if TYPE_CHECKING:
+    from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+
+#: In the wheel as in the project, beside `gcs_plugin`.
+BUNDLED = Path(__file__).resolve().parents[3] / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
+#: The field of `cover demo`, in the wheel too.
+BUNDLED_FIELD = Path(__file__).resolve().parents[3] / "mission" / "coverage" / "demo_field.kml"
+#: In place of a log: the bundled flight.
+DEMO = "demo"
+#: Options whose value may be that word and is no log.
+_NO_LOG = ("--name", "--title", "--store", "--airframe", "--tank")
+_SHARE = "--max-utilisation"
+
+
+def as_read(argv: Sequence[str]) -> list[str]:
+    """Return the words with `demo` replaced by the bundled file, and a limit in percent as a share.
+
+    Where the working folder has a file or folder named demo, `demo` stays and means that one.
+    """
+    words: list[str] = []
+    for word in _renamed(argv):
+        before = words[-1] if words else ""
+        if word == "%" and words[-2:-1] == [_SHARE]:
+            words[-1] = _share(f"{before} %")
+            continue
+        if before == _SHARE or word.startswith(f"{_SHARE}="):
+            word = _share(word)
+        if word == DEMO and words and before not in _NO_LOG and not Path(DEMO).exists():
+            word = str(BUNDLED_FIELD if words[0] == "cover" else BUNDLED)
+        words.append(word)
+    return words
+
+
+def _renamed(argv: Sequence[str]) -> Sequence[str]:
+    """Replace older options of `train` and `identify`: --out of the model, --html of the page."""
+    if not argv or argv[0] not in ("train", "identify"):
+        return argv
+    words = [word for given in argv for word in _split(given)]
+    for place, (word, value) in enumerate(zip(words, [*words[1:], ""], strict=True)):
+        if word == "--out" and (words[0] == "train" or value.endswith(".safetensors")):
+            words[place] = "--out-model"
+        elif word == "--html":
+            words[place] = "--out"
+    return words
+
+
+def _split(word: str) -> list[str]:
+    """Split `--out=x` and `--html=x` into two words; return any other word alone."""
+    return word.split("=", 1) if word.startswith(("--out=", "--html=")) else [word]
+
+
+def _share(word: str) -> str:
+    """Return `50%` or `50 %` as the word 0.5, and any other word as it is."""
+    found = re.fullmatch(r"(--[\w-]+=)?\s*(\d+(?:[.,]\d+)?)\s*%", word)
+    if found is None:
+        return word
+    return f"{found[1] or ''}{float(found[2].replace(',', '.')) / 100.0:.6g}"
+
+
+def plain_optionals() -> ConstructorRegistry:
+    """Return the tyro rules by which help shows PATH for an optional path, not {None}|PATH."""
+    from tyro.constructors import ConstructorRegistry, PrimitiveTypeInfo
+
+    registry = ConstructorRegistry()
+
+    @registry.primitive_rule
+    def optional(about: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
+        kinds = get_args(about.type)
+        if NoneType not in kinds or len(kinds) != 2:
+            return None
+        inner = next(kind for kind in kinds if kind is not NoneType)
+        of_inner = ConstructorRegistry.get_primitive_spec(
+            PrimitiveTypeInfo.make(inner, about.markers)
+        )
+        if isinstance(of_inner, Exception):
+            return None
+        spec: Any = of_inner
+        return replace(
+            spec,
+            is_instance=lambda value: value is None or spec.is_instance(value),
+            str_from_instance=lambda value: (
+                ["None"] if value is None else spec.str_from_instance(value)
+            ),
+        )
+
+    return registry
