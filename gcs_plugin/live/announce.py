@@ -84,7 +84,9 @@ class Announcer(Output):
     name = "--announce"
 
     def __init__(self, sender: Sender, *, limit: float = 0.5, battery: bool = False) -> None:
-        """`limit` is the smallest thrust margin that may last; `battery` as the module says."""
+        """Take the smallest thrust margin that may last as `limit`; `battery` as the module
+        says.
+        """
         self._sender = sender
         self._limit = limit
         self._battery = battery
@@ -144,7 +146,7 @@ class Announcer(Output):
                 self._sender.send(number, message, forwards=True)
 
     def _landed(self, state: _Vehicle, update: Update) -> None:
-        """After a flight, what to do before the next one."""
+        """Queue what to do before the next flight, once the flight has landed."""
         flight = update.flight
         if flight is not None and state.flying and flight.settled and flight.answer.brief:
             grave = flight.advice.level in LAND_FIRST
@@ -199,14 +201,14 @@ class Announcer(Output):
 
 
 def plain(text: str) -> str:
-    """The text as ground stations show it: no letters but those of English."""
+    """Return the text in ASCII, as ground stations can show it."""
     for letter, written in PLAIN:
         text = text.replace(letter, written)
     return text.encode("ascii", "replace").decode()
 
 
 def figures(update: Update) -> dict[str, float]:
-    """The figures of the last row that are known."""
+    """Return the known figures of the last row by their names in messages."""
     analysis = update.analysis
     margins = analysis.margin[-1]
     placed = analysis.placed and np.isfinite(margins).all()
@@ -225,7 +227,7 @@ def figures(update: Update) -> dict[str, float]:
 
 
 def what_to_do(listed: Iterable[Alarm]) -> dict[str, float]:
-    """MARGIN_DO by the gravest alarm that stands and asks for something; 0 for none."""
+    """Return MARGIN_DO for the gravest active alarm that demands an action; 0 for none."""
     grave = [a for a in listed if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
     first = min(grave, key=lambda alarm: alarm.order, default=None)
     return {"MARGIN_DO": 0.0 if first is None else float(asked(first.name))}

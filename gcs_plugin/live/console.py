@@ -59,7 +59,9 @@ class Screen:
 
 
 def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> RenderableType:
-    """What to show now, in `width` characters; `page`: the 3D page is shown too."""
+    """Return what the terminal shows now, in `width` characters; `page`: the 3D page is shown
+    too.
+    """
     from rich.box import HEAVY_HEAD, SIMPLE_HEAD
     from rich.console import Group
     from rich.table import Table
@@ -108,8 +110,9 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
 
 
 def answer_lines(watch: VehicleMonitor) -> tuple[str, ...]:
-    """The answer of its flight so far, or of the last; of an aircraft that is not known with what
-    its rows show."""
+    """Return the answer of the vehicle's present or last flight; for an unknown aircraft also what
+    its rows show.
+    """
     answer = None if watch.last is None else watch.last.answer
     return () if answer is None else (answer.line, *answer.contact_lines)
 
@@ -117,9 +120,10 @@ def answer_lines(watch: VehicleMonitor) -> tuple[str, ...]:
 def vehicle_cells(
     watch: VehicleMonitor, now_us: int, limit: float, old_s: float = OLD
 ) -> list[Text]:
-    """One row of the table, each dash with its reason in `problem` or the update's `remarks`.
+    """Return one row of the table; the reason of each dash is in `problem` or the update's
+    `remarks`.
 
-    Styles are set on the text and never written into it: the terminal shows markup as it stands.
+    Styles are set on the text and never written into it: the terminal shows markup as it is.
     """
     from rich.text import Text
 
@@ -141,7 +145,7 @@ def vehicle_cells(
 
 
 def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
-    """Everything between the vehicle's number and the age of its last row."""
+    """Return all cells between the vehicle's number and the age of its last row."""
     from rich.text import Text
 
     analysis, outlook = update.analysis, update.outlook
@@ -182,10 +186,11 @@ def _margin_cell(
     flying: bool,
     predicted: bool,
 ) -> Text:
-    """Worst rotor's margin and number; how many rotors are unknown; nothing for rotors at rest.
+    """Return the worst rotor's margin and number, and how many rotors are unknown.
 
-    An inferred margin has its 90 % interval, and is green or red where all of that is; one
-    that is `predicted`, without any rotor's speed, is never green.
+    An inferred margin is shown with its 90 % interval, and is green or red where the whole interval
+    is. One that is `predicted`, without any rotor's speed, is never green. On the ground there is
+    no margin.
     """
     from rich.text import Text
 
@@ -211,7 +216,7 @@ def _any(values: np.ndarray) -> bool:
 
 
 def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
-    """The link and the recording in words; `page`: the 3D page is shown."""
+    """Return the lines on link and recording; `page`: the 3D page is shown."""
     lines = [words.behind_words(status.behind_s, page=page)] if status.behind_s else []
     lines = [words.CUT_OFF] if status.cut_off else lines
     lines += [words.output_failed(name, error) for name, error in status.failed.items()]
@@ -227,7 +232,7 @@ def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
 
 
 def rowless_lines(fleet: Fleet) -> list[str]:
-    """Why vehicles that are heard have nothing to show."""
+    """Return why vehicles that are heard have no rows."""
     return [
         words.of_vehicle(n, w.problem)
         for n, w in fleet.vehicles.items()
@@ -236,7 +241,7 @@ def rowless_lines(fleet: Fleet) -> list[str]:
 
 
 def percent(share: float) -> str:
-    """A margin; below nothing there are no degrees."""
+    """Return a margin in per cent; a negative one is shown as below 0 without its size."""
     if share < 0.0:
         return words.BEYOND
     return f"{share:.0%}" if math.isfinite(share) else "-"
@@ -247,7 +252,7 @@ def kilograms(mass: float) -> str:
 
 
 def minutes(time_s: float) -> str:
-    """Minutes and seconds; "-" for unknown, "not" for never."""
+    """Return minutes and seconds; "-" for unknown, "not" for infinity."""
     if math.isinf(time_s):
         return "not"
     return f"{int(time_s) // 60}:{int(time_s) % 60:02d}" if math.isfinite(time_s) else "-"
@@ -315,7 +320,7 @@ class EventPrinter(Output):
             self._waiting.append((known, line))
 
     def print(self) -> None:
-        """Print the lines of a round, in the order of their time."""
+        """Print the lines of a round in the order of their time."""
         with self._lock:
             lines, self._waiting = sorted(self._waiting, key=lambda at: at[0]), []
             for known, line in lines:

@@ -63,7 +63,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonitorSettings:
-    """What to listen to and what to do with it."""
+    """The links to listen to, the recording, and how vehicles are watched."""
 
     urls: tuple[str, ...] = ("udpin:127.0.0.1:14550",)
     forwards: tuple[str, ...] = ()
@@ -74,7 +74,7 @@ class MonitorSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonitorStatus:
-    """How the monitor itself is doing."""
+    """The monitor's own state: counts of what came, losses, delay and recording."""
 
     frames: int
     bytes: int
@@ -92,7 +92,9 @@ class MonitorStatus:
 
 
 class Lateness:
-    """Whether this computer is behind, for who says so once: a short recovery does not end it."""
+    """Whether the analysis is behind, for a report of each change; a short recovery does not end
+    it.
+    """
 
     def __init__(self) -> None:
         self.late = False
@@ -191,9 +193,9 @@ class LiveMonitor:
         self._thread.start()
 
     def wait(self, seconds: float) -> dict[int, Update]:
-        """Listen for so long, at most to the end of a recording; system id -> newest rows.
+        """Listen for so many s, at most to the end of a recording; return system id -> newest rows.
 
-        Raises what ended a thread, if anything did.
+        Raises the error that ended a thread or an output.
         """
         until = time.monotonic() + seconds
         while not self.finished and time.monotonic() < until:
@@ -219,12 +221,12 @@ class LiveMonitor:
 
     @property
     def finished(self) -> bool:
-        """True when nothing can come any more and all that came is computed, or on failure."""
+        """Whether all that can come was analysed, or a thread has failed."""
         failed = self.failure or self.listener.failure
         return failed is not None or (self.listener.finished and not self._thread.is_alive())
 
     def check(self) -> None:
-        """Raise what ended a thread or an output, if anything did."""
+        """Raise the error that ended a thread or an output, if there is one."""
         failure = self.failure or self.listener.failure or next(iter(self.failed.values()), None)
         if failure is not None:
             raise failure
@@ -284,11 +286,15 @@ class LiveMonitor:
 
     @property
     def live(self) -> bool:
-        """False when only recordings are read; their stamps are then the ground's clock."""
+        """Whether a link is not a recording; stamps of recordings are the ground's clock of
+        then.
+        """
         return any(link.transport.live for link in self.listener.links)
 
     def now_us(self) -> int:
-        """The ground's clock: live, the computer's; for recordings, that of the last frame."""
+        """Return the ground's clock, µs: the computer's, or for recordings that of the last
+        frame.
+        """
         return self.listener.now_us() if self.live else self._newest_us
 
     def _behind_s(self) -> float:
@@ -348,8 +354,9 @@ class LiveMonitor:
         self._each(lambda output: output.on_round(self.fleet, now_us))
 
     def _found_us(self) -> int:
-        """Ground's clock up to which nothing more can be found: all that came is analysed, and the
-        links were checked."""
+        """Return the ground's clock, µs, up to which all that came is analysed and the links were
+        checked.
+        """
         until_us = self._ticked_us
         first = self._queue.first()
         waiting = [until_us] if first is None else [until_us, first.stamp_us - 1]
@@ -378,7 +385,7 @@ class LiveMonitor:
             self._publish(update)
 
     def _listen(self) -> None:
-        """Check the links by what came, as far as it is known what came."""
+        """Check the links up to the time until which all that came is known."""
         self._tick(min(self.now_us(), self.listener.looked_us()))
 
     def _note_behind(self) -> None:
@@ -442,17 +449,17 @@ OutputFactory = Callable[[OutputContext, Any], Output]
 
 
 def spacing(round_s: float, vehicles: int) -> float:
-    """s from the begin of a round that took `round_s` to the next, of so many vehicles.
+    """Return s from the begin of a round that took `round_s` to the next, for a number of vehicles.
 
-    Of several, 1/EACH a second are analysed at most, however fast this computer is: no alarm
-    needs more, and all that an aircraft costs goes with how often it is.
+    Of several vehicles at most 1/EACH a second are analysed, however fast the computer is: no alarm
+    needs more, and the cost of an aircraft grows with how often it is analysed.
     """
     longest = min(max(EACH * vehicles, LONGEST), RAREST)
     return min(max(round_s / DUTY, EACH * (vehicles - 1), SHORTEST), longest)
 
 
 def _pieces(frames: list[Frame]) -> list[list[Frame]]:
-    """Frames of a recording in pieces of at most 256, and apart where it pauses for a second."""
+    """Split frames of a recording into pieces of at most 256, and where it pauses for a second."""
     pieces: list[list[Frame]] = [[]]
     for frame in frames:
         last = pieces[-1]

@@ -68,7 +68,7 @@ PUMP_FUNCTION = 22
 
 @dataclass(slots=True)
 class _Wish:
-    """How often one thing was asked for in vain, and when last."""
+    """How often a message was requested without effect, and when last."""
 
     times: int = 0
     last_s: float = 0.0
@@ -81,7 +81,7 @@ class _Wish:
 
 @dataclass(slots=True)
 class _Asked:
-    """What was asked of one start of a vehicle, and what has come since."""
+    """The requests sent since one start of a vehicle, and the messages that came since."""
 
     boot: int
     round_s: float  # of the last look whether anything is to be sent
@@ -93,7 +93,11 @@ class _Asked:
     counts: deque[tuple[float, Mapping[int, int]]] = field(default_factory=deque)
 
     def look(self, watch: VehicleMonitor) -> bool:
-        """Count what has come; False where nothing new has."""
+        """Store the message counts of `watch`; return False within LOOK s of the last ones.
+
+        Time is the stamp of the last message. After a silence of more than SILENT s the older
+        counts are dropped.
+        """
         at_s = watch.telemetry.stamp_us * 1e-6
         if self.counts and at_s - self.counts[-1][0] < LOOK:
             return False
@@ -105,8 +109,9 @@ class _Asked:
         return True
 
     def rate(self, number: int, window: float, since_s: float) -> float | None:
-        """Hz at which a message came over the last `window` s; None until so long after `since_s`
-        has been listened to."""
+        """Return the rate, Hz, of a message over the last `window` s; None until that long after
+        `since_s`.
+        """
         end_s, now = self.counts[-1]
         begin = next((c for c in reversed(self.counts) if end_s - c[0] >= window), None)
         if begin is None or begin[0] < since_s:
@@ -145,7 +150,7 @@ class RateRequester(Output):
                 asked.round_s = now_s
 
     def _ask(self, watch: VehicleMonitor, asked: _Asked, now_s: float) -> None:
-        """Queue what has to be asked for now, and say what is not followed."""
+        """Queue the requests that are due, and note which earlier ones had no effect."""
         dialect, target = self._sender.dialect, watch.state.component or 1
         in_vain: dict[str, tuple[float, float]] = {}
         for name, (number, rate) in wanted(watch.state.autopilot, self._rotors).items():
@@ -173,7 +178,9 @@ class RateRequester(Output):
 
 
 def wanted(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
-    """Messages by name: id and Hz; rotor speeds, without which no margin is measured, first."""
+    """Return the needed messages by name, with id and Hz; rotor speeds, without which no margin is
+    measured, first.
+    """
     if autopilot != ARDUPILOT:
         return OF_OTHERS | COMMON
     more = OF_ARDUPILOT_MORE if rotor_count > 4 else {}
@@ -181,9 +188,11 @@ def wanted(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
 
 
 def wanted_parameters(watch: VehicleMonitor) -> list[str]:
-    """Parameters that are not known yet; the pump's range once its output is.
+    """Return the names of needed parameters that are not known; the pump's range once its output is
+    known.
 
-    None once the vehicle has sent all that it has: what is then not known does not exist.
+    The list is empty once the vehicle has sent all its parameters: one that is still unknown does
+    not exist.
     """
     if watch.state.parameters_whole:
         return []

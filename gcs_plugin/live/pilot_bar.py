@@ -61,7 +61,7 @@ class PilotBar(Output):
 
     @property
     def port(self) -> int:
-        """Where it is served."""
+        """Port on which the bar is served."""
         assert self._server is not None
         return self._server.port
 
@@ -76,7 +76,7 @@ class PilotBar(Output):
             self._server = None
 
     def answer(self, path: str) -> tuple[str, bytes] | None:
-        """Media type and body of a path; None for one that is not there."""
+        """Return media type and body of a path; None for an unknown one."""
         if path == "/bar.json":
             return "application/json", json.dumps(self.content()).encode()
         if path in ("/", "/index.html"):
@@ -87,7 +87,7 @@ class PilotBar(Output):
         return ("image/svg+xml", _file("icon.svg")) if path == "/icon.svg" else None
 
     def content(self) -> dict[str, Any]:
-        """The figures of each vehicle; margins are null once they are older than FRESH."""
+        """Return the figures of each vehicle; margins are None once they are older than FRESH s."""
         now_us, vehicles = self._clock(), []
         for number, shown in sorted(self._shown.items()):
             age_s = shown.update.age_s(now_us)

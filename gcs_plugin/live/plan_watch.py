@@ -1,7 +1,7 @@
-"""A plan beside the flight as it is flown: a line at each stretch that is over.
+"""A plan compared with the flight while it is flown: a line for each stretch that is over.
 
-The forecast is that of before take-off, with what was assumed, as of `report --plan`. It is made
-by a thread of its own, for the compute thread has no second to spare.
+The forecast is the one of before take-off, with the same assumptions as in `report --plan`. It runs
+on a thread of its own, because the compute thread has no second to spare.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class _Flight:
-    """One vehicle since its take-off."""
+    """The rows of one vehicle since its take-off, and which stretches were reported."""
 
     rows: list[Floats] = field(default_factory=list)  # each (T, columns)
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -114,7 +114,9 @@ class PlanWatch(Output):
         self._new.set()
 
     def close(self) -> None:
-        """Speak of what is over, and end; the flights are taken as ended."""
+        """Report the stretches that are over, with every flight taken as ended, and end the
+        thread.
+        """
         with self._lock:
             for flight in self._flights.values():
                 flight.ended = True
@@ -183,7 +185,7 @@ class PlanWatch(Output):
 
 
 def _rows(update: Update, home: tuple[float, float, float]) -> Floats:
-    """(T, columns) of the new rows in flight."""
+    """Return (T, columns) of the new rows in flight."""
     analysis, track = update.analysis, update.analysis.track
     new = np.flatnonzero(track.flying[update.first :]) + update.first
     known_air = track.reports("pressure") or track.reports("altitude")

@@ -45,14 +45,17 @@ STALE_EVERY = 0.5  # s between two looks at which fields are no longer reported
 
 
 class LiveHistory:
-    """Rows as they came: `add` is for the compute thread, `speeds` for the drawing thread."""
+    """The rotor speeds of one aircraft over the last KEPT_S s.
+
+    The compute thread calls `add`, the drawing thread reads `speeds`.
+    """
 
     def __init__(self) -> None:
         self._parts: deque[Speeds] = deque()
         self._boot = 0
 
     def add(self, update: Update) -> None:
-        """The new rows; a vehicle that restarted, or has other rotors, begins anew."""
+        """Add the new rows; begin anew after a restart or with another number of rotors."""
         rows = Speeds.of(update.analysis).rows(slice(update.first, None), update.clock_s)
         copies: Any = map(np.copy, rows)  # a view would keep its whole window alive
         now = Speeds(*copies)
@@ -68,7 +71,7 @@ class LiveHistory:
 
     @property
     def speeds(self) -> Speeds | None:
-        """All that is kept; None of nothing."""
+        """All rows that are kept; None before the first."""
         parts = list(self._parts)
         if not parts:
             return None
@@ -78,11 +81,12 @@ class LiveHistory:
 
 
 class HeardVehicles:
-    """Aircraft by number. `update` and `round` are for the compute thread, the rest for drawing.
+    """The newest state of each aircraft, left by the compute thread for the drawing thread.
 
-    `wake` is set when there is something new to draw; `overlays` are those of the last rows.
-    `clock` is the ground's, µs: figures age by it while the compute thread is busy; without it they
-    are as old as at the last `round`.
+    Each `VehicleSummary` is replaced as a whole and never changed, so no lock is needed; rows for
+    the trails wait in a queue for each aircraft. `wake` is set when there is something new to draw;
+    `overlays` are those of the last rows. `clock` is the ground's, µs: ages go on by it while the
+    compute thread is busy; without it they are those of the last `round`.
     """
 
     def __init__(self, wake: threading.Event, clock: Callable[[], int] | None = None) -> None:
@@ -100,7 +104,7 @@ class HeardVehicles:
 
     @property
     def summaries(self) -> list[VehicleSummary]:
-        """All that have rows, in the order in which they were first heard."""
+        """All aircraft with rows, in the order in which they were first heard."""
         known = list(self._summaries.values())
         return known if self._clock is None else [self._aged(s, self._clock()) for s in known]
 
@@ -111,7 +115,7 @@ class HeardVehicles:
         return replace(one, age=one.update.age_s(now_us), silent=watch.link.silent(now_us))
 
     def update(self, update: Update) -> None:
-        """New rows of one aircraft."""
+        """Take the new rows of one aircraft."""
         number, track = update.vehicle, update.analysis.track
         overlays = overlays_of(update.analysis)
         values = np.column_stack([overlay.values for overlay in overlays])
@@ -133,7 +137,7 @@ class HeardVehicles:
         self.wake.set()
 
     def round(self, fleet: Fleet, now_us: int) -> None:
-        """Ages, alarms and missions."""
+        """Take ages, alarms and missions of all aircraft."""
         look = time.monotonic() - self._stale_s >= STALE_EVERY
         if look:
             self._stale_s = time.monotonic()
@@ -161,7 +165,7 @@ class HeardVehicles:
 
 @dataclass(slots=True, eq=False)
 class Aircraft:
-    """What is drawn of one vehicle; for the drawing thread alone."""
+    """The drawing of one vehicle in the scene; used by the drawing thread alone."""
 
     number: int
     trail: Trail
@@ -235,18 +239,18 @@ class LiveView(ViewPage, Output):
         self.stop()
 
     def on_update(self, update: Update) -> None:
-        """New rows; called on the compute thread."""
+        """Take new rows; called on the compute thread."""
         self._heard.update(update)
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """An alarm was raised or cleared; called on the compute thread."""
+        """Take a change of an alarm; called on the compute thread."""
         self._screen.on_event(vehicle, event)
 
     def on_plan(self, vehicle: int, text: str) -> None:
         self._screen.note(vehicle, "plan", text)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """Ages, alarms and missions; called on the compute thread."""
+        """Take ages, alarms and missions; called on the compute thread."""
         self._heard.round(fleet, now_us)
 
     def _build(self, server: viser.ViserServer) -> None:
@@ -283,7 +287,7 @@ class LiveView(ViewPage, Output):
                     self._scene.show_wind(np.full(3, np.nan) if summary.old else wind_ned)
 
     def _fleet(self) -> list[VehicleSummary]:
-        """All that was heard, with what to fill while it stands on the ground."""
+        """Return the summaries, with the advice on how much to fill for those on the ground."""
         return [replace(one, fill=self._advice(one)) for one in self._heard.summaries]
 
     def _advice(self, one: VehicleSummary) -> str:
@@ -291,7 +295,9 @@ class LiveView(ViewPage, Output):
         return "" if one.update is None else advice.text(one.update.analysis)
 
     def _live_state(self) -> dict[str, Any]:
-        """What the page shows besides the aircraft: the link, and what the scene is set to."""
+        """Return what the page shows besides the aircraft: the link, and the settings of the
+        scene.
+        """
         overlays = self._heard.overlays
         field = None
         if overlays:
@@ -300,7 +306,7 @@ class LiveView(ViewPage, Output):
         return {"status": self._status(), "field": field, "follow": self._focus}
 
     def _drawn_charts(self, number: int, back_s: float) -> dict[str, Any]:
-        """The last minutes of one aircraft, ending `back_s` before its newest row."""
+        """Draw the last minutes of one aircraft, ending `back_s` before its newest row."""
         one = next((s for s in self._heard.summaries if s.number == number and not s.gone), None)
         history = self._heard.history.get(number)
         speeds = None if history is None else history.speeds
@@ -359,7 +365,9 @@ class LiveView(ViewPage, Output):
             one.label.position = position + self._scene.above(str(one.number))
 
     def _offset_ned(self, one: Aircraft, update: Update) -> Floats:
-        """(3,) m from the scene's origin, which is that of the first aircraft, to its own."""
+        """Return (3,) m from the scene's origin, which is the first aircraft's, to the aircraft's
+        own.
+        """
         if one.offset_ned is None or one.boot != update.boot:
             origin = update.analysis.track.origin
             if self._origin is None:

@@ -157,7 +157,7 @@ def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -
 
 
 def _guessed_cells(craft: Airframe) -> tuple[str, ...]:
-    """Say that the number of cells is guessed, by what, and how to state it."""
+    """Return the note that the number of cells is guessed, by what, and how to state it."""
     nominal = craft.quantities["nominal_voltage"]
     if not nominal.guessed:
         return ()
@@ -233,9 +233,9 @@ def new_airframe(
 
 
 def print_answer(console: Console, log: Path, file: Path, reading: ReadingOptions) -> None:
-    """Print the report's verdict of a log by an airframe file, and how to have it as a page.
+    """Print the report's verdict of a log by an airframe file, and how to get its page.
 
-    A log that the report refuses is no fault of the file: the reason is printed.
+    An error of the report is printed: it is no fault of the file.
     """
     from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights

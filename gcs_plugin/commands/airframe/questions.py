@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleParameters:
-    """Parameters by name, what else a log says of the same, and their origin in words."""
+    """Parameters by name, other facts of the vehicle in a log, and a description of their
+    origin.
+    """
 
     parameters: Mapping[str, float]
     facts: VehicleFacts | None = None
@@ -52,7 +54,7 @@ class VehicleParameters:
         return f"{self.words} does not say everything"
 
     def found_words(self, reported: ReportedAirframe) -> str:
-        """What was found of the aircraft, for people."""
+        """Return a sentence on what was found of the aircraft."""
         cells, program = reported.quantities.get("nominal_voltage"), self.words or "nothing"
         return "; ".join(
             (
@@ -67,7 +69,7 @@ class VehicleParameters:
 
 
 def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleParameters:
-    """The parameters in a log or parameter file, or of the vehicle on a link.
+    """Read the parameters in a log or parameter file, or of the vehicle on a link.
 
     Raises LogError or LinkError when there are none.
     """
@@ -130,7 +132,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnerStatement:
-    """What the owner of an aircraft says of it; None is left open."""
+    """The owner's statements on an aircraft; None is not stated."""
 
     name: str | None = None
     """Short name of the aircraft; without it the name of the file."""
@@ -224,14 +226,14 @@ LOGS = (".bin", ".log", ".tlog", ".ulg")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """What the owner states, and kg on board at the start of the flights; None is left open."""
+    """The owner's statement, and kg on board at the start of the flights; None is not stated."""
 
     owner: OwnerStatement
     load: float | None = None
 
 
 def logs_here(folder: Path) -> list[Path]:
-    """The logs of a folder, by name."""
+    """Return the logs of a folder, sorted by name."""
     return [path for path in sorted(folder.iterdir()) if path.suffix.lower() in LOGS]
 
 

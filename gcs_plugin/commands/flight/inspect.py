@@ -178,7 +178,7 @@ def _print(console: Console, inspection: Inspection) -> None:
 
 
 def _channels(log: FlightLog, *, wide: bool) -> Table:
-    """The channels in numbers; with their sources where the terminal is wide enough."""
+    """Return the table of channels, with their sources where the terminal is wide enough."""
     headings = ("Hz", "gaps", "pause s", "min", "median", "max")
     words = ("channel", "from") if wide else ("channel",)
     heads = (*words, *headings, "unit")

@@ -262,7 +262,8 @@ def _makers(options: Mapping[str, Any]) -> list[tuple[OutputFactory, Any]]:
 
 
 def _found_link(seconds: float) -> str:
-    """The usual endpoint on which a vehicle is heard; says what was tried while none is.
+    """Return the first usual endpoint on which a vehicle is heard; print which were tried
+    meanwhile.
 
     Raises LinkError after so many s.
     """
@@ -292,7 +293,9 @@ def _show(
     *,
     page: bool,
 ) -> None:
-    """The table, above which `console` prints, or lines alone where there is no terminal."""
+    """Show the table, above which `console` prints, until the end; without a terminal print lines
+    alone.
+    """
     from thrustmargin.gcs_plugin.live.console import Screen
 
     if printer is not None:
@@ -308,7 +311,7 @@ def _show(
 
 
 def _summary(live: LiveMonitor) -> None:
-    """What has been heard and the answer of the flight; also when nobody watches the table."""
+    """Print what was heard and the answer of each flight, at the end of the watch."""
     from thrustmargin.gcs_plugin.live.console import answer_lines, status_lines
     from thrustmargin.gcs_plugin.wording.live_words import copies_words, of_vehicle
 

@@ -114,10 +114,11 @@ def replay_view(
     limit: float = LIMIT,
     **options: Any,
 ) -> ReplayView:
-    """The view of a recorded flight; with a model `before` also its residual before and after.
+    """Return the view of a recorded flight; with a model `before` also its residual before and
+    after.
 
-    A model that was not `given` is taken only for a flight that is recognised as one of its
-    airframe. Of several sorties it is that of the number `sortie`, else the one of the worst
+    A model that was not `given` is used only for a flight that is recognised as one of its
+    airframe. Of several sorties the view shows number `sortie`, else the one with the worst
     verdict; the others are named on the terminal. `limit` is the largest share of a rotor's thrust
     that may be in use. `options` are those of ReplayView. Raises DataError when there is no sortie
     of that number.

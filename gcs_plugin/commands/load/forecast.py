@@ -235,7 +235,7 @@ def forecast(
 
 
 def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:
-    """One .plan a sortie, none of which replaces the plan that was read."""
+    """Write one .plan for each sortie, none of which replaces the plan that was read."""
     from thrustmargin.mission.forecast.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
@@ -283,7 +283,7 @@ def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FlightBefore:
-    """Of the last flight in the log that a plan is in."""
+    """The results of the last flight in the log that a plan is in."""
 
     parameters: dict[str, float] = field(default_factory=dict)
     faults: FaultHistory | None = None
@@ -326,7 +326,9 @@ def _battery(
     resistance: float | None,
     craft: Airframe,
 ) -> FlightBattery:
-    """By the options, else by the parameters; refuses a voltage that such a battery never has."""
+    """Return the battery by the options, else by the parameters. Raises UsageError for an
+    impossible voltage.
+    """
     from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
 
     if voltage is not None:

@@ -71,7 +71,7 @@ OPTIONS = "options.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Table:
-    """What options.json holds, each by its kind."""
+    """The content of options.json, with the type of each value."""
 
     model: str | None
     airframe: str | None
@@ -145,16 +145,16 @@ def _options_of(log: Path) -> Inputs:
 
 
 class TracksOnDisk(Sequence["FlightTrack"]):
-    """Tracks in files of a folder, each read again whenever it is looked at.
+    """Tracks in files of a folder, each read again whenever it is indexed.
 
-    The folder is the caller's, and private to it: files are pickles of what this process wrote.
+    The folder is the caller's and private to it: the files are pickles that this process wrote.
     """
 
     def __init__(self, folder: Path, files: Sequence[Path] = ()) -> None:
         self.folder, self.files = folder, list(files)
 
     def append(self, track: FlightTrack) -> None:
-        """One more track, which need not be held any longer."""
+        """Write one more track, which the caller may then drop."""
         file = self.folder / f"{len(list(self.folder.iterdir()))}.track"
         file.write_bytes(pickle.dumps(track, protocol=pickle.HIGHEST_PROTOCOL))
         self.files.append(file)

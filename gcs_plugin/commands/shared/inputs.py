@@ -74,7 +74,7 @@ class ReadingOptions:
 
     @property
     def states_load(self) -> bool:
-        """Whether the user says what was on board at the start."""
+        """Whether the user states the load at the start."""
         return self.load is not None or self.tank_start_kg is not None
 
 
@@ -85,7 +85,7 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 
 
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
-    """The options as `read_log` and `WatchSettings` take them, checked.
+    """Return the options as `read_log` and `WatchSettings` take them, checked.
 
     Raises UsageError when one of them is impossible or two exclude each other.
     """
@@ -140,7 +140,8 @@ NAMED = 3  # logs that an error names beside the first: a line, whatever their n
 
 
 def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
-    """The model file, else the shipped model, else weight and thrust curve of another airframe.
+    """Load the model file; without one, return the shipped model, or for another airframe its
+    weight and thrust curve.
 
     Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
     """
@@ -159,7 +160,10 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
 
 
 def _same_numbers(one: Airframe, other: Airframe) -> bool:
-    """Whether two files are of one aircraft: a user's own may have kept the name of another."""
+    """Return whether two airframes are equal in name, quantities and rotor positions.
+
+    The name alone is not enough: a user's own file may have kept the name of another.
+    """
     import numpy as np
 
     values = [{n: q.value for n, q in craft.quantities.items()} for craft in (one, other)]
@@ -168,10 +172,11 @@ def _same_numbers(one: Airframe, other: Airframe) -> bool:
 
 
 def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel, str]:
-    """The model that a search starts from, and its name for the result.
+    """Return the model that a search starts from, and its name for the result.
 
-    Unlike `chosen_model`, an airframe alone always means its weight and thrust curve, so that the
-    search can begin without what a network has learnt. Raises as `chosen_model`.
+    It is the shipped model if neither is given. Unlike in `chosen_model`, an airframe alone always
+    means its weight and thrust curve, so that the search can begin without what a network has
+    learnt. Raises as `chosen_model`.
     """
     from thrustmargin.models.model.model_file import shipped_model
     from thrustmargin.models.model.rotor_model import physics_model
@@ -198,8 +203,11 @@ def _model_of(file: Path, airframe: str | None) -> RotorModel:
 
 
 def listed(unused: Sequence[UnusedLog]) -> str:
-    """The logs that cannot be used, with the reasons, as one sentence: reasons that differ in
-    numbers and in the log's own name only are listed once, with NAMED of their logs."""
+    """Return one sentence that lists the unusable logs with their reasons.
+
+    Reasons that differ only in numbers and in the log's name are listed once, with NAMED of their
+    logs.
+    """
     alike: dict[str, list[UnusedLog]] = {}
     for log in unused:
         reason = log.reason.replace(log.name, "").replace(Path(log.name).stem, "")
@@ -285,8 +293,8 @@ def read_logs(
 ) -> Iterator[tuple[FlightLog, AirframeClaim]]:
     """Yield each sortie of the logs that can be read, in order, as `read_flights`.
 
-    There is a bar on the `console` meanwhile, and a line on every log that is not one sortie alone.
-    A log that cannot be read for an error of the kind `skipped` is added to `unused`.
+    Meanwhile the `console` shows a progress bar, and a line for every log that is not exactly one
+    sortie. A log that cannot be read for an error of the kind `skipped` is added to `unused`.
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
@@ -306,8 +314,9 @@ def read_logs(
 
 
 def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
-    """Remarks on the log of a sortie that holds others, stretches that are none, or columns that
-    are left out."""
+    """Return remarks on a sortie's log: further sorties, stretches without a flight, ignored
+    columns.
+    """
     from thrustmargin.gcs_plugin.wording.flight_words import several_words
 
     several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
@@ -315,7 +324,7 @@ def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
 
 
 def unnamed(error: Exception, path: Path) -> str:
-    """What went wrong, without the name that stands before it already."""
+    """Return the text of an error without the log's name, which the caller prints before it."""
     words = str(error)
     for named in (f"{path}: ", f"{path.name}: ", f"{path} ", f"{path.name} "):
         words = words.removeprefix(named)
@@ -325,10 +334,10 @@ def unnamed(error: Exception, path: Path) -> str:
 def claimed(
     read: Iterable[tuple[FlightLog, AirframeClaim]], unused: list[UnusedLog], console: Console
 ) -> Iterator[FlightLog]:
-    """The logs of flights of the airframe; the others are added to `unused` with the reason.
+    """Yield the logs that are flights of the airframe; add the others to `unused` with the reason.
 
-    What comes after a loss of control is no flight to learn from: left out, with a remark. Nor are
-    speeds that outputs made while telemetry was lost.
+    Rows after a loss of control are dropped with a remark, and so are speeds that motor outputs
+    gave while telemetry was lost: neither is a flight to learn from.
     """
     from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -358,10 +367,10 @@ def read_flights(
     reading: ReadingOptions = AS_HEARD,
     any_vehicle: bool = False,
 ) -> list[tuple[FlightLog, AirframeClaim]]:
-    """Every sortie of a log with what can be inferred of it, and the ground on which it is one of
-    the model's airframe, which the user gave or not.
+    """Read every sortie of a log, each with the decision whether it is of the model's airframe.
 
-    Where there is none, it is read without an airframe. Raises as `read_sorties`.
+    `given`: the user named the airframe. A sortie that is not of the airframe is read without one.
+    Raises as `read_sorties`.
     """
     from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
 

@@ -69,10 +69,14 @@ def _of_tank(texts: Sequence[str], known: Sequence[bool], severity: int) -> Alar
 
 
 def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
-    """What is wrong between gauge and pump, for people; empty when they agree or are too few."""
+    """Return the sentence on a disagreement of gauge and pump; empty when they agree or are
+    unknown.
+    """
 
     def parts(one: float, other: float) -> bool:
-        """Whether two losses, kg, differ by more than either tolerance; False for an unknown."""
+        """Return whether two losses, kg, differ by more than either tolerance; False for an unknown
+        one.
+        """
         allowed = settings.tank_share * max(abs(one), abs(other))
         return abs(one - other) > max(settings.tank_kg, allowed)
 
@@ -89,9 +93,9 @@ def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
 
 
 def mass_verdict(balance: TankBalance, settings: AlarmSettings, bad: Sequence[int] = ()) -> str:
-    """That thrust carries another mass than the gauge says, for people; empty when it does not.
+    """Return the sentence on a mass by thrust that differs from the gauge; empty when it does not.
 
-    `bad` are the rotors, from 1, of which an alarm stands.
+    `bad` are the rotors, from 1, that have an active alarm.
     """
     apart = abs(balance.apart_kg) > settings.tank_mass_kg
     return words.thrust_against_gauge(balance.apart_kg, bad) if apart else ""
@@ -173,9 +177,10 @@ def _low(
     rotors=True,
     bad: Sequence[int] = (),
 ) -> AlarmChecks:
-    """Margins 1 - `use` (N, R) against the limit; a notice where that lies within the 90 % error.
+    """Check margins 1 - `use` (N, R) against the limit; a notice where the limit lies within the 90
+    % interval.
 
-    Rows that may clear (N,) do so above the limit, and those of `off` whatever the margin is.
+    Rows with `clears` (N,) clear above the limit, and rows with `off` (N,) whatever the margin is.
     """
     limit, at = 1.0 - s.max_utilisation, range(len(use))
     rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)
@@ -283,14 +288,16 @@ def motor_order(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
-    """What is known at every row, and the same in all."""
+    """Return checks of a condition that is known and equal at every row."""
     every = np.ones(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
     found = every & on
     return one_alarm(found, ~found, every, severity=lambda *_: severity, text=lambda *_: text)
 
 
 def faulty(kind: Kind, s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    """The faults of one kind, one by one, then one of several rotors: all else is sound."""
+    """Check for the faults of one kind: one column for each rotor, then one for a fault of several
+    candidates.
+    """
     rotors, names = now.analysis.track.rotor_count, now.analysis.places
     on = np.zeros((len(now.faults), rotors + 1), dtype=np.bool_)
     known = on.copy()

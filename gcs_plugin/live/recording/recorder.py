@@ -107,10 +107,10 @@ class RecordingOutput(Output):
     def on_happening(
         self, at_us: int, vehicle: int | None, kind: str, text: str, more: Mapping[str, object]
     ) -> None:
-        event = {"unix_s": at_us * 1e-6, "vehicle": vehicle, "event": kind, "text": text}
+        event = {"unix_s": at_us * 1e-6, "vehicle": vehicle, "event": kind, "text": text, **more}
         with self._lock:
             self._count += 1
-            heapq.heappush(self._waiting, (at_us, self._count, event | more))
+            heapq.heappush(self._waiting, (at_us, self._count, event))
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         del fleet, now_us
@@ -129,7 +129,9 @@ class RecordingOutput(Output):
 
 
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
-    """The rows `new` of an update as a record batch; one schema for one number of rotors."""
+    """Return the rows `new` of an update as a record batch, of one schema for one number of
+    rotors.
+    """
     import pyarrow as pa
 
     analysis, track = update.analysis, update.analysis.track
@@ -166,7 +168,7 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
 
 
 def _packed(values: np.ndarray) -> bytes:
-    """A column's bytes as Arrow has them."""
+    """Return a column's bytes in Arrow's layout."""
     return (np.packbits(values, bitorder="little") if values.dtype == bool else values).tobytes()
 
 
@@ -180,7 +182,7 @@ QUEUE = 500_000  # frames: over a minute of 100 vehicles at 50 messages/s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderStatus:
-    """How the recording stands."""
+    """The state of a recording: what was written and what was lost."""
 
     folder: Path
     frames: int  # written
@@ -193,15 +195,17 @@ class RecorderStatus:
 
 @cache
 def tabulates() -> bool:
-    """Whether samples are written too, which takes pyarrow; a report makes them anew without."""
+    """Return whether samples are recorded, which needs pyarrow. A report computes them anew
+    without.
+    """
     return find_spec("pyarrow") is not None
 
 
 class Recorder:
-    """Writes one session into a new folder below `parent`, with the files `beside` by name.
+    """A writer of one session into a new folder below `parent`, with the files `beside` by name.
 
-    Other users of the computer cannot read it: it holds where people and their fields are.
-    Raises LinkError when it cannot.
+    Other users of the computer cannot read the folder: it shows where people and their fields are.
+    Raises LinkError when the folder cannot be made.
     """
 
     def __init__(
@@ -238,7 +242,7 @@ class Recorder:
 
     @property
     def telemetry(self) -> Path:
-        """The .tlog, which others may read while it grows."""
+        """Path of the .tlog, which others may read while it grows."""
         return self.folder / "telemetry.tlog"
 
     def frames(self, frames: list[Frame]) -> None:
@@ -325,7 +329,9 @@ class Recorder:
 
 
 class _Appended:
-    """A file of whole items that only grows; an item that does not fit leaves no trace."""
+    """A file that only grows, by whole items; an item that does not fit on the disk leaves no
+    trace.
+    """
 
     def __init__(self, path: Path) -> None:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -377,7 +383,7 @@ class _Appended:
 
 
 class _Parts:
-    """Numbered Parquet files; the last one is replaced by a longer one until it is full."""
+    """Numbered Parquet files, of which the last is replaced by a longer one until it is full."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -394,7 +400,7 @@ class _Parts:
         return self._closed_rows + self._written
 
     def write(self, new: list[pa.RecordBatch], later: list[pa.RecordBatch]) -> None:
-        """Add rows for good, and rows that the next call replaces."""
+        """Add rows for good, and rows `later` that the next call replaces."""
         import pyarrow as pa
 
         if not self._tables:
@@ -442,7 +448,7 @@ class _Parts:
 
 
 def _tables(batches: list[pa.RecordBatch]) -> list[pa.Table]:
-    """The batches in order, those on end of one schema as one table."""
+    """Return the batches in order as tables, one for each run of equal schema."""
     import pyarrow as pa
 
     alike = [list(found) for _, found in groupby(batches, key=lambda batch: batch.schema)]
@@ -450,5 +456,7 @@ def _tables(batches: list[pa.RecordBatch]) -> list[pa.Table]:
 
 
 def _words(error: OSError) -> str:
-    """The system's own words for its number: writers of Parquet put theirs around it."""
+    """Return the system's description of an error number, without what writers of Parquet add to
+    it.
+    """
     return os.strerror(error.errno) if error.errno else str(error)

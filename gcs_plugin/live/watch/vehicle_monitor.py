@@ -121,22 +121,22 @@ class VehicleMonitor:
 
     @property
     def state(self) -> VehicleState:
-        """What the vehicle says of itself."""
+        """The vehicle's own reports: kind, parameters, mission."""
         return self.telemetry.state
 
     @property
     def vehicle(self) -> bool:
-        """True once an autopilot's heartbeat has come: no radio, gimbal or tracker."""
+        """Whether an autopilot's heartbeat has come: a radio, gimbal or tracker has none."""
         return self._piloted or self.link.shared
 
     @property
     def seen(self) -> bool:
-        """True when this is a vehicle, or may be one by its flight, and not only a stray id."""
+        """Whether this is a vehicle, or may be one by its rows, and not only a stray id."""
         return self.vehicle or self.rows > 0
 
     @property
     def problem(self) -> str:
-        """Why there is no margin; empty when nothing stands in the way."""
+        """Sentence on why there is no margin; empty where there is none to report."""
         if self.link.shared:
             return two_vehicles(self.system)
         if self.rows == 0 and self.telemetry.read_us - self.link.first_us > ROWLESS * 1e6:
@@ -145,12 +145,12 @@ class VehicleMonitor:
 
     @property
     def claim(self) -> AirframeClaim:
-        """On what ground it is one of the airframe, as decided last."""
+        """The last decision whether it is of the airframe."""
         return self._airframe.claim
 
     @property
     def waiting(self) -> bool:
-        """True when `updates` may have rows."""
+        """Whether `updates` may have rows."""
         return self.telemetry.waiting
 
     @property
@@ -176,13 +176,13 @@ class VehicleMonitor:
         self._piloted |= self.state.autopilot >= 0
 
     def overhear(self, frame: Frame) -> None:
-        """A mission item that somebody sends to this vehicle."""
+        """Take a mission message that another system sends to this vehicle."""
         self.telemetry.state = fold_mission(self.state, frame)
 
     def updates(self, *, final: bool = False) -> list[Update]:
-        """The rows that came since the last call, analysed.
+        """Return the rows that came since the last call, analysed.
 
-        One part for each start of the vehicle, and for each change of what it says of itself.
+        There is one part for each start of the vehicle, and for each change of its own reports.
         `final`: no more will come, and the last predictions count as settled.
         """
         made = [self._update(part) for rows in self.telemetry.rows() for part in self._parts(rows)]
@@ -193,8 +193,11 @@ class VehicleMonitor:
         return made
 
     def _parts(self, rows: LiveRows) -> Iterator[LiveRows]:
-        """Yield new rows in parts that begin where the airframe is looked at again, and are no
-        longer than PART: what is decided between two rows does not depend on how many came."""
+        """Yield new rows in parts that begin where the airframe is compared again, at most PART s
+        long.
+
+        So a decision between two rows does not depend on how many rows came at once.
+        """
         while True:
             time_s, due_s = rows.track.time_s, self._airframe.due_s
             cut = int(np.searchsorted(time_s, time_s[0] + PART))
@@ -342,7 +345,7 @@ class VehicleMonitor:
         return tuple(sorted(made, key=lambda event: event.unix_s))
 
     def _claimed(self, new: LiveRows, start: FlightState | None) -> FlightState | None:
-        """Decide the claim, and say what the model goes on from: nothing after a change."""
+        """Decide the claim; return the model's state before the new rows, None after a change."""
         before = self.claim
         claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
         if replace(claim, outputs=before.outputs) == before and self.last is not None:
@@ -352,7 +355,9 @@ class VehicleMonitor:
         return None if bool(before.withheld) != bool(claim.withheld) else start
 
     def _window(self, last: Update) -> tuple[slice, FlightState | None]:
-        """Rows of the last update that the next one needs, and what the model carries to them."""
+        """Return the rows of the last update that the next one needs, and the model's state before
+        them.
+        """
         time_s = last.analysis.track.time_s
         needed = min(last.settled, time_s.size - 1)
         back = np.searchsorted(time_s, time_s[needed] - self._model.look_back_s, side="right") - 1
@@ -363,7 +368,7 @@ class VehicleMonitor:
     def _beyond_the_rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
-        """What is known at each new row of pump and route; as `CARRIED`."""
+        """Return pumped mass, margin ahead and clocks at each new row, as `CARRIED`."""
         delivered, ahead = self._ahead.rows(analysis, first, new, self.state)
         return {
             "clock_s": new.clock_s,
@@ -394,15 +399,15 @@ class VehicleMonitor:
 
     @property
     def _rows_behind(self) -> float:
-        """s of the last row before the last message that was analysed, which may be of no use."""
+        """Time, s, from the last row to the last analysed message, which may have given no row."""
         if self.last is None:
             return 0.0
         return max(self.telemetry.read_us - int(self.last.stamp_us[-1]), 0) * 1e-6
 
     def stale(self, now_us: int) -> str:
-        """Which fields are no longer reported and since when, in words; empty when none is.
+        """Return the sentence on fields that are no longer reported; empty when all are.
 
-        Nothing is shown of the single fields while the vehicle as a whole is silent.
+        It is empty also while the vehicle as a whole is silent.
         """
         if self.link.shared or self.link.silent(now_us) > self.alarms.settings.silence:
             return ""
@@ -411,12 +416,14 @@ class VehicleMonitor:
 
     @property
     def flying(self) -> bool:
-        """Off the ground when last heard; armed counts before the first row."""
+        """Whether it was off the ground when last heard; before the first row, whether it was
+        armed.
+        """
         return self.state.armed if self.last is None else bool(self.last.analysis.track.flying[-1])
 
     def left(self, now_us: int) -> bool:
-        """Whether it is gone for good: long silent, and on the ground when last heard.
+        """Return whether it has gone: long silent, and on the ground when last heard.
 
-        One that fell silent in flight is missed and never forgotten.
+        A vehicle that fell silent in flight stays listed.
         """
         return self.link.silent(now_us) > GONE and not self.flying

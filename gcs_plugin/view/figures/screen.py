@@ -40,9 +40,10 @@ CHANGE = 0.003  # of air density, from which it is worked out anew
 
 
 class FillAdvice:
-    """The advice for one aircraft on the ground; it is worked out again when the air changes.
+    """The sentence on how much to fill, for one aircraft on the ground; computed anew when the air
+    changes.
 
-    The battery counts at its nominal voltage: at rest its voltage is not that under load.
+    It assumes the nominal voltage, because the voltage at rest is not that under load.
     """
 
     def __init__(self, limit: float) -> None:
@@ -51,7 +52,9 @@ class FillAdvice:
         self._text = ""
 
     def text(self, analysis: FlightAnalysis) -> str:
-        """In words; empty in flight, and where no airframe is claimed or no air is known."""
+        """Return the sentence; empty in flight, without a recognised airframe, and in unknown
+        air.
+        """
         model, density = analysis.model, float(analysis.density[-1])
         if analysis.track.flying[-1] or analysis.withheld or not math.isfinite(density):
             return ""
@@ -82,12 +85,12 @@ Acts = Mapping[str, Callable[[str], None]]
 
 
 class PageState:
-    """State and acts of the page. `summaries` gives the aircraft as last heard, to any thread.
+    """What the page shows, and the actions that it may ask for.
 
-    `more` gives further entries of the state, `charts` the drawings for a vehicle's number and s
-    before now. `silent` makes no sound; `recorded` is a flight of the past, or one
-    that is `planned`, with its `timeline`, colours in order of time. `acknowledged` hears of every
-    alarm that was acknowledged.
+    `summaries` returns every aircraft as last heard, on any thread; `more` returns further entries
+    of the state; `charts` draws for a vehicle's number and s before now. `silent` means without
+    sound; `recorded` is a flight of the past, or a `planned` one, with the colours of its
+    `timeline`. `acknowledged` is called with each alarm that the pilot acknowledges.
     """
 
     def __init__(
@@ -127,11 +130,11 @@ class PageState:
         self.insert = text.replace("@GIVEN@", data).encode()  # what the page gets before its end
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """An alarm changed: a line of the history."""
+        """Add a change of an alarm to the history."""
         self.note(vehicle, event.kind, event.alarm.text)
 
     def acknowledge(self) -> None:
-        """All alarms that stand now are known to the pilot."""
+        """Mark every active alarm as known to the pilot."""
         for one in self._summaries():
             for alarm in one.alarms:
                 key = _key(one, alarm)
@@ -144,7 +147,9 @@ class PageState:
                         self._acknowledged(one.number, alarm)
 
     def answer(self, target: str) -> tuple[int, bytes] | None:
-        """Status and JSON for the `target` of a request; None for one that is viser's."""
+        """Return status and JSON for the `target` of a request; None for a request of viser's
+        page.
+        """
         parts = urlsplit(target)
         asked = {name: given[0] for name, given in parse_qs(parts.query).items()}
         if parts.path == STATE:
@@ -169,7 +174,9 @@ class PageState:
         return 200, json.dumps(self._charts(number, max(back_s, 0.0)), allow_nan=False).encode()
 
     def state(self) -> dict[str, Any]:
-        """What the page shows: vehicles, alarms (the gravest first), history (the newest first)."""
+        """Return the whole state of the page: vehicles, alarms (the gravest first), history (the
+        newest first).
+        """
         fleet = [one for one in self._summaries() if not one.gone]
         listed = [(one, alarm) for one in fleet for alarm in one.alarms]
         listed.sort(key=lambda pair: (pair[1].order[:3], _key(*pair) in self._known))
@@ -211,7 +218,9 @@ class PageState:
         }
 
     def _vehicle(self, one: VehicleSummary) -> dict[str, Any]:
-        """One aircraft, with its figures where any are known, and their age (None of a record)."""
+        """Return the state of one aircraft, with its figures where any are known, and their age,
+        None for a recorded flight.
+        """
         answer = None if one.update is None else one.update.answer
         entry = {
             "number": one.number,
@@ -239,7 +248,7 @@ class PageState:
         return {**entry, "figures": {**figures, **ahead}}
 
     def note(self, vehicle: int, kind: str, text: str) -> None:
-        """A line of the history, of now; from any thread."""
+        """Add a line to the history, with the present time; callable from any thread."""
         at = time.strftime("%H:%M:%S")
         with self._lock:
             self._history.appendleft(
@@ -248,7 +257,7 @@ class PageState:
 
 
 def field_state(names: Sequence[str], shown: Overlay, scene: Scene) -> dict[str, Any]:
-    """What the page shows beside the scene: colours of the route, their legend, cameras."""
+    """Return the page's controls of the scene: colours of the route, legend and cameras."""
     return {
         "colours": list(names),
         "colour": shown.name,
@@ -263,7 +272,7 @@ def _key(one: VehicleSummary, alarm: Alarm) -> Key:
 
 
 def finite(text: str) -> float:
-    """The number. Raises ValueError for none, and for one that is not finite."""
+    """Convert a text to a finite number. Raises ValueError for anything else."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(text)

@@ -30,7 +30,7 @@ VERDICT_LEVEL: Mapping[str, Level] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSummary:
-    """One aircraft as it was last heard; the page shows the alarms of all."""
+    """All that the page shows of one aircraft: its newest row, its alarms and their age."""
 
     number: int
     row: ShownRow | None = None
@@ -51,7 +51,7 @@ class VehicleSummary:
 
     @property
     def faulty(self) -> frozenset[int]:
-        """Numbers, from 1, of the rotors that an alarm is of."""
+        """Numbers, from 1, of the rotors that have an alarm."""
         return frozenset(alarm.rotor for alarm in self.alarms if alarm.rotor is not None)
 
     @property
@@ -101,12 +101,12 @@ class VehicleSummary:
 
     @property
     def shown(self) -> tuple[tuple[Alarm, ...], str, bool]:
-        """What the page must show at once when it changes."""
+        """The parts that the page must show at once when they change."""
         return self.alarms, self.problem, self.gone
 
 
 def of_verdict(answer: FlightAnswer) -> Level:
-    """The level of a flight's answer."""
+    """Return the level of a flight's answer."""
     return VERDICT_LEVEL.get(answer.level, "grey")
 
 
@@ -115,7 +115,7 @@ def _sentence(words: str) -> str:
 
 
 def level_of(severity: int) -> Level:
-    """The level of an alarm by its MAV_SEVERITY."""
+    """Return the level of an alarm by its MAV_SEVERITY."""
     if severity <= CRITICAL:
         return "red"
     return "amber" if severity <= WARNING else "grey"
