@@ -78,7 +78,7 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
     remarks: list[Text] = []
     fleet = monitor.fleet
     for number, watch in list(fleet.vehicles.items()):
-        if watch.left(now_us):
+        if watch.has_left(now_us):
             continue
         cells = vehicle_cells(watch, now_us, 1.0 - fleet.max_utilisation, fleet.old_s)
         table.add_row(*(cells[n] for n in shown))

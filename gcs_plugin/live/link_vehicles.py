@@ -79,7 +79,7 @@ class Fleet:
     def take(self, frames: Sequence[Frame]) -> None:
         """Take frames of any sender in the order of arrival."""
         for frame in frames:
-            if frame.verified and frame.id == HEARTBEAT and not self._of_vehicle(frame):
+            if frame.verified and frame.id == HEARTBEAT and not self._is_vehicle(frame):
                 continue
             if frame.system in self._stations:
                 if frame.verified and frame.id in OF_MISSION:
@@ -125,7 +125,7 @@ class Fleet:
         """
         return [(n, e) for n, w in self.vehicles.items() for e in w.tick(now_us)]
 
-    def _of_vehicle(self, frame: Frame) -> bool:
+    def _is_vehicle(self, frame: Frame) -> bool:
         """Return False for the heartbeat of a ground station, whose system then counts as a
         station.
 

@@ -153,7 +153,7 @@ class RateRequester(Output):
         """Queue the requests that are due, and note which earlier ones had no effect."""
         dialect, target = self._sender.dialect, watch.state.component or 1
         in_vain: dict[str, tuple[float, float]] = {}
-        for name, (number, rate) in wanted(watch.state.autopilot, self._rotors).items():
+        for name, (number, rate) in needed_messages(watch.state.autopilot, self._rotors).items():
             wish = asked.rates.setdefault(name, _Wish())
             heard = asked.rate(number, max(WINDOW, FEWEST / rate), wish.last_s)
             if wish.times and heard is not None and heard >= ENOUGH * rate:
@@ -168,7 +168,7 @@ class RateRequester(Output):
                 )
                 asked.waiting.append(request)
         watch.not_followed = in_vain
-        names = wanted_parameters(watch) if watch.state.autopilot == ARDUPILOT else []
+        names = needed_parameters(watch) if watch.state.autopilot == ARDUPILOT else []
         if names and asked.parameters.due(now_s):
             asked.parameters.times, asked.parameters.last_s = asked.parameters.times + 1, now_s
             asked.waiting.extend(
@@ -177,7 +177,7 @@ class RateRequester(Output):
             )
 
 
-def wanted(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
+def needed_messages(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
     """Return the needed messages by name, with id and Hz; rotor speeds, without which no margin is
     measured, first.
     """
@@ -187,7 +187,7 @@ def wanted(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
     return OF_ARDUPILOT_FIRST | more | COMMON | OF_ARDUPILOT
 
 
-def wanted_parameters(watch: VehicleMonitor) -> list[str]:
+def needed_parameters(watch: VehicleMonitor) -> list[str]:
     """Return the names of needed parameters that are not known; the pump's range once its output is
     known.
 

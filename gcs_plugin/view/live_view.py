@@ -1,8 +1,9 @@
-"""The 3D view of aircraft that fly now: a subscriber of the monitor, drawn by a thread of its own.
+"""The 3D view of aircraft that fly now: an output of the monitor, drawn by a thread of its own.
 
-The compute thread only leaves its latest findings here; the drawing thread wakes at once, and what
-it cannot draw in time it leaves out. All aircraft are in one scene, placed from the first one's
-home; one that was switched off on the ground leaves. Numbers and alarms are the page's own part.
+The compute thread leaves its newest findings in `HeardVehicles` and sets `wake`; the drawing thread
+draws the newest state, and skips what it cannot draw in time. All aircraft are in one scene, placed
+from the first one's home; one that was switched off on the ground is removed. Numbers and alarms
+are the page's part (figures/screen.py).
 """
 
 from __future__ import annotations
@@ -151,7 +152,7 @@ class HeardVehicles:
                 alarms=tuple(sorted(watch.alarms.listed.values(), key=lambda a: a.order)),
                 old_s=fleet.old_s,
                 problem=watch.problem,
-                gone=watch.left(now_us),
+                gone=watch.has_left(now_us),
                 mission=watch.state.mission,
                 stale=watch.stale(now_us) if look else before.stale,
             )

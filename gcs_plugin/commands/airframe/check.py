@@ -1,6 +1,5 @@
-"""`thrustmargin airframe list` and `show`: the airframes that ship, and every value of one.
-
-`thrustmargin airframe check`: what an airframe file claims, held against flights.
+"""`thrustmargin airframe list`, `show` and `check`: shipped airframes, values of one, comparison
+with flights.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""Where `airframe new` reads what a vehicle says of itself: a log, a parameter file or a link.
+"""The inputs of `airframe new`: what the vehicle reports, what the owner states, and the questions
+left.
 
-What the owner of an aircraft states on the command line, and its quantities.
-
-What only the owner of an aircraft knows: which of it is missing, and the questions for it.
-
-What the vehicle or its log has answered is not asked for, and nothing is offered as an answer.
+The vehicle's report is a log, a parameter file or a link. A value that the vehicle or its log has
+reported is not asked for. No question suggests an answer.
 """
 
 from __future__ import annotations

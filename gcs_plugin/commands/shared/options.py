@@ -144,7 +144,7 @@ def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str 
         if not path.parent.is_dir():
             raise DataError(f"no folder {path.parent}; make it, or give another {output.option}")
         for read in inputs:
-            if _same(path, read):
+            if _same_file(path, read):
                 raise DataError(
                     f"{path} would overwrite {read}, which is read; give another {output.option}"
                 )
@@ -159,7 +159,7 @@ def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str 
             )
 
 
-def _same(first: Path, second: Path) -> bool:
+def _same_file(first: Path, second: Path) -> bool:
     if first.exists() and second.exists():
         return first.samefile(second)
     return first.resolve() == second.resolve()

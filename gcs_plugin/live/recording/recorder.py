@@ -1,30 +1,27 @@
-"""What happens to the vehicles of a link, recorded with the time at which it did.
+"""The recording of a session: all frames (.tlog), samples (Parquet) and events (JSON lines).
 
-Each line of `events.jsonl` has `unix_s`, the ground's clock: of an alarm when the report came that
-raised or cleared it, of a lost link when the silence became too long, of a vehicle when it was
-first heard. However late it was found out, and however many messages were analysed in one go.
-The lines are in the order of these times: an event waits until nothing earlier can be found.
-
-The recorded table of samples: one row a moment and vehicle, every column one number, SI units.
-
-Columns: `vehicle`, `boot` (restarts heard), `unix_s` (ground's clock), `clock_s` (vehicle's, since
-boot), `time_s` (since the first row of this boot), those of `store/row_table`, then what only a
-listener knows.
-
-Recording while listening: all frames (.tlog), samples (Parquet) and events (JSON lines).
-
-One folder a session:
+One folder for each session:
     telemetry.tlog      each frame as it came after eight bytes of Unix µs; ground stations read it
     options.json        what the user stated of the flight, for whoever reads the .tlog
-    samples/*.parquet   one file a minute, together one table (columns: recorded_table), where
-                        pyarrow is installed
+    samples/*.parquet   one file a minute, together one table, where pyarrow is installed
     events.jsonl        alarms raised and cleared, restarts, notes
-Written by a thread of its own, so that a slow disk never holds up a socket. Everything is on the
-disk (fsync) within a second. The .tlog and events only grow, and a frame cut by a power loss ends
-them at most; the running minute of samples is written anew beside the old one every second and put
-in its place in one step, so that each file is a whole Parquet file at any moment, kill -9 included
-(who reads along opens a file once and reads it all from there).
-When the disk is full the recorder says so, drops what does not fit, counts it and tries on.
+
+A thread of its own writes, so that a slow disk never holds up a socket. Everything is on the disk
+(fsync) within a second. The .tlog and the events only grow, and a power loss cuts off one frame or
+line at most. The running minute of samples is written anew beside the old file every second and put
+in its place in one step, so that each file is a whole Parquet file at any moment, kill -9 included;
+a reader opens a file once and reads it all from there. When the disk is full the status says so,
+data that do not fit are dropped and counted, and writing is tried again.
+
+The table of samples has a row for each time step and vehicle, and one number in every column, in SI
+units: `vehicle`, `boot` (restarts heard), `unix_s` (ground's clock), `clock_s` (vehicle's, since
+boot), `time_s` (since the first row of this boot), the columns of the store, and those
+that only a listener knows.
+
+Each line of `events.jsonl` has `unix_s`, the ground's clock at which the event happened, however
+late it was found: for an alarm the arrival of the report that raised or cleared it, for a lost link
+the time at which the silence became too long, for a vehicle its first frame. The lines are in the
+order of these times: an event waits until nothing earlier can be found.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""What one vehicle says of itself: who it is, its parameters and its mission.
+"""The reports of one vehicle on itself: kind, parameters, mission; and its frames sorted by
+message.
 
-`fold(state, frame)` returns the next state; a state never changes. What it measures is in
-`live.vehicle_telemetry`.
-
-Fields of the frames that rows need, message by message, and the clocks that they carry.
+`fold(state, frame)` returns the next state; a state never changes. Measurements are in
+`vehicle_telemetry.py`. `grouped` sorts the frames that rows need by message, and `clocks_of` reads
+the clocks in them.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
         return replace(state, mission={**state.mission, waypoint.number: waypoint})
     if arriving.keys() < set(range(state.expected)):
         return replace(state, arriving=arriving)
-    other = bool(state.mission) and not _same(state.mission, arriving)
+    other = bool(state.mission) and not _equal_missions(state.mission, arriving)
     return replace(
         state,
         mission=arriving,
@@ -169,7 +169,7 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
     )
 
 
-def _same(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) -> bool:
+def _equal_missions(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) -> bool:
     """Return whether two missions are equal; NaN, of an item without a number, equals NaN."""
 
     def numbers(mission: Mapping[int, PlanItem]) -> list[tuple[float, ...]]:

@@ -1,12 +1,13 @@
-"""Why a figure of the newest row is unknown, and which option helps: no dash without a reason.
+"""Decide, once a flight, whether a vehicle that flies now is of the airframe; explain unknown
+figures.
 
-On what ground a vehicle that flies now is one of the airframe: decided once a flight.
+The comparison is the one for a file, over the last minute in flight, at most every 2.5 s. It
+decides on the ground and in the first seconds of a flight, and the decision stays: a later
+contradiction (a battery that collapses) is a finding and takes no margin away. An aircraft that was
+not recognised is compared again during the flight. By how much outputs and battery let the ceiling
+be too high is checked for the whole flight, with the battery's voltage from before take-off.
 
-The same comparison as of a file, of the last minute in flight, at most every 2.5 s. It decides on
-the ground and in the first seconds of a flight; what the aircraft was then known to be it stays.
-What fits no longer after that (a battery that collapses) is a finding, and takes no margin away.
-One that was not known goes on to be compared. How far outputs and battery let the ceiling be too
-high is looked at as long as it flies, the battery from before the take-off on.
+`unknown_figures` gives the reason for every figure that the screens cannot show.
 """
 
 from __future__ import annotations

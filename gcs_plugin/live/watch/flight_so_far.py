@@ -211,7 +211,7 @@ class SortieRows:
         due_s = max(AGAIN_S, GROWN * (end_s - self._begin_s))
         if not self._flown:
             self._keep(end_s - STOOD)
-        elif landed and self._anew(end_s):
+        elif landed and self._begins_another_flight(end_s):
             self._keep(end_s - REST)  # the flight itself stays in `now`
         elif landed and end_s - self._landed_s >= SETTLED:
             self.settle()
@@ -271,7 +271,7 @@ class SortieRows:
         """Time, s, from the first row that is kept to the last."""
         return float(self._parts[-1].time_s[-1] - self._parts[0].time_s[0]) if self._parts else 0.0
 
-    def _anew(self, time_s: float) -> bool:
+    def _begins_another_flight(self, time_s: float) -> bool:
         """Return whether a take-off now would begin another flight."""
         long = LONG_DOWN if not self._disarmed else REST
         return time_s - self._landed_s >= long

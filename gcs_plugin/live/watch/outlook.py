@@ -106,11 +106,11 @@ class LookAhead:
             elif clock_s - self._done_s >= FORECAST_EVERY:
                 self._done_s = clock_s
                 item = int(np.nan_to_num(new.mission_item[k], nan=-1.0))
-                self._look(analysis, row, clock_s, float(new.pump_share[k]), item, state)
+                self._predict(analysis, row, clock_s, float(new.pump_share[k]), item, state)
             ahead[k] = self.now.margin_ahead
         return delivered, ahead
 
-    def _look(
+    def _predict(
         self,
         analysis: FlightAnalysis,
         row: int,

@@ -147,7 +147,7 @@ class Update:
         return (*unknown, *tank, *inferred, *self.notes)
 
 
-def of_bad_part(update: Update) -> Update:
+def update_with_bad_part(update: Update) -> Update:
     """Return the update of an aircraft with a bad rotor or motor: without a margin for a full
     tank.
     """
@@ -155,7 +155,7 @@ def of_bad_part(update: Update) -> Update:
     return replace(update, analysis=with_bad_part(update.analysis), outlook=outlook)
 
 
-def goes_on(last: Update, new: LiveRows) -> bool:
+def continues(last: Update, new: LiveRows) -> bool:
     """Return whether the new rows follow the last: no restart, and the same number of rotors."""
     before = last.analysis.track.rotor_count
     return last.boot == new.boot and before == new.track.rotor_count

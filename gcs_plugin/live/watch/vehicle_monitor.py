@@ -33,8 +33,8 @@ from thrustmargin.gcs_plugin.live.watch.update import (
     Later,
     Update,
     WatchSettings,
-    goes_on,
-    of_bad_part,
+    continues,
+    update_with_bad_part,
     when_asked,
     with_rows,
 )
@@ -214,7 +214,7 @@ class VehicleMonitor:
     def _update(self, new: LiveRows | None) -> Update:
         """Make the next update: with new rows, or (None) with the last predictions settled."""
         last = self.last
-        if last is None or (new is not None and not goes_on(last, new)):
+        if last is None or (new is not None and not continues(last, new)):
             if last is not None and new is not None and last.boot != new.boot:
                 self.alarms.restarted(float(new.clock_s[0]))
             last = None
@@ -285,7 +285,7 @@ class VehicleMonitor:
             notes=() if rows is None else rows.notes,
             asked=self._asked,
         )
-        self.last = of_bad_part(made) if self._sortie.found_bad else made
+        self.last = update_with_bad_part(made) if self._sortie.found_bad else made
         return self.last
 
     def _begin_anew(self) -> None:
@@ -305,7 +305,7 @@ class VehicleMonitor:
         measured = self._frozen.without_frozen(reported, parameters)
         notes = (*new.notes, *measured.notes[len(reported.notes) :])
         new = replace(new, track=measured, notes=notes)
-        start = self._claimed(new, start)
+        start = self._decide_claim(new, start)
         airframe = None if self.claim.withheld else identified_airframe(self._model)
         track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
         return replace(new, track=track), start
@@ -344,7 +344,7 @@ class VehicleMonitor:
             made.append(replace(event, unix_s=float(arrays["stamp_us"][row]) * 1e-6))
         return tuple(sorted(made, key=lambda event: event.unix_s))
 
-    def _claimed(self, new: LiveRows, start: FlightState | None) -> FlightState | None:
+    def _decide_claim(self, new: LiveRows, start: FlightState | None) -> FlightState | None:
         """Decide the claim; return the model's state before the new rows, None after a change."""
         before = self.claim
         claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
@@ -421,7 +421,7 @@ class VehicleMonitor:
         """
         return self.state.armed if self.last is None else bool(self.last.analysis.track.flying[-1])
 
-    def left(self, now_us: int) -> bool:
+    def has_left(self, now_us: int) -> bool:
         """Return whether it has gone: long silent, and on the ground when last heard.
 
         A vehicle that fell silent in flight stays listed.

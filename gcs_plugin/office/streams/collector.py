@@ -98,7 +98,7 @@ class MonitorCollector(Collector):
     def collect(self) -> Iterator[Metric]:
         """Yield the metrics of the present moment."""
         fleet, now_us = self._monitor.fleet, self._monitor.now_us()
-        watches = {str(n): w for n, w in fleet.vehicles.items() if not w.left(now_us)}
+        watches = {str(n): w for n, w in fleet.vehicles.items() if not w.has_left(now_us)}
         yield _gauge("vehicles", "Vehicles that are heard or missed", [((), float(len(watches)))])
         limit = 1.0 - fleet.max_utilisation
         yield _gauge("margin_least_ratio", "Margin below which an alarm is raised", [((), limit)])

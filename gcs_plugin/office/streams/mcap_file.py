@@ -1,11 +1,8 @@
-"""The topics of a flight's MCAP file: name, JSON schema, and the messages of a reported flight.
+"""The reported flights of one log as an MCAP file, and a Foxglove layout that shows it.
 
-Unknown numbers are null, as in the report's JSON. `time_s` counts from the sortie's first row.
-Times of messages are Unix time, in ns; where the log knows none, the vehicle's clock since boot.
-
-A layout of Foxglove that shows the topics of a flight's MCAP file.
-
-Reported flights of one log to an MCAP file, with the schema of every message in it.
+Each topic has a name, a JSON schema and messages. Unknown numbers are null, as in the report's
+JSON. `time_s` counts from the sortie's first row. Times of messages are Unix time, in ns; where the
+log knows none, the vehicle's clock since boot.
 """
 
 from __future__ import annotations

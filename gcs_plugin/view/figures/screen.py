@@ -1,11 +1,11 @@
-"""What to fill, on the page while the aircraft stands: the numbers of `thrustmargin fill`.
+"""The page's own part around viser's scene: actions, the aircraft from above, alarms, charts.
 
-The page's own part, around viser's scene: what to do, the aircraft from above, alarms, charts.
+It is the same for a recorded flight and for aircraft that fly now, from a phone to a wide screen.
+Its script requests the state from this server a few times a second, as JSON: numbers, codes and
+names. The sentences are those of the catalogue, in the browser's language. The page shows when the
+server does not answer. An action needs the token that only this server's own page was given.
 
-It is the same for a flight that is recorded and for aircraft that fly now, from a phone to a wide
-screen. Its script asks this server for its state a few times a second, by JSON: numbers, codes and
-names; the sentences are the catalogue's, in the browser's language. What it does not hear it says.
-An act needs the token that only this server's own page was given.
+`FillAdvice` is the sentence on how much to fill, with the numbers of `thrustmargin fill`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,11 @@ from urllib.parse import parse_qs, urlsplit
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures, known
-from thrustmargin.gcs_plugin.view.figures.vehicle_summary import LEVELS, VehicleSummary, level_of
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import (
+    LEVELS,
+    VehicleSummary,
+    severity_level,
+)
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
@@ -63,10 +67,10 @@ class FillAdvice:
         known = self._known
         if known is None or known[0] is not model or abs(density / known[1] - 1.0) > CHANGE:
             self._known = (model, density)
-            self._text = self._made(analysis, density)
+            self._text = self._sentence_at(analysis, density)
         return self._text
 
-    def _made(self, analysis: FlightAnalysis, density: float) -> str:
+    def _sentence_at(self, analysis: FlightAnalysis, density: float) -> str:
         model = analysis.model
         volts = model.airframe.nominal_voltage
         fills = largest_fills(model, density, volts, airspeed=AIRSPEED, max_utilisation=self._limit)
@@ -189,7 +193,7 @@ class PageState:
                 "text": alarm.text,
                 "line": alarm.line,
                 "state": alarm.state,
-                "level": level_of(alarm.severity),
+                "level": severity_level(alarm.severity),
                 "loud": alarm.severity <= WARNING,
                 "critical": alarm.severity <= CRITICAL,
                 "acknowledged": _key(one, alarm) in known_keys,

@@ -77,21 +77,21 @@ class VehicleSummary:
             # Every grave one is named: one that is known must not hide another behind a number.
             grave = [alarm for alarm in rest if alarm.severity <= CRITICAL]
             reasons = ([first.line] if first.line != first.text else []) + [a.line for a in grave]
-            level = level_of(first.severity)
-            if so_far is not None and of_verdict(so_far) == "red":
+            level = severity_level(first.severity)
+            if so_far is not None and verdict_level(so_far) == "red":
                 # Short while it flies: what to do at a desk stands whole further down.
                 reasons += [so_far.brief] if so_far.brief else []
                 level = "red"
             return first.text, " · ".join(reasons), level
         if self.whole is not None:
-            level = of_verdict(self.whole)
+            level = verdict_level(self.whole)
             # Not green before it is known whether there were alarms.
             unsure = self.pending and level == "green"
             do = _sentence(self.whole.action or self.whole.why)
             return self.whole.headline, do or self.pending, "grey" if unsure else level
         # Also while nothing is heard: what was found does not end with a gap in the telemetry.
-        if so_far is not None and of_verdict(so_far) in ("red", "amber"):
-            return so_far.headline, so_far.brief or _sentence(so_far.action), of_verdict(so_far)
+        if so_far is not None and verdict_level(so_far) in ("red", "amber"):
+            return so_far.headline, so_far.brief or _sentence(so_far.action), verdict_level(so_far)
         if so_far is not None and shows:
             return so_far.headline, self.pending, "grey"
         if row is None or unheard or self.pending:
@@ -105,7 +105,7 @@ class VehicleSummary:
         return self.alarms, self.problem, self.gone
 
 
-def of_verdict(answer: FlightAnswer) -> Level:
+def verdict_level(answer: FlightAnswer) -> Level:
     """Return the level of a flight's answer."""
     return VERDICT_LEVEL.get(answer.level, "grey")
 
@@ -114,7 +114,7 @@ def _sentence(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def level_of(severity: int) -> Level:
+def severity_level(severity: int) -> Level:
     """Return the level of an alarm by its MAV_SEVERITY."""
     if severity <= CRITICAL:
         return "red"

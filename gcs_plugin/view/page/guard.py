@@ -1,20 +1,17 @@
-"""The token that a browser must know where others can reach the page.
+"""The view's server with checks of every request, and the token for browsers of other computers.
 
-Once in the page's address or typed into the page that asks for it, then kept by the browser in a
-cookie that no script reads and no other site is sent. It travels as the page does: without TLS in
-the open, which is for a reverse proxy (docs/live.md).
-
-The view's server, with a door in front of it.
-
-viser accepts a WebSocket from any page that the browser has open, and answers to any host name.
-So any web site could read and steer the view (cross-site WebSocket hijacking), also through a name
+viser accepts a WebSocket from any page that the browser has open, and answers to any host name. So
+any web site could read and steer the view (cross-site WebSocket hijacking), also through a name
 that it points at this machine (DNS rebinding). Here every request must name this machine, by an
 address or `localhost` and never by another name, and a WebSocket must come from the very page that
 this server served. Pages may not be framed by others and may load nothing from elsewhere.
 
-An address that others can reach needs a `door` besides, which asks who they are.
+An address that others can reach needs a token besides. It is in the page's address, or is typed
+into the page that asks for it, and the browser keeps it in a cookie that no script reads and no
+other site is sent. Without TLS it travels unencrypted; TLS is for a reverse proxy (docs/live.md).
 
-The port is opened here and handed to viser: a busy one is an error, never silently another one.
+The port is opened here and handed to viser: a busy port is an error, and never silently another
+one.
 """
 
 from __future__ import annotations
@@ -85,11 +82,11 @@ def asked_for(connection: ServerConnection, request: Request, token: str) -> Res
     cookies = SimpleCookie()
     with contextlib.suppress(CookieError):
         cookies.load("; ".join(request.headers.get_all("Cookie")))
-    if name in cookies and _same(cookies[name].value, token):
+    if name in cookies and _equal_tokens(cookies[name].value, token):
         return None
     path, _, query = request.path.partition("?")
     given = urllib.parse.parse_qs(query).get("token", [""])[0]
-    if path == "/" and _same(given, token):
+    if path == "/" and _equal_tokens(given, token):
         response = connection.respond(http.HTTPStatus.SEE_OTHER, "")
         response.headers["Location"] = "/"
         response.headers["Set-Cookie"] = f"{name}={token}; Path=/; HttpOnly; SameSite=Strict"
@@ -103,7 +100,7 @@ def asked_for(connection: ServerConnection, request: Request, token: str) -> Res
     return response
 
 
-def _same(given: str, token: str) -> bool:
+def _equal_tokens(given: str, token: str) -> bool:
     return hmac.compare_digest(given.encode(), token.encode())
 
 
