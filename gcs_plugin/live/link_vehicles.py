@@ -165,7 +165,7 @@ class Happening:
 
 
 class Presence:
-    """Which vehicles have appeared and left so far, to find those that newly do."""
+    """The vehicles that have appeared and left so far, from which new changes are found."""
 
     def __init__(self) -> None:
         self._known: set[int] = set()

@@ -68,7 +68,7 @@ PUMP_FUNCTION = 22
 
 @dataclass(slots=True)
 class _Wish:
-    """How often a message was requested without effect, and when last."""
+    """The number of requests for one message without effect, and the time of the last."""
 
     times: int = 0
     last_s: float = 0.0

@@ -147,6 +147,6 @@ def _handler(
             self.wfile.write(found[1])
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Nothing: the terminal is the monitor's."""
+            """Log nothing: the terminal is the monitor's."""
 
     return Handler

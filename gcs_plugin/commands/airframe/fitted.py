@@ -166,7 +166,9 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
 
 
 def _use_words(craft: Airframe, fit: HoverFit, top: Estimate) -> str:
-    """What an extrapolated ceiling leaves open, and the flight that settles it."""
+    """Return the sentence on the uncertainty of an extrapolated ceiling, and the flight that would
+    reduce it.
+    """
     from thrustmargin.models.physics.atmosphere import G0
 
     mass = craft.empty_mass + craft.tank_capacity_kg

@@ -43,7 +43,7 @@ class VehicleParameters:
 
     @property
     def leaves_open(self) -> str:
-        """How to begin a list of what is not in it."""
+        """Begin of the sentence on values that the vehicle's report lacks."""
         if not self.words and self.not_named:
             first, count = self.not_named[0], len(self.not_named)
             return f"{count} logs in this folder, none named (--from {first} says much of this)"

@@ -254,7 +254,7 @@ class Alarms:
         flying: Bools,
         missing: Missing,
     ) -> None:
-        """Take one rule's checks of N rows, `times` (N,) and whether `flying` (N,)."""
+        """Take one rule's checks of N rows: `times` (N,) s of the vehicle's clock, `flying` (N,)."""
         keys: list[Key] = [
             (rule.name, k + 1 if k < found.rotor else None) for k in range(found.on.shape[1])
         ]
@@ -283,8 +283,10 @@ class Alarms:
         seen: tuple[bool, bool, bool, bool],
         missing: Missing,
     ) -> None:
-        """Take one row of one alarm: `seen` is on, off, known and whether it has lost its
-        object.
+        """Take one row of one alarm.
+
+        `seen` is on, off, known and over; an alarm is over at once where it has landed or has lost
+        its object.
         """
         on, off, known, over = seen
         before = self._conditions.get(key)

@@ -176,7 +176,7 @@ class VehicleTelemetry:
 
     @property
     def facts(self) -> VehicleFacts:
-        """Kind of the vehicle by all that was heard."""
+        """Kind and rotors of the vehicle by all that it has sent."""
         return self.state.facts if self._motors is None else self._motors.facts
 
     def take(self, frame: Frame) -> None:

@@ -36,7 +36,7 @@ class LinkWatch:
 
     @property
     def shared(self) -> bool:
-        """True while two vehicles send under this id."""
+        """Whether two vehicles send under this id."""
         return self._taken_us < self.shared_until_us
 
     @property
@@ -46,7 +46,7 @@ class LinkWatch:
 
     @property
     def last_us(self) -> int:
-        """When anything was last heard, taken or not."""
+        """Ground's clock, µs, when any frame of it last arrived, analysed or not."""
         return max(self._taken_us, self._heard_us.get(self._system, 0))
 
     def silent(self, now_us: int) -> float:
@@ -76,7 +76,7 @@ class LinkWatch:
 
 
 class RotorSilence:
-    """For how long rows have come without the speed of each rotor."""
+    """The time, s, for which rows have come without the speed of each rotor."""
 
     def __init__(self, rotor_count: int) -> None:
         #: (R,) s at the last row; NaN before any speed came.

@@ -38,7 +38,7 @@ GONE = 60.0  # s of silence after which a vehicle has left
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchSettings(Options):
-    """How vehicles are read, and when an alarm is raised."""
+    """The options by which vehicles are read and alarms are raised."""
 
     vehicle: int | None = None  # system id of the only one; None: all that are heard
     alarms: AlarmSettings = field(default_factory=AlarmSettings)

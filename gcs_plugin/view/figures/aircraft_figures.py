@@ -118,9 +118,9 @@ def _room(places: Floats) -> float:
 
 
 def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
-    """Level in kg, and in litres by the density that the airframe states: 1 kg/L where it does not.
+    """Return the tank level in kg, and in litres by the airframe's density, 1 kg/L without one.
 
-    `capacity_l` 0 is an aircraft without a tank.
+    A `capacity_l` of 0 is an aircraft without a tank.
     """
     kg, density = float(row.track.tank_kg[row.row]), airframe.liquid_density
     density = density if math.isfinite(density) and density > 0.0 else 1.0

@@ -89,7 +89,7 @@ Acts = Mapping[str, Callable[[str], None]]
 
 
 class PageState:
-    """What the page shows, and the actions that it may ask for.
+    """The state that the page shows, and the actions that it may request.
 
     `summaries` returns every aircraft as last heard, on any thread; `more` returns further entries
     of the state; `charts` draws for a vehicle's number and s before now. `silent` means without
