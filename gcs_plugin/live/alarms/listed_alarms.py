@@ -254,7 +254,7 @@ class Alarms:
         flying: Bools,
         missing: Missing,
     ) -> None:
-        """Take one rule's checks of N rows: `times` (N,) s of the vehicle's clock, `flying` (N,)."""
+        """Take one rule's checks of N rows: `times` (N,) s of the vehicle, `flying` (N,)."""
         keys: list[Key] = [
             (rule.name, k + 1 if k < found.rotor else None) for k in range(found.on.shape[1])
         ]
