@@ -16,10 +16,9 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
-from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any
 
+from thrustmargin.gcs_plugin.commands.shared.extras import HERE, extras
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
 from thrustmargin.gcs_plugin.commands.shared.typed import as_read, plain_optionals
 from thrustmargin.gcs_plugin.mavlink.text import clean_lines
@@ -47,20 +46,13 @@ FOLDERS = {
     "flight": ("demo", "fetch", "inspect", "monitor", "replay", "report", "stream"),
     "load": ("fill", "forecast"),
 }
-#: Folders of `gcs_plugin` whose folders are extras. Each extra names its commands in `COMMANDS` of
-#: its `__init__`; one that is deleted is not missed.
-DOORS = ("workshop", "office")
-
-
-_HERE = "thrustmargin.gcs_plugin"
 
 
 def _extras() -> Iterator[tuple[str, str, str]]:
     """Yield each subcommand of each extra: its name, the module of its function, first words."""
-    for door in DOORS:
-        for extra in iter_modules([str(Path(__file__).with_name(door))], f"{_HERE}.{door}."):
-            for name, words in import_module(extra.name).COMMANDS.items():
-                yield name, f"{extra.name}.{name}", words
+    for extra in extras():
+        for name, words in extra.COMMANDS.items():
+            yield name, f"{extra.__name__}.{name}", words
 
 
 _OF_EXTRAS = tuple(_extras())
@@ -68,9 +60,9 @@ _OF_EXTRAS = tuple(_extras())
 COMMANDS = dict(sorted({**CORE, **{name: words for name, _, words in _OF_EXTRAS}}.items()))
 #: Subcommand -> the module that holds the function of its name.
 MODULES = {
-    "airframe": f"{_HERE}.commands.airframe",
+    "airframe": f"{HERE}.commands.airframe",
     **{
-        name: f"{_HERE}.commands.{folder}.{name}"
+        name: f"{HERE}.commands.{folder}.{name}"
         for folder, held in FOLDERS.items()
         for name in held
     },
@@ -97,9 +89,9 @@ Exit codes: 0 done, 1 some input is not usable, 2 the command line is wrong, 130
 
 
 def command_function(name: str) -> Callable[..., Any]:
-    """The function behind a subcommand; raises KeyError when the name is none.
+    """Return the function of a subcommand. Raises KeyError for an unknown name.
 
-    Its options' descriptions are each one line, which the help wraps to the terminal.
+    Each description of an option becomes one line, which the help wraps to the terminal.
     """
     function = getattr(import_module(MODULES[name]), name)
     function.__doc__ = re.sub(r"\n {8,}(?=\S)", " ", inspect.getdoc(function) or "")
@@ -122,7 +114,9 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _end_as_by_ctrl_c() -> None:
-    """SIGTERM, SIGHUP and the closing of a window on Windows end as Ctrl-C does: files whole."""
+    """Make SIGTERM, SIGHUP and the closing of a window on Windows raise KeyboardInterrupt, so that
+    files are whole.
+    """
     found = [getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)]
     ours = [number for number in found if signal.getsignal(number) is signal.SIG_DFL]
 
@@ -136,14 +130,14 @@ def _end_as_by_ctrl_c() -> None:
 
 
 def usage() -> str:
-    """The help that lists the commands."""
+    """Return the help that lists the commands."""
     wide = max(map(len, COMMANDS))
     lines = [f"  {name:{wide}}  {what}\n" for name, what in COMMANDS.items()]
     return USAGE.format(commands="".join(lines))
 
 
 def not_a_command(name: str) -> str:
-    """What to say of a command that is none, with those that may be meant."""
+    """Return the error for an unknown command, with the commands of a similar name."""
     near = difflib.get_close_matches(name, COMMANDS, n=2, cutoff=0.6)
     meant = f"; did you mean {' or '.join(near)}?" if near else ""
     return f"no command {name!r}{meant} (thrustmargin --help lists them)"
@@ -182,15 +176,19 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _stopped(error: BaseException | None) -> bool:
-    """Return whether Ctrl-C is why; a compiled module that it meets in its import makes an
-    ImportError of it."""
+    """Return whether Ctrl-C caused an error.
+
+    A compiled module that is interrupted in its import raises an ImportError from it.
+    """
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
 
 
 def _in_language(argv: Sequence[str]) -> list[str]:
-    """The command line without its --language, which is then spoken; exits on one there is not."""
+    """Set the language of --language and return the command line without it. Exit on an unknown
+    one.
+    """
     words = list(argv)
     if "--language" in words[: words.index("--")] if "--" in words else "--language" in words:
         at = words.index("--language")
@@ -204,7 +202,11 @@ def _in_language(argv: Sequence[str]) -> list[str]:
 
 
 def _answer(argv: Sequence[str]) -> Any:
-    """What the command says, or the help, or the version."""
+    """Run the command that `argv` names and return its result; an int is the exit status.
+
+    Print the usage for no command (2, on stderr) and --help (0), and the version for --version (0).
+    Exit with 2 on an unknown command.
+    """
     first = argv[0] if argv else ""
     if first in ("", "-h", "--help"):
         print(usage(), end="", file=sys.stdout if first else sys.stderr)
@@ -234,7 +236,7 @@ def _complain(words: str) -> None:
 
 
 def _flush() -> None:
-    """Write out what is still held back; raises OSError when it cannot, and gives it up."""
+    """Write buffered output. Raises OSError when that fails, and drops it."""
     try:
         sys.stdout.flush()
     except OSError:

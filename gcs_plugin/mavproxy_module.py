@@ -30,7 +30,7 @@ MAIN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[
 
 
 class ViewProcess:
-    """One running monitor. `send` gives it a frame; `address` is its page. Ends with `close`."""
+    """One running monitor process; `address` is its page."""
 
     def __init__(self, options: list[str]) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -50,12 +50,12 @@ class ViewProcess:
         return self._process.poll() is None
 
     def send(self, data: bytes) -> None:
-        """One frame; lost when the process has ended, as on the air."""
+        """Send one frame; drop it when the process has ended."""
         with contextlib.suppress(OSError):
             self._socket.sendto(data, ("127.0.0.1", self._port))
 
     def last_words(self) -> str:
-        """What it printed when it ended by itself; empty while it runs."""
+        """Return what the process printed when it ended by itself; empty while it runs."""
         if self.running or self._process.stderr is None:
             return ""
         lines = [line for line in self._process.stderr.read().splitlines() if line.strip()]
@@ -113,11 +113,11 @@ class MarginModule(mp_module.MPModule):
         self._worker.start()
 
     def mavlink_packet(self, packet: Any) -> None:
-        """Called by MAVProxy with every message of every vehicle."""
+        """Take a message; called by MAVProxy with every message of every vehicle."""
         self._worker.put(bytes(packet.get_msgbuf()))
 
     def idle_task(self) -> None:
-        """Called by MAVProxy hundreds of times a second; works twice a second."""
+        """Work twice a second; called by MAVProxy hundreds of times a second."""
         now = time.monotonic()
         self._worker.looked()
         if now < self._next:
@@ -138,7 +138,7 @@ class MarginModule(mp_module.MPModule):
             self.console.set_status(name, text, row=ROW, fg=colour)
 
     def cmd_margin(self, args: Sequence[str]) -> None:
-        """The command `margin`."""
+        """Run the command `margin`."""
         match list(args):
             case []:
                 self._print_margins()
@@ -158,7 +158,7 @@ class MarginModule(mp_module.MPModule):
                 print(USAGE)
 
     def unload(self) -> None:
-        """Called by MAVProxy when the module is unloaded, and at its end."""
+        """End the worker; called by MAVProxy when the module is unloaded, and at its end."""
         self.remove_command("margin")
         self._worker.stop()
         self._close_view()
@@ -186,7 +186,7 @@ class MarginModule(mp_module.MPModule):
         print(f"margin max-utilisation {100.0 * value:g}%")
 
     def _set(self, name: str, text: str) -> None:
-        """Watch on with an option changed; what vehicles reported of themselves is kept."""
+        """Set an option and go on watching; reports of the vehicles on themselves are kept."""
         before = self._worker
         try:
             options = with_option(before.options, OPTIONS[name], text)
@@ -224,7 +224,7 @@ class MarginModule(mp_module.MPModule):
 
 
 def init(mpstate: Any, **options: Any) -> MarginModule:
-    """Called by MAVProxy when it loads the module, which prints an ImportError as one line."""
+    """Make the module; called by MAVProxy, which prints an ImportError as one line."""
     if "limit" in options:
         raise ImportError(f"limit is now {RENAMED}")
     unknown = sorted(set(options) - {field.name for field in dataclasses.fields(MarginOptions)})
@@ -238,7 +238,9 @@ def init(mpstate: Any, **options: Any) -> MarginModule:
 
 
 def with_option(options: MarginOptions, name: str, text: str) -> MarginOptions:
-    """The options with one of them from its text. Raises ValueError for a number that is none."""
+    """Return the options with one of them set from its text. Raises ValueError for a wrong
+    number.
+    """
     kind = next(field.type for field in dataclasses.fields(options) if field.name == name)
     default = {f.name: f.default for f in dataclasses.fields(options)}[name]
     value: Any = text
@@ -252,7 +254,7 @@ def with_option(options: MarginOptions, name: str, text: str) -> MarginOptions:
 
 
 def usable(value: Any) -> float:
-    """`value`, 0.5 or `50%`, as a limit of thrust utilisation. Raises ValueError for no share."""
+    """Return `value`, 0.5 or `50%`, as a share. Raises ValueError for anything else."""
     number, percent, _ = str(value).partition("%")
     try:
         share = float(number) / (100.0 if percent else 1.0)

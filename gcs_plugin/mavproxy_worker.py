@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions, reading_keywords
 from thrustmargin.gcs_plugin.wording.language import BEYOND_CEILING
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarginOptions(ReadingOptions):
-    """What the module was loaded with."""
+    """The options with which the module was loaded."""
 
     model: str | None = None  # model file; None: the shipped one
     airframe: str | None = None  # name or file
@@ -46,7 +46,7 @@ class MarginOptions(ReadingOptions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NewestFigures:
-    """What is known of one vehicle now; NaN where it is not. Margins are shares."""
+    """The newest figures of one vehicle; NaN where unknown. Margins are shares."""
 
     vehicle: int
     stamp: float = NAN  # time.monotonic() of the newest row
@@ -105,7 +105,7 @@ class MarginWorker:
             self.thread.join(timeout)
 
     def put(self, data: bytes) -> None:
-        """One frame as it came over the link."""
+        """Take one frame as it came over the link."""
         if len(self._waiting) >= WAITING:
             self.dropped += 1
             return
@@ -115,7 +115,9 @@ class MarginWorker:
         self._waiting.append((data, now))
 
     def looked(self) -> None:
-        """All that has come was put in; silence is counted up to here, not while MAVProxy hangs."""
+        """Take note that all frames that came were put in: silence is counted up to here, not while
+        MAVProxy hangs.
+        """
         self._looked = time.monotonic()
 
     def pass_on_to(self, send: Callable[[bytes], None]) -> None:
@@ -218,12 +220,14 @@ def _unix_us(monotonic: float) -> int:
 
 
 def _heard_s(update: Update) -> float:
-    """time.monotonic() at which the newest row was reported; it may be computed later."""
+    """Return time.monotonic() when the newest row was reported; it may be computed later."""
     return int(update.stamp_us[-1]) * 1e-6 - _UNIX_MINUS_MONOTONIC
 
 
 def reading(update: Update, stamp: float) -> NewestFigures:
-    """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
+    """Return the figures of an update's newest row, which was reported at `stamp`
+    (time.monotonic()).
+    """
     import numpy as np
 
     from thrustmargin.gcs_plugin.live.watch.airframe_watch import unknown_figures, unknown_lines
@@ -269,24 +273,24 @@ def reading(update: Update, stamp: float) -> NewestFigures:
 
 
 def share(value: float) -> str:
-    """A margin in percent, "--" when unknown; below nothing there are no degrees."""
+    """Return a margin in per cent, "--" when unknown; a negative one without its size."""
     if value < 0.0:
         return BEYOND_CEILING
     return f"{100 * value:.0f} %" if math.isfinite(value) else "--"
 
 
 def number(value: float, form: str) -> str:
-    """A number in words, "--" when unknown."""
+    """Return a number as text, "--" when unknown."""
     return format(value, form) if math.isfinite(value) else "--"
 
 
 def summary(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
-    """The lines that `margin` prints for one vehicle; `age` s of its newest row."""
+    """Return the lines that `margin` prints for one vehicle; `age` is that of its newest row, s."""
     return [own_syntax(line) for line in _lines(now, max_utilisation, age)]
 
 
 def own_syntax(words: str) -> str:
-    """Options as they are written in MAVProxy, where no command line is at hand."""
+    """Return a sentence with options written as in MAVProxy, which has no command line."""
     for option, command in (("request-rates", "set streamrate 10"), ("fetch-mission", "wp list")):
         words = words.replace(f"--{option}", f"`{command}`")
     return re.sub(r"--([a-z][a-z-]*)", r"`margin \1 ...`", words)
@@ -330,7 +334,7 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
 def fields(
     now: NewestFigures | None, max_utilisation: float, age: float
 ) -> dict[str, tuple[str, str]]:
-    """Console fields: name -> (text, colour); grey when there is nothing recent to show."""
+    """Return console fields, name -> (text, colour); grey when there is nothing recent to show."""
     if now is None or age > STALE or math.isnan(age) or now.problem:
         names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
         return {name: (text, "grey") for name, text in names.items()}

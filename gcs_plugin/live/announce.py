@@ -43,7 +43,9 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
     AlarmEvent,
     AlarmState,
 )
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.telemetry.tank_source import MARGIN_ID, TANK_ID
 from thrustmargin.gcs_plugin.wording.advice_words import LAND_FIRST
@@ -76,11 +78,15 @@ class _Vehicle:
     sent: set[str] = field(default_factory=set)  # names of the figures
 
 
-class Announcer(Subscriber):
-    """A subscriber of the monitor that reports to ground stations what it finds out."""
+class Announcer(Output):
+    """An output that sends alarms and figures to ground stations and vehicles."""
+
+    name = "--announce"
 
     def __init__(self, sender: Sender, *, limit: float = 0.5, battery: bool = False) -> None:
-        """`limit` is the smallest thrust margin that may last; `battery` as the module says."""
+        """Take the smallest thrust margin that may last as `limit`; `battery` as the module
+        says.
+        """
         self._sender = sender
         self._limit = limit
         self._battery = battery
@@ -106,7 +112,7 @@ class Announcer(Subscriber):
         now_s = now_us * 1e-6
         for number, watch in fleet.vehicles.items():
             state = self._vehicles.setdefault(number, _Vehicle())
-            if watch.silent(now_us) > QUIET:
+            if watch.link.silent(now_us) > QUIET:
                 continue
             if now_s - state.figures_s >= FIGURES_EVERY:
                 state.figures_s = now_s
@@ -140,7 +146,7 @@ class Announcer(Subscriber):
                 self._sender.send(number, message, forwards=True)
 
     def _landed(self, state: _Vehicle, update: Update) -> None:
-        """After a flight, what to do before the next one."""
+        """Queue what to do before the next flight, once the flight has landed."""
         flight = update.flight
         if flight is not None and state.flying and flight.settled and flight.answer.brief:
             grave = flight.advice.level in LAND_FIRST
@@ -195,14 +201,14 @@ class Announcer(Subscriber):
 
 
 def plain(text: str) -> str:
-    """The text as ground stations show it: no letters but those of English."""
+    """Return the text in ASCII, as ground stations can show it."""
     for letter, written in PLAIN:
         text = text.replace(letter, written)
     return text.encode("ascii", "replace").decode()
 
 
 def figures(update: Update) -> dict[str, float]:
-    """The figures of the last row that are known."""
+    """Return the known figures of the last row by their names in messages."""
     analysis = update.analysis
     margins = analysis.margin[-1]
     placed = analysis.placed and np.isfinite(margins).all()
@@ -221,7 +227,13 @@ def figures(update: Update) -> dict[str, float]:
 
 
 def what_to_do(listed: Iterable[Alarm]) -> dict[str, float]:
-    """MARGIN_DO by the gravest alarm that stands and asks for something; 0 for none."""
+    """Return MARGIN_DO for the gravest active alarm that demands an action; 0 for none."""
     grave = [a for a in listed if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
     first = min(grave, key=lambda alarm: alarm.order, default=None)
     return {"MARGIN_DO": 0.0 if first is None else float(asked(first.name))}
+
+
+def output(context: OutputContext, value: bool) -> Announcer:  # noqa: ARG001
+    """Return the output of `--announce`."""
+    battery = context.options["announce_battery"]
+    return Announcer(context.sender, limit=context.least_margin, battery=battery)

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.link_vehicles import OLD, Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import OLD, Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import Lateness, LiveMonitor, MonitorStatus
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording import live_words as words
@@ -58,7 +59,9 @@ class Screen:
 
 
 def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> RenderableType:
-    """What to show now, in `width` characters; `page`: the 3D page is shown too."""
+    """Return what the terminal shows now, in `width` characters; `page`: the 3D page is shown
+    too.
+    """
     from rich.box import HEAVY_HEAD, SIMPLE_HEAD
     from rich.console import Group
     from rich.table import Table
@@ -75,7 +78,7 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
     remarks: list[Text] = []
     fleet = monitor.fleet
     for number, watch in list(fleet.vehicles.items()):
-        if watch.left(now_us):
+        if watch.has_left(now_us):
             continue
         cells = vehicle_cells(watch, now_us, 1.0 - fleet.max_utilisation, fleet.old_s)
         table.add_row(*(cells[n] for n in shown))
@@ -101,14 +104,15 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
         remarks.append(Text(words.LEGEND, style="dim"))
     parts: list[RenderableType] = [*lines, table, *remarks]
     for line in status_lines(monitor.status(), page=page):
-        loud = line.startswith((words.NOT_RECORDING, words.BEHIND))
+        loud = line.startswith((words.NOT_RECORDING, words.STOPPED, words.BEHIND))
         parts.append(Text(line, style="bold white on red" if loud else "dim"))
     return Group(*parts)
 
 
 def answer_lines(watch: VehicleMonitor) -> tuple[str, ...]:
-    """The answer of its flight so far, or of the last; of an aircraft that is not known with what
-    its rows show."""
+    """Return the answer of the vehicle's present or last flight; for an unknown aircraft also what
+    its rows show.
+    """
     answer = None if watch.last is None else watch.last.answer
     return () if answer is None else (answer.line, *answer.contact_lines)
 
@@ -116,14 +120,15 @@ def answer_lines(watch: VehicleMonitor) -> tuple[str, ...]:
 def vehicle_cells(
     watch: VehicleMonitor, now_us: int, limit: float, old_s: float = OLD
 ) -> list[Text]:
-    """One row of the table, each dash with its reason in `problem` or the update's `remarks`.
+    """Return one row of the table; the reason of each dash is in `problem` or the update's
+    `remarks`.
 
-    Styles are set on the text and never written into it: the terminal shows markup as it stands.
+    Styles are set on the text and never written into it: the terminal shows markup as it is.
     """
     from rich.text import Text
 
     update = watch.last
-    silent = watch.silent(now_us)
+    silent = watch.link.silent(now_us)
     if update is None:
         cells = [str(watch.system), *["-"] * (len(COLUMNS) - 2), seconds(silent)]
         return [Text(cell) for cell in cells]
@@ -140,7 +145,7 @@ def vehicle_cells(
 
 
 def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
-    """Everything between the vehicle's number and the age of its last row."""
+    """Return all cells between the vehicle's number and the age of its last row."""
     from rich.text import Text
 
     analysis, outlook = update.analysis, update.outlook
@@ -181,10 +186,11 @@ def _margin_cell(
     flying: bool,
     predicted: bool,
 ) -> Text:
-    """Worst rotor's margin and number; how many rotors are unknown; nothing for rotors at rest.
+    """Return the worst rotor's margin and number, and how many rotors are unknown.
 
-    An inferred margin has its 90 % interval, and is green or red where all of that is; one
-    that is `predicted`, without any rotor's speed, is never green.
+    An inferred margin is shown with its 90 % interval, and is green or red where the whole interval
+    is. One that is `predicted`, without any rotor's speed, is never green. On the ground there is
+    no margin.
     """
     from rich.text import Text
 
@@ -210,9 +216,10 @@ def _any(values: np.ndarray) -> bool:
 
 
 def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
-    """The link and the recording in words; `page`: the 3D page is shown."""
+    """Return the lines on link and recording; `page`: the 3D page is shown."""
     lines = [words.behind_words(status.behind_s, page=page)] if status.behind_s else []
     lines = [words.CUT_OFF] if status.cut_off else lines
+    lines += [words.output_failed(name, error) for name, error in status.failed.items()]
     lost = {name: getattr(status, name) for name in words.LOST}
     lines.append(words.messages_words(status.frames, lost, status.refused_why))
     recorder = status.recorder
@@ -225,7 +232,7 @@ def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
 
 
 def rowless_lines(fleet: Fleet) -> list[str]:
-    """Why vehicles that are heard have nothing to show."""
+    """Return why vehicles that are heard have no rows."""
     return [
         words.of_vehicle(n, w.problem)
         for n, w in fleet.vehicles.items()
@@ -234,7 +241,7 @@ def rowless_lines(fleet: Fleet) -> list[str]:
 
 
 def percent(share: float) -> str:
-    """A margin; below nothing there are no degrees."""
+    """Return a margin in per cent; a negative one is shown as below 0 without its size."""
     if share < 0.0:
         return words.BEYOND
     return f"{share:.0%}" if math.isfinite(share) else "-"
@@ -245,7 +252,7 @@ def kilograms(mass: float) -> str:
 
 
 def minutes(time_s: float) -> str:
-    """Minutes and seconds; "-" for unknown, "not" for never."""
+    """Return minutes and seconds; "-" for unknown, "not" for infinity."""
     if math.isinf(time_s):
         return "not"
     return f"{int(time_s) // 60}:{int(time_s) % 60:02d}" if math.isfinite(time_s) else "-"
@@ -259,8 +266,10 @@ def _clock(unix_s: float) -> str:
     return time.strftime("%H:%M:%S", time.localtime(unix_s))
 
 
-class Bell(Subscriber):
-    """A subscriber that rings for each alarm that asks for a hand: `ring` sounds the terminal."""
+class Bell(Output):
+    """An output that calls `ring` for each alarm of severity warning or graver when raised."""
+
+    name = "bell"
 
     def __init__(self, ring: Callable[[], None]) -> None:
         self._ring = ring
@@ -271,12 +280,26 @@ class Bell(Subscriber):
             self._ring()
 
 
-class EventPrinter(Subscriber):
-    """A subscriber that prints what happens, a line each: for output into a file or a log.
+class PlanPrinter(Output):
+    """An output that prints how the plan is flown, a line for each sentence."""
+
+    name = "plan lines"
+
+    def __init__(self, print_line: Callable[[str], None]) -> None:
+        self._print = print_line
+
+    def on_plan(self, vehicle: int, text: str) -> None:
+        self._print(words.of_vehicle(vehicle, text))
+
+
+class EventPrinter(Output):
+    """An output that prints one line for each event, for a file or a log instead of a terminal.
 
     Lines begin with the local time, in its order; an alarm's is when the report came that raised
     or cleared it. What is found out after a later line was printed has its own time at its end.
     """
+
+    name = "printed lines"
 
     def __init__(self, monitor: LiveMonitor, announce: Callable[[str], None]) -> None:
         self._monitor = monitor
@@ -285,6 +308,7 @@ class EventPrinter(Subscriber):
         self._problems: dict[int, str] = {}
         self._in_vain: dict[int, set[str]] = {}  # messages that were asked for in vain
         self._trouble = ""
+        self._failed: set[str] = set()  # outputs of which an error was printed
         self._lateness = Lateness()
         self._lock = threading.Lock()
         self._waiting: list[tuple[float, str]] = []  # Unix time and line, until a round is over
@@ -296,7 +320,7 @@ class EventPrinter(Subscriber):
             self._waiting.append((known, line))
 
     def print(self) -> None:
-        """Print the lines of a round, in the order of their time."""
+        """Print the lines of a round in the order of their time."""
         with self._lock:
             lines, self._waiting = sorted(self._waiting, key=lambda at: at[0]), []
             for known, line in lines:
@@ -318,7 +342,7 @@ class EventPrinter(Subscriber):
         for number, watch in fleet.vehicles.items():
             if number not in self._heard:
                 self._heard.add(number)
-                self._say(words.of_vehicle(number, words.HEARD), watch.first_us * 1e-6)
+                self._say(words.of_vehicle(number, words.HEARD), watch.link.first_us * 1e-6)
             if watch.problem != self._problems.get(number, ""):
                 self._problems[number] = watch.problem
                 line = watch.problem or words.WATCHED_AGAIN
@@ -333,10 +357,14 @@ class EventPrinter(Subscriber):
             self._trouble = trouble
             line = words.not_recording(trouble) if trouble else words.RECORDING_AGAIN
             self._say(line, now_s)
+        for name, error in self._monitor.failed.items():
+            if name not in self._failed:
+                self._failed.add(name)
+                self._say(words.output_failed(name, error), now_s)
         self.print()
 
     def look(self, *, page: bool = False) -> None:
-        """Whether the analysis is late; from another thread, for it may be stuck."""
+        """Print whether the analysis is late; called from another thread, for it may be stuck."""
         behind_s, now_s = self._monitor.status().behind_s, self._monitor.now_us() * 1e-6
         if self._lateness.changes(behind_s, now_s):
             late = words.behind_words(behind_s, page=page)

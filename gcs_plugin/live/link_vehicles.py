@@ -1,14 +1,21 @@
-"""The fleet: every vehicle that is heard, each watched on its own, and the stations left out."""
+"""The vehicles of a link, each watched on its own; ground stations are left out."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_MISSION
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice
-from thrustmargin.gcs_plugin.live.watch.update import Later, Update, WatchSettings, when_asked
+from thrustmargin.gcs_plugin.live.watch.update import (
+    GONE,
+    Later,
+    Update,
+    WatchSettings,
+    when_asked,
+)
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
@@ -17,6 +24,7 @@ from thrustmargin.gcs_plugin.mavlink.who_sends import (
     NO_AUTOPILOT,
     of_vehicles,
 )
+from thrustmargin.gcs_plugin.wording.live_words import heard_words, silent_words
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STATIONS = (0, 255)  # system ids that are never vehicles
@@ -24,10 +32,11 @@ OLD, OVERDUE = 1.5, 0.5  # s: see `Fleet.old_s`
 
 
 class Fleet:
-    """Every vehicle that is heard. `vehicles` are those that have shown themselves as such.
+    """All vehicles that are heard; `vehicles` lists those that have proved to be one.
 
-    `heard_us` is the listener's: system id -> ground's clock when it was last heard, which may be
-    ahead of the frames that were taken; `later` works out the answer of a flight that is over.
+    `heard_us` is the listener's: system id -> ground's clock, µs, when it was last heard, which may
+    be ahead of the frames that were taken; `later` runs the work that answers for a flight that is
+    over.
     """
 
     def __init__(
@@ -51,24 +60,26 @@ class Fleet:
 
     @property
     def old_s(self) -> float:
-        """s after which a newest row is old. Where many vehicles make analysis rare, it is not as
-        long as the next is not overdue."""
+        """Age, s, from which a newest row counts as old.
+
+        Where many vehicles make analyses rare, a row is not old before the next one is overdue.
+        """
         return max(OLD, self.every_s + OVERDUE)
 
     @property
     def vehicles(self) -> dict[int, VehicleMonitor]:
-        """System id -> watch, in the order of ids.
+        """System id -> watch, in the order of ids, of the systems with an autopilot's heartbeat.
 
-        Radios, gimbals and trackers are none: those with a heartbeat of an autopilot are. While
-        there is none of that kind, those of whose flight there are rows.
+        Radios, gimbals and trackers have none. While no system has one, those with rows of a flight
+        are listed.
         """
         seen = {n: w for n, w in sorted(self._watches.items()) if w.seen}
         return {n: w for n, w in seen.items() if w.vehicle} or seen
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Frames in the order in which they came, of any sender."""
+        """Take frames of any sender in the order of arrival."""
         for frame in frames:
-            if frame.verified and frame.id == HEARTBEAT and not self._of_vehicle(frame):
+            if frame.verified and frame.id == HEARTBEAT and not self._is_vehicle(frame):
                 continue
             if frame.system in self._stations:
                 if frame.verified and frame.id in OF_MISSION:
@@ -84,7 +95,7 @@ class Fleet:
             watch.take(frame)
 
     def waiting(self) -> Iterator[VehicleMonitor]:
-        """Each watch that may have rows; more frames may be taken before the next is asked for."""
+        """Yield each watch that may have rows; more frames may be taken between two of them."""
         for watch in list(self._watches.values()):
             if not watch.waiting:
                 continue
@@ -94,27 +105,32 @@ class Fleet:
                 watch.telemetry.pass_over()
 
     def unread_us(self) -> list[int]:
-        """Ground's clock of the oldest message of each vehicle that waits to be analysed."""
+        """Return, for each vehicle with a message that waits to be analysed, the ground's clock of
+        the oldest.
+        """
         unread = (watch.telemetry.unread_us for watch in list(self._watches.values()))
         return [us for us in unread if us is not None]
 
     def updates(self) -> list[Update]:
-        """The new rows of every vehicle."""
+        """Return the new rows of every vehicle."""
         return [update for watch in self.waiting() for update in watch.updates()]
 
     def finish(self) -> list[Update]:
-        """The updates of the last rows when no more will come."""
+        """Return the updates of rows that are still buffered at the end of the stream."""
         return [u for w in self.vehicles.values() for u in w.updates(final=True)]
 
     def tick(self, now_us: int) -> list[tuple[int, AlarmEvent]]:
-        """Check every link at a time of the ground's clock."""
+        """Check every link at `now_us` of the ground's clock, µs; return changes of alarms by
+        system id.
+        """
         return [(n, e) for n, w in self.vehicles.items() for e in w.tick(now_us)]
 
-    def _of_vehicle(self, frame: Frame) -> bool:
-        """False for the heartbeat of a ground station, whose system is then one.
+    def _is_vehicle(self, frame: Frame) -> bool:
+        """Return False for the heartbeat of a ground station, whose system then counts as a
+        station.
 
-        A program on board, or a station, may have the vehicle's own id: what has an autopilot is a
-        vehicle, whichever heartbeat comes first.
+        A program on board, or a station, may have the vehicle's own id: a system with an autopilot
+        is a vehicle, whichever heartbeat comes first.
         """
         columns = fields(frame)
         if columns is None:
@@ -138,17 +154,38 @@ class Fleet:
                 watch.overhear(frame)
 
 
-class Subscriber:
-    """Gets what the monitor finds out, on its compute thread; without more it does nothing."""
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """An event of one vehicle on the link; `at_us` is the ground's clock, µs."""
 
-    def on_update(self, update: Update) -> None:
-        """New rows of one vehicle."""
+    at_us: int
+    vehicle: int
+    kind: str  # appeared, left, returned or note
+    text: str
 
-    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """An alarm was raised or cleared, or can (not) be confirmed."""
 
-    def on_note(self, vehicle: int, text: str, unix_s: float) -> None:
-        """What was noted of a vehicle that is no alarm: a restart, its airframe, its mission."""
+class Presence:
+    """The vehicles that have appeared and left so far, from which new changes are found."""
 
-    def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """After each round, whether or not there was anything new."""
+    def __init__(self) -> None:
+        self._known: set[int] = set()
+        self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
+
+    def changes(self, fleet: Fleet, now_us: int) -> list[Happening]:
+        """Return what happened since the last call, and empty the notes of each vehicle."""
+        made = []
+        for number, watch in fleet.vehicles.items():
+            if number not in self._known:
+                self._known.add(number)
+                made.append(Happening(watch.link.first_us, number, "appeared", heard_words(number)))
+            made += [Happening(at_us, number, "note", text) for at_us, text in watch.notes]
+            watch.notes.clear()
+            if number not in self._gone and watch.link.silent(now_us) > GONE:
+                self._gone[number] = watch.link.last_us
+                left_us = watch.link.last_us + round(GONE * 1e6)
+                made.append(Happening(left_us, number, "left", silent_words(number, GONE)))
+            elif watch.link.back_us > self._gone.get(number, watch.link.back_us):
+                del self._gone[number]
+                words = heard_words(number, again=True)
+                made.append(Happening(watch.link.back_us, number, "returned", words))
+        return made

@@ -2,10 +2,10 @@
 
     link threads     receive, stamp, forward, cut into frames; hand them to recorder and queue
     recorder thread  writes
-    compute thread   frames -> state -> samples -> analysis -> alarms -> subscribers
-Subscribers are called on the compute thread with every Update (new rows of one vehicle) and every
-alarm event; they must be quick. What does not fit into a queue is dropped and counted, never
-waited for: by the compute thread the oldest, so that screens show the newest that it can.
+    compute thread   frames -> state -> samples -> analysis -> alarms -> outputs
+Outputs (live/output.py) get every Update (new rows of one vehicle) and every alarm event on the
+compute thread. What does not fit into a queue is dropped and counted, never waited for: by the
+compute thread the oldest, so that screens show the newest that it can.
 
 When the compute thread is late, `MonitorStatus.behind_s` says by how much. Rows of a vehicle are
 analysed in order all the same, all that wait in one go, and alarms come in that order with the time
@@ -14,25 +14,28 @@ at which their report came. Silence is checked by what came, and between any two
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
+from thrustmargin.gcs_plugin.link.sender import Sender, Sign
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Presence
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.recording.recorder import (
-    EventRecord,
     Recorder,
     RecorderStatus,
-    sample_batch,
-    tabulates,
+    RecordingOutput,
 )
 from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings, in_background
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
@@ -40,6 +43,7 @@ from thrustmargin.gcs_plugin.wording.live_words import (
     NOT_BEHIND,
     behind_words,
     not_read_again,
+    output_failed,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -54,11 +58,12 @@ LATE = 0.25  # s of a round after which frames that have come meanwhile are take
 BEHIND = 2.0  # s by which the newest figures may be late before that is shown
 ROUND = 1.0  # s beyond the planned wait for a round, the same
 CAUGHT_UP = 20.0  # s of keeping up after which a computer is no longer behind
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonitorSettings:
-    """What to listen to and what to do with it."""
+    """The links to listen to, the recording, and how vehicles are watched."""
 
     urls: tuple[str, ...] = ("udpin:127.0.0.1:14550",)
     forwards: tuple[str, ...] = ()
@@ -69,7 +74,7 @@ class MonitorSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonitorStatus:
-    """How the monitor itself is doing."""
+    """The monitor's own state: counts of what came, losses, delay and recording."""
 
     frames: int
     bytes: int
@@ -83,10 +88,13 @@ class MonitorStatus:
     behind_s: float  # s since what waits to be analysed came; 0 when that is not worth a word
     cut_off: bool  # it ended before all that came was analysed
     recorder: RecorderStatus | None
+    failed: Mapping[str, Exception] = field(default_factory=dict)  # outputs closed for an error
 
 
 class Lateness:
-    """Whether this computer is behind, for who says so once: a short recovery does not end it."""
+    """Whether the analysis is behind, for a report of each change; a short recovery does not end
+    it.
+    """
 
     def __init__(self) -> None:
         self.late = False
@@ -116,16 +124,19 @@ class LiveMonitor:
         model: RotorModel,
         settings: MonitorSettings | str,
         *,
-        subscribers: Sequence[Subscriber] = (),
+        outputs: Sequence[Output] = (),
         accept: Callable[[bytes, int], bool] | None = None,
         refused_why: Callable[[], str] = str,
     ) -> None:
         if isinstance(settings, str):
             settings = MonitorSettings(urls=(settings,))
-        self.settings = settings
-        self.subscribers = list(subscribers)
-        #: Called on the link threads with every batch of frames; must be quick.
-        self.taps: list[Callable[[list[Frame]], None]] = []
+        self.settings, self.model = settings, model
+        #: All that get what is found, in this order; the recording is the first of them.
+        self.outputs = list(outputs)
+        #: Outputs that raised an exception and were closed, by name.
+        self.failed: dict[str, Exception] = {}
+        self._closed = False
+        self._presence = Presence()
         self._queue: BoundedQueue[Frame] = BoundedQueue(QUEUE, keep_newest=True)
         self.recorder: Recorder | None = None
         self._refused_why = refused_why
@@ -156,7 +167,8 @@ class LiveMonitor:
             self.fleet = Fleet(model, watch, heard_us=self.listener.heard_us, later=later)
         else:  # all may have been read before any is analysed, and it waits
             self.fleet = Fleet(model, watch)
-        self._events = EventRecord(self.recorder, self.subscribers)
+        if self.recorder is not None:
+            self.outputs.insert(0, RecordingOutput(self.recorder, self._found_us))
         self._thread = threading.Thread(target=self._run, name="compute", daemon=True)
 
     def __enter__(self) -> Self:
@@ -167,14 +179,23 @@ class LiveMonitor:
         self.close()
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Start the outputs, then begin to listen.
+
+        Raises what an output raises at its start, with everything closed again.
+        """
+        try:
+            for output in self.outputs:
+                output.start()
+        except BaseException:
+            self.close()
+            raise
         self.listener.start()
         self._thread.start()
 
     def wait(self, seconds: float) -> dict[int, Update]:
-        """Listen for so long, at most to the end of a recording; system id -> newest rows.
+        """Listen for so many s, at most to the end of a recording; return system id -> newest rows.
 
-        Raises what ended a thread, if anything did.
+        Raises the error that ended a thread or an output.
         """
         until = time.monotonic() + seconds
         while not self.finished and time.monotonic() < until:
@@ -183,10 +204,11 @@ class LiveMonitor:
         return {n: w.last for n, w in self.fleet.vehicles.items() if w.last is not None}
 
     def close(self, patience: float | None = None) -> None:
-        """Stop listening, compute what has come, and finish the files.
+        """Stop listening, compute what has come, and close the outputs.
 
         With a `patience` no longer than so many s: what is not analysed by then is recorded alone.
         """
+        self._each(lambda output: output.on_links_closing())
         self.listener.close()
         self._queue.close()
         self._stop.set()
@@ -194,21 +216,55 @@ class LiveMonitor:
             self._thread.join(patience)
         self._cut_off = self._thread.is_alive()
         self._beside.shutdown(wait=False, cancel_futures=True)
-        self._events.write()
-        if self.recorder is not None:
-            self.recorder.close()
+        self._each(lambda output: output.close())
+        self._closed = True
 
     @property
     def finished(self) -> bool:
-        """True when nothing can come any more and all that came is computed, or on failure."""
+        """Whether all that can come was analysed, or a thread has failed."""
         failed = self.failure or self.listener.failure
         return failed is not None or (self.listener.finished and not self._thread.is_alive())
 
     def check(self) -> None:
-        """Raise what ended a thread, if anything did."""
-        failure = self.failure or self.listener.failure
+        """Raise the error that ended a thread or an output, if there is one."""
+        failure = self.failure or self.listener.failure or next(iter(self.failed.values()), None)
         if failure is not None:
             raise failure
+
+    def _each(self, call: Callable[[Output], None]) -> None:
+        """Call every output; close one that raises an exception, and go on with the others."""
+        for output in list(self.outputs):
+            try:
+                call(output)
+            except Exception as error:  # of any kind: a screen's defect must not end the alarms
+                self._drop(output, error)
+
+    def _drop(self, output: Output, error: Exception) -> None:
+        """Close an output that failed, and report it to the others."""
+        try:
+            self.outputs.remove(output)
+        except ValueError:
+            return  # another thread has met the same error
+        if self._closed:
+            return
+        words = output_failed(output.name, error)
+        self.failed.setdefault(output.name, error)
+        _log.error("%s", words, exc_info=error)
+        with suppress(Exception):  # its first error is the one that is reported
+            output.close()
+        self._happened(self.now_us(), None, "note", words)
+
+    def _happened(
+        self, at_us: int, vehicle: int | None, kind: str, text: str, **more: object
+    ) -> None:
+        self._each(lambda output: output.on_happening(at_us, vehicle, kind, text, more))
+
+    def _come_and_go(self, now_us: int) -> None:
+        """Report which vehicles appeared, left and returned, and what was noted of them."""
+        for one in self._presence.changes(self.fleet, now_us):
+            self._happened(one.at_us, one.vehicle, one.kind, one.text)
+            if one.kind == "note":
+                self._each(lambda o, one=one: o.on_note(one.vehicle, one.text, one.at_us * 1e-6))
 
     def status(self) -> MonitorStatus:
         links = self.listener.links
@@ -225,15 +281,20 @@ class LiveMonitor:
             behind_s=self._behind_s(),
             cut_off=self._cut_off,
             recorder=None if self.recorder is None else self.recorder.status(),
+            failed=dict(self.failed),
         )
 
     @property
     def live(self) -> bool:
-        """False when only recordings are read; their stamps are then the ground's clock."""
+        """Whether a link is not a recording; stamps of recordings are the ground's clock of
+        then.
+        """
         return any(link.transport.live for link in self.listener.links)
 
     def now_us(self) -> int:
-        """The ground's clock: live, the computer's; for recordings, that of the last frame."""
+        """Return the ground's clock, µs: the computer's, or for recordings that of the last
+        frame.
+        """
         return self.listener.now_us() if self.live else self._newest_us
 
     def _behind_s(self) -> float:
@@ -250,10 +311,7 @@ class LiveMonitor:
         # A recording waits until there is room; a radio does not.
         while not self.live and len(self._queue) > QUEUE // 2 and not self._stop.is_set():
             time.sleep(0.01)
-        if self.recorder is not None:
-            self.recorder.frames(frames)
-        for tap in self.taps:
-            tap(frames)
+        self._each(lambda output: output.on_frames(frames))
         self._queue.put(frames)
 
     def _run(self) -> None:
@@ -267,7 +325,6 @@ class LiveMonitor:
                     for update in self.fleet.finish():
                         self._publish(update)
                     self._round_over()
-                    self._events.write()
                     return
                 self.fleet.every_s = spacing(round_s, len(self.fleet.vehicles))
                 pause = self.fleet.every_s - round_s
@@ -285,7 +342,7 @@ class LiveMonitor:
                 if piece:
                     # Silence before these frames is over once they are taken.
                     self._tick(piece[0].stamp_us)
-                    self._events.come_and_go(self.fleet, piece[0].stamp_us)
+                    self._come_and_go(piece[0].stamp_us)
                     self._newest_us = max(self._newest_us, piece[-1].stamp_us)
                 self._analyse(piece)
                 self._tick(self.now_us())
@@ -293,14 +350,13 @@ class LiveMonitor:
 
     def _round_over(self) -> None:
         now_us = self.now_us()
-        self._events.come_and_go(self.fleet, now_us)
-        for subscriber in self.subscribers:
-            subscriber.on_round(self.fleet, now_us)
-        self._events.write(self._found_us())
+        self._come_and_go(now_us)
+        self._each(lambda output: output.on_round(self.fleet, now_us))
 
     def _found_us(self) -> int:
-        """Ground's clock up to which nothing more can be found: all that came is analysed, and the
-        links were checked."""
+        """Return the ground's clock, µs, up to which all that came is analysed and the links were
+        checked.
+        """
         until_us = self._ticked_us
         first = self._queue.first()
         waiting = [until_us] if first is None else [until_us, first.stamp_us - 1]
@@ -329,14 +385,14 @@ class LiveMonitor:
             self._publish(update)
 
     def _listen(self) -> None:
-        """Check the links by what came, as far as it is known what came."""
+        """Check the links up to the time until which all that came is known."""
         self._tick(min(self.now_us(), self.listener.looked_us()))
 
     def _note_behind(self) -> None:
         behind, now_us = self._behind_s(), self.now_us()
         if self._lateness.changes(behind, now_us * 1e-6):
             words = behind_words(behind) if behind else NOT_BEHIND
-            self._events.note(now_us, None, "note", words)
+            self._happened(now_us, None, "note", words)
 
     def _tick(self, now_us: int) -> None:
         self._ticked_us = now_us
@@ -346,46 +402,64 @@ class LiveMonitor:
     def _publish(self, update: Update) -> None:
         if self._cut_off:
             raise SystemExit  # of this thread alone
-        if self.recorder is not None and tabulates():
-            rows = sample_batch(update, slice(update.unsettled, None))
-            settled = update.settled - update.unsettled
-            self.recorder.samples(
-                update.vehicle,
-                update.boot,
-                rows.slice(0, settled),
-                rows.slice(settled),
-            )
         for event in update.events:
             self._event(update.vehicle, event)
-        for subscriber in self.subscribers:
-            subscriber.on_update(update)
+        self._each(lambda output: output.on_update(update))
 
     def _not_read_again(self, error: BaseException) -> None:
-        self._events.note(self.now_us(), None, "note", not_read_again(error))
+        self._happened(self.now_us(), None, "note", not_read_again(error))
 
     def acknowledge(self, vehicle: int, alarm: Alarm) -> None:
         """Record that the pilot knows of an alarm; callable from any thread."""
         more = {"alarm": alarm.name, "rotor": alarm.rotor}
-        self._events.note(self.now_us(), vehicle, "acknowledged", alarm.text, **more)
+        self._happened(self.now_us(), vehicle, "acknowledged", alarm.text, **more)
+
+    def say_of_plan(self, vehicle: int, text: str) -> None:
+        """Hand a sentence on how the plan is flown to every output; callable from any thread."""
+        self._each(lambda output: output.on_plan(vehicle, text))
 
     def _event(self, vehicle: int, event: AlarmEvent) -> None:
-        self._events.alarm(round(event.unix_s * 1e6), vehicle, event)
-        for subscriber in self.subscribers:
-            subscriber.on_event(vehicle, event)
+        self._each(lambda output: output.on_event(vehicle, event))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputContext:
+    """The monitor and the options of its command, from which outputs are made."""
+
+    monitor: LiveMonitor
+    #: Parameters of the command by name, as the user gave them; `plan` and `assumed` are read.
+    options: Mapping[str, Any]
+    sign: Sign | None  # signs a frame that is sent; None on links that are not signed
+    print_line: Callable[[str], None]  # to standard output
+    print_note: Callable[[str], None]  # to standard error
+
+    @property
+    def least_margin(self) -> float:
+        """Smallest thrust margin that may last, a share of 1."""
+        return 1.0 - float(self.options["max_utilisation"])
+
+    @cached_property
+    def sender(self) -> Sender:
+        """The one sender of all outputs: its frames have one count of sequence numbers."""
+        return Sender(self.monitor.listener, self.sign)
+
+
+#: A function that makes an output from the context and the value of the option that switches it on.
+OutputFactory = Callable[[OutputContext, Any], Output]
 
 
 def spacing(round_s: float, vehicles: int) -> float:
-    """s from the begin of a round that took `round_s` to the next, of so many vehicles.
+    """Return s from the begin of a round that took `round_s` to the next, for a number of vehicles.
 
-    Of several, 1/EACH a second are analysed at most, however fast this computer is: no alarm
-    needs more, and all that an aircraft costs goes with how often it is.
+    Of several vehicles at most 1/EACH a second are analysed, however fast the computer is: no alarm
+    needs more, and the cost of an aircraft grows with how often it is analysed.
     """
     longest = min(max(EACH * vehicles, LONGEST), RAREST)
     return min(max(round_s / DUTY, EACH * (vehicles - 1), SHORTEST), longest)
 
 
 def _pieces(frames: list[Frame]) -> list[list[Frame]]:
-    """Frames of a recording in pieces of at most 256, and apart where it pauses for a second."""
+    """Split frames of a recording into pieces of at most 256, and where it pauses for a second."""
     pieces: list[list[Frame]] = [[]]
     for frame in frames:
         last = pieces[-1]

@@ -17,7 +17,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from thrustmargin.gcs_plugin.link.sender import Sender
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import OUTPUTS
@@ -66,7 +68,7 @@ PUMP_FUNCTION = 22
 
 @dataclass(slots=True)
 class _Wish:
-    """How often one thing was asked for in vain, and when last."""
+    """The number of requests for one message without effect, and the time of the last."""
 
     times: int = 0
     last_s: float = 0.0
@@ -79,7 +81,7 @@ class _Wish:
 
 @dataclass(slots=True)
 class _Asked:
-    """What was asked of one start of a vehicle, and what has come since."""
+    """The requests sent since one start of a vehicle, and the messages that came since."""
 
     boot: int
     round_s: float  # of the last look whether anything is to be sent
@@ -91,7 +93,11 @@ class _Asked:
     counts: deque[tuple[float, Mapping[int, int]]] = field(default_factory=deque)
 
     def look(self, watch: VehicleMonitor) -> bool:
-        """Count what has come; False where nothing new has."""
+        """Store the message counts of `watch`; return False within LOOK s of the last ones.
+
+        Time is the stamp of the last message. After a silence of more than SILENT s the older
+        counts are dropped.
+        """
         at_s = watch.telemetry.stamp_us * 1e-6
         if self.counts and at_s - self.counts[-1][0] < LOOK:
             return False
@@ -103,8 +109,9 @@ class _Asked:
         return True
 
     def rate(self, number: int, window: float, since_s: float) -> float | None:
-        """Hz at which a message came over the last `window` s; None until so long after `since_s`
-        has been listened to."""
+        """Return the rate, Hz, of a message over the last `window` s; None until that long after
+        `since_s`.
+        """
         end_s, now = self.counts[-1]
         begin = next((c for c in reversed(self.counts) if end_s - c[0] >= window), None)
         if begin is None or begin[0] < since_s:
@@ -112,8 +119,10 @@ class _Asked:
         return (now.get(number, 0) - begin[1].get(number, 0)) / (end_s - begin[0])
 
 
-class RateRequester(Subscriber):
-    """A subscriber of the monitor that asks vehicles for what is missing."""
+class RateRequester(Output):
+    """An output that asks vehicles for the messages that do not come often enough."""
+
+    name = "--request-rates"
 
     def __init__(self, sender: Sender, rotor_count: int) -> None:
         self._sender = sender
@@ -123,7 +132,7 @@ class RateRequester(Subscriber):
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6
         for number, watch in fleet.vehicles.items():
-            if watch.state.autopilot < 0 or watch.silent(now_us) > SILENT:
+            if watch.state.autopilot < 0 or watch.link.silent(now_us) > SILENT:
                 continue
             asked = self._asked.get(number)
             if asked is None or asked.boot != watch.telemetry.clock.boot:
@@ -141,10 +150,10 @@ class RateRequester(Subscriber):
                 asked.round_s = now_s
 
     def _ask(self, watch: VehicleMonitor, asked: _Asked, now_s: float) -> None:
-        """Queue what has to be asked for now, and say what is not followed."""
+        """Queue the requests that are due, and note which earlier ones had no effect."""
         dialect, target = self._sender.dialect, watch.state.component or 1
         in_vain: dict[str, tuple[float, float]] = {}
-        for name, (number, rate) in wanted(watch.state.autopilot, self._rotors).items():
+        for name, (number, rate) in needed_messages(watch.state.autopilot, self._rotors).items():
             wish = asked.rates.setdefault(name, _Wish())
             heard = asked.rate(number, max(WINDOW, FEWEST / rate), wish.last_s)
             if wish.times and heard is not None and heard >= ENOUGH * rate:
@@ -159,7 +168,7 @@ class RateRequester(Subscriber):
                 )
                 asked.waiting.append(request)
         watch.not_followed = in_vain
-        names = wanted_parameters(watch) if watch.state.autopilot == ARDUPILOT else []
+        names = needed_parameters(watch) if watch.state.autopilot == ARDUPILOT else []
         if names and asked.parameters.due(now_s):
             asked.parameters.times, asked.parameters.last_s = asked.parameters.times + 1, now_s
             asked.waiting.extend(
@@ -168,18 +177,22 @@ class RateRequester(Subscriber):
             )
 
 
-def wanted(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
-    """Messages by name: id and Hz; rotor speeds, without which no margin is measured, first."""
+def needed_messages(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
+    """Return the needed messages by name, with id and Hz; rotor speeds, without which no margin is
+    measured, first.
+    """
     if autopilot != ARDUPILOT:
         return OF_OTHERS | COMMON
     more = OF_ARDUPILOT_MORE if rotor_count > 4 else {}
     return OF_ARDUPILOT_FIRST | more | COMMON | OF_ARDUPILOT
 
 
-def wanted_parameters(watch: VehicleMonitor) -> list[str]:
-    """Parameters that are not known yet; the pump's range once its output is.
+def needed_parameters(watch: VehicleMonitor) -> list[str]:
+    """Return the names of needed parameters that are not known; the pump's range once its output is
+    known.
 
-    None once the vehicle has sent all that it has: what is then not known does not exist.
+    The list is empty once the vehicle has sent all its parameters: one that is still unknown does
+    not exist.
     """
     if watch.state.parameters_whole:
         return []
@@ -189,3 +202,8 @@ def wanted_parameters(watch: VehicleMonitor) -> list[str]:
         if known.get(f"SERVO{n}_FUNCTION") == PUMP_FUNCTION:
             names += [f"SERVO{n}_MIN", f"SERVO{n}_MAX"]
     return [name for name in names if name not in known]
+
+
+def output(context: OutputContext, value: bool) -> RateRequester:  # noqa: ARG001
+    """Return the output of `--request-rates`."""
+    return RateRequester(context.sender, context.monitor.model.airframe.rotor_count)

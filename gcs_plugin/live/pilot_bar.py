@@ -18,7 +18,9 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from thrustmargin.gcs_plugin.live.announce import figures, what_to_do
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.small_server import SmallServer
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.alarm_words import ASKED
@@ -36,11 +38,13 @@ class _Shown:
     update: Update
 
 
-class PilotBar(Subscriber):
-    """Serves the bar from `start` to `stop`; `clock` gives the ground's time, µs.
+class PilotBar(Output):
+    """An output that serves the bar on a port; `clock` gives the ground's time, µs.
 
     Raises LinkError from `start` when the port is taken.
     """
+
+    name = "--bar"
 
     def __init__(self, clock: Callable[[], int], *, limit: float, port: int, host: str) -> None:
         self._clock, self._limit, self._address = clock, limit, (host, port)
@@ -57,7 +61,7 @@ class PilotBar(Subscriber):
 
     @property
     def port(self) -> int:
-        """Where it is served."""
+        """Port on which the bar is served."""
         assert self._server is not None
         return self._server.port
 
@@ -65,14 +69,14 @@ class PilotBar(Subscriber):
         """Open the port and answer, on threads of its own."""
         self._server = SmallServer(self.answer, "--bar", self._address, for_all=True)
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Close the port; harmless when called twice."""
         if self._server is not None:
             self._server.close()
             self._server = None
 
     def answer(self, path: str) -> tuple[str, bytes] | None:
-        """Media type and body of a path; None for one that is not there."""
+        """Return media type and body of a path; None for an unknown one."""
         if path == "/bar.json":
             return "application/json", json.dumps(self.content()).encode()
         if path in ("/", "/index.html"):
@@ -83,7 +87,7 @@ class PilotBar(Subscriber):
         return ("image/svg+xml", _file("icon.svg")) if path == "/icon.svg" else None
 
     def content(self) -> dict[str, Any]:
-        """The figures of each vehicle; margins are null once they are older than FRESH."""
+        """Return the figures of each vehicle; margins are None once they are older than FRESH s."""
         now_us, vehicles = self._clock(), []
         for number, shown in sorted(self._shown.items()):
             age_s = shown.update.age_s(now_us)
@@ -113,3 +117,9 @@ def _version() -> str:
         return version("thrustmargin")
     except PackageNotFoundError:
         return "not installed"
+
+
+def output(context: OutputContext, value: int) -> PilotBar:
+    """Return the output of `--bar PORT`."""
+    address = {"port": value, "host": context.options["host"]}
+    return PilotBar(context.monitor.now_us, limit=context.least_margin, **address)

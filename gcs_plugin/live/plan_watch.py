@@ -1,7 +1,7 @@
-"""A plan beside the flight as it is flown: a line at each stretch that is over.
+"""A plan compared with the flight while it is flown: a line for each stretch that is over.
 
-The forecast is that of before take-off, with what was assumed, as of `report --plan`. It is made
-by a thread of its own, for the compute thread has no second to spare.
+The forecast is the one of before take-off, with the same assumptions as in `report --plan`. It runs
+on a thread of its own, because the compute thread has no second to spare.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.plan_words import (
     NOT_BESIDE,
@@ -49,7 +51,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class _Flight:
-    """One vehicle since its take-off."""
+    """The rows of one vehicle since its take-off, and which stretches were reported."""
 
     rows: list[Floats] = field(default_factory=list)  # each (T, columns)
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -61,9 +63,14 @@ class _Flight:
     so_far: str = ""  # those words
 
 
-class PlanWatch(Subscriber):
-    """Says of each stretch of `plan` that is over how it was flown, and what was off so far: the
-    number of the vehicle and words."""
+class PlanWatch(Output):
+    """An output that compares each flown stretch of `plan` with its forecast.
+
+    `say` gets the number of the vehicle and a sentence: how the stretch was flown, or which
+    assumption of the forecast was off so far.
+    """
+
+    name = "--plan"
 
     def __init__(
         self,
@@ -107,7 +114,9 @@ class PlanWatch(Subscriber):
         self._new.set()
 
     def close(self) -> None:
-        """Speak of what is over, and end; the flights are taken as ended."""
+        """Report the stretches that are over, with every flight taken as ended, and end the
+        thread.
+        """
         with self._lock:
             for flight in self._flights.values():
                 flight.ended = True
@@ -176,7 +185,7 @@ class PlanWatch(Subscriber):
 
 
 def _rows(update: Update, home: tuple[float, float, float]) -> Floats:
-    """(T, columns) of the new rows in flight."""
+    """Return (T, columns) of the new rows in flight."""
     analysis, track = update.analysis, update.analysis.track
     new = np.flatnonzero(track.flying[update.first :]) + update.first
     known_air = track.reports("pressure") or track.reports("altitude")
@@ -192,3 +201,9 @@ def _rows(update: Update, home: tuple[float, float, float]) -> Floats:
             np.where(bool(analysis.withheld), np.nan, analysis.known_utilisation[new]),
         ]
     )
+
+
+def output(context: OutputContext, value: MissionPlan) -> PlanWatch:
+    """Return the output of `--plan`; its sentences go to every output of the monitor."""
+    monitor = context.monitor
+    return PlanWatch(value, monitor.model, monitor.say_of_plan, context.options["assumed"])

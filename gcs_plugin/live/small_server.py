@@ -1,8 +1,8 @@
-"""A small HTTP server beside the monitor: few requests at once, each with its time, nothing taken.
+"""A small HTTP server beside the monitor, with few requests at once and a time limit for each.
 
-The threads and files are those that the monitor needs, so whoever reaches the port must not be able
-to take them all. Nor may one peer keep others out: where all places are taken, the next request
-gets that of the oldest one of the peer that has the most.
+Threads and files are those that the monitor needs, so a client must not be able to take them all,
+nor to keep others out: where all places are taken, the next request replaces the oldest one of the
+client with the most.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ OWN_NAMES = ("127.0.0.1", "localhost")
 
 
 class SmallServer:
-    """Answers GET on a port until `close`; `port` 0 takes any free one.
+    """A server that answers GET on a port until `close`; `port` 0 takes any free one.
 
-    `answer` makes media type and body of a path, None for one that is not there. What is not
-    `for_all` goes to who names this computer alone: any web page could read it through a name that
-    it points here. Raises LinkError, with the `option` that chose it, when the port cannot be
+    `answer` returns media type and body of a path, None for an unknown one. Without `for_all` only
+    requests that name this computer are answered, because any web page could point a name of its
+    own at it. Raises LinkError, with the `option` that chose the port, when the port cannot be
     opened.
     """
 
@@ -57,7 +57,7 @@ class SmallServer:
 
     @property
     def port(self) -> int:
-        """Where it is served."""
+        """Port on which it serves."""
         return self._server.server_port
 
     def close(self) -> None:
@@ -68,7 +68,9 @@ class SmallServer:
 
 
 class _Server(ThreadingHTTPServer):
-    """A thread a request, of which there are MOST at once: for another an old one is hung up on."""
+    """A server with one thread for each request and at most MOST at once: a further one replaces an
+    old one.
+    """
 
     daemon_threads = True
     request_queue_size = 2 * MOST
@@ -145,6 +147,6 @@ def _handler(
             self.wfile.write(found[1])
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Nothing: the terminal is the monitor's."""
+            """Log nothing: the terminal is the monitor's."""
 
     return Handler

@@ -16,7 +16,9 @@ from queue import Queue
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.link.listener import Listener
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import PlanError, ThrustMarginError, require
 
@@ -43,13 +45,14 @@ class _Asked:
     again_us: int = 0
 
 
-class MissionFetcher(Subscriber):
-    """A subscriber of the monitor that fetches missions; pass it every batch of frames, and close
-    it.
+class MissionFetcher(Output):
+    """An output that downloads the mission of every vehicle.
 
     The result of a transfer, or its error, becomes a note of the vehicle's watch, which the monitor
     records.
     """
+
+    name = "--fetch-mission"
 
     def __init__(
         self,
@@ -72,8 +75,8 @@ class MissionFetcher(Subscriber):
         self._thread = threading.Thread(target=self._run, name="mission", daemon=True)
         self._thread.start()
 
-    def feed(self, frames: Sequence[Frame]) -> None:
-        """Pass on frames as they arrive; return at once unless a mission is being fetched."""
+    def on_frames(self, frames: Sequence[Frame]) -> None:
+        """Frames as they arrive; returns at once unless a mission is being fetched."""
         if self._link is None:
             return
         data = b"".join(frame.data for frame in frames if frame.system == self._vehicle)
@@ -85,7 +88,7 @@ class MissionFetcher(Subscriber):
         """Request new missions, and hand over those that have arrived."""
         for number, watch in fleet.vehicles.items():
             asked = self._asked.setdefault(number, _Asked())
-            now = (watch.state.mission_changes, watch.telemetry.clock.boot, watch.back_us)
+            now = (watch.state.mission_changes, watch.telemetry.clock.boot, watch.link.back_us)
             if now != asked.seen:
                 # One that appears is asked at once.
                 asked.seen_us = now_us if asked.seen else now_us - round(SETTLED * 1e6)
@@ -114,6 +117,9 @@ class MissionFetcher(Subscriber):
                 asked.failures = 0
                 watch.use_plan(found)
                 watch.notes.append((now_us, f"mission of {len(found.items)} items fetched"))
+
+    def on_links_closing(self) -> None:
+        self.close()
 
     def close(self) -> None:
         """End a running transfer; repeated calls are allowed."""
@@ -151,3 +157,8 @@ class MissionFetcher(Subscriber):
             if self._closed:
                 link.cancel()
         return download_mission(link, link.vehicle(number, timeout=self._timeout))
+
+
+def output(context: OutputContext, value: bool) -> MissionFetcher:  # noqa: ARG001
+    """Return the output of `--fetch-mission`."""
+    return MissionFetcher(context.monitor.listener, sign=context.sign)

@@ -1,13 +1,16 @@
-"""The 3D view of aircraft that fly now: a subscriber of the monitor, drawn by a thread of its own.
+"""The 3D view of aircraft that fly now: an output of the monitor, drawn by a thread of its own.
 
-The compute thread only leaves its latest findings here; the drawing thread wakes at once, and what
-it cannot draw in time it leaves out. All aircraft are in one scene, placed from the first one's
-home; one that was switched off on the ground leaves. Numbers and alarms are the page's own part.
+The compute thread leaves its newest findings in `HeardVehicles` and sets `wake`; the drawing thread
+draws the newest state, and skips what it cannot draw in time. All aircraft are in one scene, placed
+from the first one's home; one that was switched off on the ground is removed. Numbers and alarms
+are the page's part (figures/screen.py).
 """
 
 from __future__ import annotations
 
+import threading
 import time
+from collections import defaultdict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -15,14 +18,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.console import rowless_lines, status_lines
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.view.figures.charts import LIVE_WINDOW_S, chart_images
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.view.figures.charts import LIVE_WINDOW_S, Speeds, chart_images
 from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice, PageState, field_state
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
-from thrustmargin.gcs_plugin.view.live_heard import Heard
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
+from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu, ground_height, plan_enu
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera, SprayedGround
@@ -34,11 +41,132 @@ if TYPE_CHECKING:
     import viser
 
 AIRCRAFT_EVERY, TRAIL_EVERY = 0.1, 0.5  # s; the first for up to two aircraft
+KEPT_S = 600.0  # s of rotor speeds that the charts can go back
+STALE_EVERY = 0.5  # s between two looks at which fields are no longer reported
+
+
+class LiveHistory:
+    """The rotor speeds of one aircraft over the last KEPT_S s.
+
+    The compute thread calls `add`, the drawing thread reads `speeds`.
+    """
+
+    def __init__(self) -> None:
+        self._parts: deque[Speeds] = deque()
+        self._boot = 0
+
+    def add(self, update: Update) -> None:
+        """Add the new rows; begin anew after a restart or with another number of rotors."""
+        rows = Speeds.of(update.analysis).rows(slice(update.first, None), update.clock_s)
+        copies: Any = map(np.copy, rows)  # a view would keep its whole window alive
+        now = Speeds(*copies)
+        if not now.time_s.size:
+            return
+        last = self._parts[-1] if self._parts else now
+        if update.boot != self._boot or last.measured.shape[1] != now.measured.shape[1]:
+            self._parts.clear()
+        self._boot = update.boot
+        self._parts.append(now)
+        while self._parts[0].time_s[-1] < now.time_s[-1] - KEPT_S:
+            self._parts.popleft()
+
+    @property
+    def speeds(self) -> Speeds | None:
+        """All rows that are kept; None before the first."""
+        parts = list(self._parts)
+        if not parts:
+            return None
+        rotors = parts[-1].measured.shape[1]
+        parts = [part for part in parts if part.measured.shape[1] == rotors]
+        return Speeds(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+class HeardVehicles:
+    """The newest state of each aircraft, left by the compute thread for the drawing thread.
+
+    Each `VehicleSummary` is replaced as a whole and never changed, so no lock is needed; rows for
+    the trails wait in a queue for each aircraft. `wake` is set when there is something new to draw;
+    `overlays` are those of the last rows. `clock` is the ground's, µs: ages go on by it while the
+    compute thread is busy; without it they are those of the last `round`.
+    """
+
+    def __init__(self, wake: threading.Event, clock: Callable[[], int] | None = None) -> None:
+        self.wake = wake
+        self._clock = clock
+        self._watches: dict[int, VehicleMonitor] = {}
+        self.overlays: tuple[Overlay, ...] = ()
+        #: For the trails, rows in flight: (N,) time s, (N, 3) position NED m, (N, K) of overlays,
+        #: (N,) pump on.
+        self.rows: dict[int, deque[tuple[Floats, Floats, Floats, Floats]]] = defaultdict(deque)
+        self.history: dict[int, LiveHistory] = defaultdict(LiveHistory)
+        #: In the order in which they were first heard.
+        self._summaries: dict[int, VehicleSummary] = {}
+        self._stale_s = 0.0
+
+    @property
+    def summaries(self) -> list[VehicleSummary]:
+        """All aircraft with rows, in the order in which they were first heard."""
+        known = list(self._summaries.values())
+        return known if self._clock is None else [self._aged(s, self._clock()) for s in known]
+
+    def _aged(self, one: VehicleSummary, now_us: int) -> VehicleSummary:
+        watch = self._watches.get(one.number)
+        if watch is None or one.update is None:
+            return one
+        return replace(one, age=one.update.age_s(now_us), silent=watch.link.silent(now_us))
+
+    def update(self, update: Update) -> None:
+        """Take the new rows of one aircraft."""
+        number, track = update.vehicle, update.analysis.track
+        overlays = overlays_of(update.analysis)
+        values = np.column_stack([overlay.values for overlay in overlays])
+        fresh = update.first + np.flatnonzero(track.flying[update.first :])
+        self.rows[number].append(
+            (update.clock_s[fresh], track.position_ned[fresh], values[fresh], track.spraying[fresh])
+        )
+        self.history[number].add(update)
+        self.overlays = overlays
+        before = self._summaries.get(number) or VehicleSummary(number=number)
+        self._put(
+            replace(
+                before,
+                row=ShownRow(update.analysis, -1),
+                update=update,
+                seconds_to_empty=update.outlook.seconds_to_empty,
+            )
+        )
+        self.wake.set()
+
+    def round(self, fleet: Fleet, now_us: int) -> None:
+        """Take ages, alarms and missions of all aircraft."""
+        look = time.monotonic() - self._stale_s >= STALE_EVERY
+        if look:
+            self._stale_s = time.monotonic()
+        for number, watch in fleet.vehicles.items():
+            before = self._summaries.get(number)
+            if before is None or before.update is None:
+                continue
+            self._watches[number] = watch
+            now = replace(
+                self._aged(before, now_us),
+                alarms=tuple(sorted(watch.alarms.listed.values(), key=lambda a: a.order)),
+                old_s=fleet.old_s,
+                problem=watch.problem,
+                gone=watch.has_left(now_us),
+                mission=watch.state.mission,
+                stale=watch.stale(now_us) if look else before.stale,
+            )
+            self._put(now)
+            if now.shown != before.shown:
+                self.wake.set()
+
+    def _put(self, one: VehicleSummary) -> None:
+        self._summaries = {**self._summaries, one.number: one}
 
 
 @dataclass(slots=True, eq=False)
 class Aircraft:
-    """What is drawn of one vehicle; for the drawing thread alone."""
+    """The drawing of one vehicle in the scene; used by the drawing thread alone."""
 
     number: int
     trail: Trail
@@ -53,13 +181,16 @@ class Aircraft:
     sprayed: SprayedGround = field(default_factory=SprayedGround)
 
 
-class LiveView(ViewPage, Subscriber):
-    """The view of every vehicle that a monitor hears; `start` opens it, `stop` ends it.
+class LiveView(ViewPage, Output):
+    """The output that draws every vehicle that a monitor hears on a page.
 
     `status` gives lines about link and recording, `clock` the ground's time, µs; `silent` makes no
     sound, `max_utilisation` is the limit that the advice before take-off keeps, `acknowledged`
-    hears of what the pilot acknowledged. Raises LinkError from `start` when the port is taken.
+    hears of what the pilot acknowledged. With `browser` not None, `start` prints where the page is,
+    and opens it in the browser if True. Raises LinkError from `start` when the port is taken.
     """
+
+    name = "page"
 
     def __init__(
         self,
@@ -73,6 +204,7 @@ class LiveView(ViewPage, Subscriber):
         silent: bool = False,
         max_utilisation: float = 0.5,
         acknowledged: Callable[[int, Alarm], None] | None = None,
+        browser: bool | None = None,
     ) -> None:
         self._screen = PageState(
             self._fleet,
@@ -90,8 +222,8 @@ class LiveView(ViewPage, Subscriber):
             "view", host=host, port=port, token=token, every=0.25, addition=self._screen
         )
         self._airframe = airframe
-        self._status, self._limit = status, max_utilisation
-        self._heard = Heard(self.wake, clock)
+        self._status, self._limit, self._browser = status, max_utilisation, browser
+        self._heard = HeardVehicles(self.wake, clock)
         self._origin: Origin | None = None
         self._shown = 0  # number of the overlay
         self._focus: int | None = None
@@ -99,20 +231,27 @@ class LiveView(ViewPage, Subscriber):
         self._fill: dict[int, FillAdvice] = {}
         self._trails_s = 0.0
 
+    def start(self) -> None:
+        super().start()
+        if self._browser is not None:
+            self.announce(browser=self._browser)
+
+    def close(self) -> None:
+        self.stop()
+
     def on_update(self, update: Update) -> None:
-        """New rows; called on the compute thread."""
+        """Take new rows; called on the compute thread."""
         self._heard.update(update)
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """An alarm was raised or cleared; called on the compute thread."""
+        """Take a change of an alarm; called on the compute thread."""
         self._screen.on_event(vehicle, event)
 
-    def on_plan(self, vehicle: int, words: str) -> None:
-        """A stretch of the plan is over, or what was off so far; from any thread."""
-        self._screen.note(vehicle, "plan", words)
+    def on_plan(self, vehicle: int, text: str) -> None:
+        self._screen.note(vehicle, "plan", text)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """Ages, alarms and missions; called on the compute thread."""
+        """Take ages, alarms and missions; called on the compute thread."""
         self._heard.round(fleet, now_us)
 
     def _build(self, server: viser.ViserServer) -> None:
@@ -149,7 +288,7 @@ class LiveView(ViewPage, Subscriber):
                     self._scene.show_wind(np.full(3, np.nan) if summary.old else wind_ned)
 
     def _fleet(self) -> list[VehicleSummary]:
-        """All that was heard, with what to fill while it stands on the ground."""
+        """Return the summaries, with the advice on how much to fill for those on the ground."""
         return [replace(one, fill=self._advice(one)) for one in self._heard.summaries]
 
     def _advice(self, one: VehicleSummary) -> str:
@@ -157,7 +296,9 @@ class LiveView(ViewPage, Subscriber):
         return "" if one.update is None else advice.text(one.update.analysis)
 
     def _live_state(self) -> dict[str, Any]:
-        """What the page shows besides the aircraft: the link, and what the scene is set to."""
+        """Return what the page shows besides the aircraft: the link, and the settings of the
+        scene.
+        """
         overlays = self._heard.overlays
         field = None
         if overlays:
@@ -166,7 +307,7 @@ class LiveView(ViewPage, Subscriber):
         return {"status": self._status(), "field": field, "follow": self._focus}
 
     def _drawn_charts(self, number: int, back_s: float) -> dict[str, Any]:
-        """The last minutes of one aircraft, ending `back_s` before its newest row."""
+        """Draw the last minutes of one aircraft, ending `back_s` before its newest row."""
         one = next((s for s in self._heard.summaries if s.number == number and not s.gone), None)
         history = self._heard.history.get(number)
         speeds = None if history is None else history.speeds
@@ -225,7 +366,9 @@ class LiveView(ViewPage, Subscriber):
             one.label.position = position + self._scene.above(str(one.number))
 
     def _offset_ned(self, one: Aircraft, update: Update) -> Floats:
-        """(3,) m from the scene's origin, which is that of the first aircraft, to its own."""
+        """Return (3,) m from the scene's origin, which is the first aircraft's, to the aircraft's
+        own.
+        """
         if one.offset_ned is None or one.boot != update.boot:
             origin = update.analysis.track.origin
             if self._origin is None:
@@ -281,3 +424,16 @@ class LiveView(ViewPage, Subscriber):
     def _follow(self, number: int) -> None:
         if number in self._aircraft:
             self._focus = number
+
+
+def output(context: OutputContext, value: bool) -> LiveView:  # noqa: ARG001
+    """Return the output of `--view`, the page."""
+    monitor = context.monitor
+    names = ("host", "port", "token", "browser", "silent", "max_utilisation")
+    return LiveView(
+        monitor.model.airframe,
+        **{name: context.options[name] for name in names},
+        status=lambda: [*status_lines(monitor.status(), page=True), *rowless_lines(monitor.fleet)],
+        clock=monitor.now_us,
+        acknowledged=monitor.acknowledge,
+    )

@@ -158,7 +158,7 @@ class ReplayView(ViewPage):
         self.ask(lambda: self._recolour(by_name[name]))
 
     def set_camera(self, camera: Camera) -> None:
-        """Look at the whole field or follow the aircraft."""
+        """Look at the whole field, or follow the aircraft."""
         self.ask(lambda: self._scene.set_camera(camera))
 
     def _build(self, server: viser.ViserServer) -> None:
@@ -180,7 +180,7 @@ class ReplayView(ViewPage):
             threading.Thread(target=self._search_later, name="replay-search", daemon=True).start()
 
     def _search_later(self) -> None:
-        """The alarms of a long flight, once a browser has its first picture."""
+        """Find the alarms of a long flight, once a browser has its first picture."""
         if self._opened.wait(NOBODY_S):
             self._stopping.wait(PICTURE_S)
         if self._stopping.is_set():
@@ -206,7 +206,9 @@ class ReplayView(ViewPage):
         self._scene.show_wind(row.track.wind_ned[row.row])
 
     def _acts(self) -> dict[str, Callable[[str], None]]:
-        """What the page may ask for, each with the text that comes with it."""
+        """Return the actions that the page may ask for, by name; each takes the text of the
+        request.
+        """
 
         def speed(text: str) -> None:
             if float(text) not in SPEEDS:
@@ -224,7 +226,7 @@ class ReplayView(ViewPage):
         }
 
     def _replay_state(self) -> dict[str, Any]:
-        """What the page shows of a replay besides the aircraft."""
+        """Return what the page shows of a replay besides the aircraft."""
         clock, worst = self.clock, self._worst_row()
         return {
             "verdict": "" if self.whole is None else self.whole.headline,
@@ -256,14 +258,16 @@ class ReplayView(ViewPage):
             self.seek(self._time_of(row))
 
     def _message_at(self, time_s: float) -> str:
-        """The last message of the vehicle at `time_s`, unless it is old."""
+        """Return the vehicle's last message at `time_s`, unless it is old."""
         last = int(np.searchsorted(self._message_times, time_s, side="right")) - 1
         if last < 0 or time_s - self._messages[last][0] > MESSAGE_S:
             return ""
         return self._messages[last][1]
 
     def _summary_at(self, time_s: float, row: ShownRow) -> VehicleSummary:
-        """The margin at `time_s`, and the alarms of rotors and motors as they were live."""
+        """Return the summary at `time_s`: margin, and alarms of rotors and motors as they were in
+        flight.
+        """
         at_s = self._start_s + time_s
         last = int(np.searchsorted(self._fault_times, at_s, side="right")) - 1
         stopped = [e.fault for e in self._stopped if e.holds(at_s)]
@@ -346,7 +350,7 @@ def run_replay(
 
 
 def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
-    """The view of a plan before it is flown: its forecast stands in for the flight."""
+    """Return the view of a plan before it is flown, with its forecast in place of the flight."""
     advised = made.advised
     return ReplayView(
         advised.analysis,

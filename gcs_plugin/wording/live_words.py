@@ -158,6 +158,7 @@ LEGEND = (
 )
 #: A line of status that begins so is made to stand out.
 NOT_RECORDING, BEHIND = "NOT RECORDING", "this computer is"
+STOPPED = "STOPPED BY AN ERROR"
 #: What was lost of a link, by the counter of its status.
 LOST: Mapping[str, str] = {
     "bad_checksum": "with a wrong checksum",
@@ -178,6 +179,12 @@ def not_read_again(error: BaseException) -> str:
     """That the whole of a flight that is over was not read, by an error of this program."""
     why = f"{type(error).__name__}: {error}"
     return f"the last flight cannot be read as a whole: its answer is that of the flight ({why})"
+
+
+def output_failed(name: str, error: BaseException) -> str:
+    """Return the line on an output of the monitor that an error of this program has ended."""
+    why = f"{type(error).__name__}: {error}"
+    return f"{STOPPED}: {name} ({why}); all else goes on; start the monitor again to have it back"
 
 
 def of_vehicle(number: int, words: str) -> str:

@@ -16,13 +16,13 @@ from tests.gcs_plugin.logs.made_flights import made_airframe, made_flight
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
 from thrustmargin.gcs_plugin.live.announce import figures
-from thrustmargin.gcs_plugin.live.collector import MonitorCollector
 from thrustmargin.gcs_plugin.live.console import Screen
-from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
+from thrustmargin.gcs_plugin.office.streams.collector import MonitorCollector
 from thrustmargin.gcs_plugin.view.live_view import LiveView
 from thrustmargin.models.model.advice import FlightLevel
 
@@ -35,7 +35,7 @@ MADE = {
 RECORDED = ("onset/worn_prop_onset.tlog", "campaign/v4_m16_q2.5.tlog")
 
 
-class Kept(Subscriber):
+class Kept(Output):
     """Every update, as it came."""
 
     def __init__(self) -> None:
@@ -80,8 +80,7 @@ def test_every_live_surface_ends_with_what_the_report_says(
     settings = MonitorSettings(
         urls=(str(path),), watch=WatchSettings(airframe_given=airframe is not None)
     )
-    view.start()
-    with LiveMonitor(model, settings, subscribers=[view, bar, kept]) as monitor:
+    with LiveMonitor(model, settings, outputs=[view, bar, kept]) as monitor:
         while not monitor.finished:
             monitor.wait(0.05)
         update = monitor.wait(0.0)[1]
@@ -108,7 +107,6 @@ def test_every_live_surface_ends_with_what_the_report_says(
         assert [alarm.rotor for alarm in bad] == rotors
         said = [alarm["words"] for alarm in report["alarms"]]
         assert [one.text for one in bad] == said
-    view.stop()
     assert update.answer is not None
     assert len(update.answer.brief) <= 50
     assert_rows_agree(kept.updates, tmp_path / "r.csv")

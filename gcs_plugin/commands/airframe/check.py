@@ -1,6 +1,5 @@
-"""`thrustmargin airframe list` and `show`: the airframes that ship, and every value of one.
-
-`thrustmargin airframe check`: what an airframe file claims, held against flights.
+"""`thrustmargin airframe list`, `show` and `check`: shipped airframes, values of one, comparison
+with flights.
 """
 
 from __future__ import annotations
@@ -17,8 +16,8 @@ from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.options import require_logs
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.models.errors import DataError
@@ -75,7 +74,7 @@ class AirframeShow:
 
 
 def print_airframe(console: Console, craft: Airframe) -> None:
-    """The aircraft in a sentence, its quantities and its rotors as tables."""
+    """Print the aircraft in a sentence, and its quantities and rotors as tables."""
     console.print(repr(craft), soft_wrap=True)
     table = grid(("quantity", "value", "unit", "known", "from"), left=(0, 2, 3, 4))
     for name, q in craft.quantities.items():
@@ -146,7 +145,7 @@ class AirframeCheck:
 
 
 def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Finding]:
-    """What flights say of each claim of an airframe file."""
+    """Compare each claim of an airframe file with flights; return the findings."""
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 
     found = [
@@ -164,7 +163,7 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
 
 
 def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
-    """The thrust coefficient against the weight in hover, and the trim of the rotors."""
+    """Compare the thrust coefficient with the weight in hover, and the trim of the rotors."""
     from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
     from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.gcs_plugin.wording.language import percent
@@ -204,7 +203,9 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
 
 
 def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
-    """The largest rotor speed against the highest measured and what outputs extrapolate to."""
+    """Compare the largest rotor speed with the highest measured one, and with the one extrapolated
+    from outputs.
+    """
     import numpy as np
 
     from thrustmargin.gcs_plugin.commands.airframe.fitted import figure, interval
@@ -238,7 +239,7 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
 
 
 def within_ends(claim: float, low: float, high: float) -> Severity:
-    """Whether a claim lies within an interval; unknown where any of the three is not known."""
+    """Return whether a claim lies within an interval; None where any of the three is unknown."""
     from thrustmargin.gcs_plugin.logs.findings import Severity
 
     if not (isfinite(claim) and isfinite(low) and isfinite(high)):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions, reading_keywords
 from thrustmargin.gcs_plugin.wording.language import UNKNOWN, known, percent
 from thrustmargin.models.errors import DataError
 
@@ -31,7 +31,7 @@ class Fitted:
 
 
 def bench_quantities(path: Path) -> Fitted:
-    """Thrust curve and ceiling of a bench table. Raises DataError when it is unfit."""
+    """Fit thrust curve and ceiling to a bench table. Raises DataError when it is unfit."""
     from thrustmargin.gcs_plugin.logs.bench_table import read_bench
     from thrustmargin.models.physics.airframe import Quantity
 
@@ -166,7 +166,9 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
 
 
 def _use_words(craft: Airframe, fit: HoverFit, top: Estimate) -> str:
-    """What an extrapolated ceiling leaves open, and the flight that settles it."""
+    """Return the sentence on the uncertainty of an extrapolated ceiling, and the flight that would
+    reduce it.
+    """
     from thrustmargin.models.physics.atmosphere import G0
 
     mass = craft.empty_mass + craft.tank_capacity_kg
@@ -180,7 +182,9 @@ def _use_words(craft: Airframe, fit: HoverFit, top: Estimate) -> str:
 
 
 def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
-    """Says where the file's full thrust is not the one that the maker prints, and which is used."""
+    """Return a note where the file's full thrust differs from the maker's, and which of them is
+    used.
+    """
     used = craft.thrust_coefficient * craft.max_rotor_speed_rpm**2
     if abs(used / craft.nameplate_max_thrust - 1.0) <= SAME_THRUST:
         return ()
@@ -192,7 +196,7 @@ def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
 
 
 def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
-    """What a hover says of trim, each part with its interval."""
+    """Return what a hover shows of trim, each part with its interval."""
     trims = ", ".join(f"{n + 1}: {100 * t.value:.0f} %" for n, t in enumerate(fit.trim))
     place = ", ".join(
         f"{abs(e.value) * 1000:.0f} mm {forward if e.value >= 0 else back} "
@@ -221,19 +225,21 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
 
 
 def figure(x: float) -> str:
-    """Four digits that count, and all before the point; "unknown" for NaN."""
+    """Return a number with four significant digits, and all before the point; "unknown" for NaN."""
     if not known(x):
         return UNKNOWN
     return f"{x:.0f}" if x >= 1e3 else f"{x:.4g}"
 
 
 def interval(e: Estimate) -> str:
-    """`2.58e-06 (2.53e-06 to 2.63e-06)`; says so where the flights are too short for one."""
+    """Return text such as `2.58e-06 (2.53e-06 to 2.63e-06)`; a remark where flights are too short
+    for an interval.
+    """
     value, low, high = map(figure, (e.value, e.low, e.high))
     return f"{value} ({low} to {high})" if e.bounded else f"{value} ({NO_INTERVAL})"
 
 
 def interval_percent(e: Estimate) -> str:
-    """`12 % (9 to 15)` of a share, whatever its sign."""
+    """Return text such as `12 % (9 to 15)` for a share, without its sign."""
     low, high = sorted((abs(e.low), abs(e.high)))
     return f"{100 * abs(e.value):.0f} % ({100 * low:.0f} to {100 * high:.0f})"

@@ -22,17 +22,17 @@ from thrustmargin.gcs_plugin.commands.airframe.questions import (
     require_all,
     stated,
 )
-from thrustmargin.gcs_plugin.commands.shared.options import (
-    LONGEST_S,
-    Output,
-    check_outputs,
-    check_range,
-)
-from thrustmargin.gcs_plugin.commands.shared.reading import (
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
     AS_HEARD,
     Reading,
     ReadingOptions,
     reading_keywords,
+)
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    LONGEST_S,
+    OutputFile,
+    check_outputs,
+    check_range,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError, ThrustMarginError
@@ -96,7 +96,7 @@ class AirframeNew:
             source = str(here[0])
             console.print(f"{source}: the only log in this folder, taken", soft_wrap=True)
         check_outputs(
-            [Output("--out", self.out, (".toml",), keep=not self.force)],
+            [OutputFile("--out", self.out, (".toml",), keep=not self.force)],
             inputs=[source, *self.hover, self.bench],
         )
         found = VehicleParameters(parameters={}, not_named=tuple(path.name for path in here))
@@ -157,7 +157,7 @@ def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -
 
 
 def _guessed_cells(craft: Airframe) -> tuple[str, ...]:
-    """Say that the number of cells is guessed, by what, and how to state it."""
+    """Return the note that the number of cells is guessed, by what, and how to state it."""
     nominal = craft.quantities["nominal_voltage"]
     if not nominal.guessed:
         return ()
@@ -235,9 +235,9 @@ def new_airframe(
 
 
 def print_answer(console: Console, log: Path, file: Path, reading: ReadingOptions) -> None:
-    """Print the report's verdict of a log by an airframe file, and how to have it as a page.
+    """Print the report's verdict of a log by an airframe file, and how to get its page.
 
-    A log that the report refuses is no fault of the file: the reason is printed.
+    An error of the report is printed: it is no fault of the file.
     """
     from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights

@@ -1,10 +1,8 @@
-"""Where `airframe new` reads what a vehicle says of itself: a log, a parameter file or a link.
+"""The inputs of `airframe new`: what the vehicle reports, what the owner states, and the questions
+left.
 
-What the owner of an aircraft states on the command line, and its quantities.
-
-What only the owner of an aircraft knows: which of it is missing, and the questions for it.
-
-What the vehicle or its log has answered is not asked for, and nothing is offered as an answer.
+The vehicle's report is a log, a parameter file or a link. A value that the vehicle or its log has
+reported is not asked for. No question suggests an answer.
 """
 
 from __future__ import annotations
@@ -29,7 +27,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleParameters:
-    """Parameters by name, what else a log says of the same, and their origin in words."""
+    """Parameters by name, other facts of the vehicle in a log, and a description of their
+    origin.
+    """
 
     parameters: Mapping[str, float]
     facts: VehicleFacts | None = None
@@ -43,7 +43,7 @@ class VehicleParameters:
 
     @property
     def leaves_open(self) -> str:
-        """How to begin a list of what is not in it."""
+        """Begin of the sentence on values that the vehicle's report lacks."""
         if not self.words and self.not_named:
             first, count = self.not_named[0], len(self.not_named)
             return f"{count} logs in this folder, none named (--from {first} says much of this)"
@@ -52,7 +52,7 @@ class VehicleParameters:
         return f"{self.words} does not say everything"
 
     def found_words(self, reported: ReportedAirframe) -> str:
-        """What was found of the aircraft, for people."""
+        """Return a sentence on what was found of the aircraft."""
         cells, program = reported.quantities.get("nominal_voltage"), self.words or "nothing"
         return "; ".join(
             (
@@ -67,7 +67,7 @@ class VehicleParameters:
 
 
 def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleParameters:
-    """The parameters in a log or parameter file, or of the vehicle on a link.
+    """Read the parameters in a log or parameter file, or of the vehicle on a link.
 
     Raises LogError or LinkError when there are none.
     """
@@ -130,7 +130,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnerStatement:
-    """What the owner of an aircraft says of it; None is left open."""
+    """The owner's statements on an aircraft; None is not stated."""
 
     name: str | None = None
     """Short name of the aircraft; without it the name of the file."""
@@ -224,7 +224,7 @@ TABLE = ".csv"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """What the owner states, and kg on board at the start of the flights; None is left open."""
+    """The owner's statement, and kg on board at the start of the flights; None is not stated."""
 
     owner: OwnerStatement
     load: float | None = None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
+from thrustmargin.gcs_plugin.commands.shared.options import OutputFile, check_outputs
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, transfer_bar
 from thrustmargin.models.errors import LinkError
 
@@ -123,7 +123,7 @@ def _fetch_log(order: FetchLog) -> None:
 
 def _check_output(order: FetchMission | FetchLog, path: Path | None) -> None:
     keep = isinstance(order, FetchLog) and not order.force
-    check_outputs([Output("--output", path, keep=keep)], inputs=[order.signing_key_file])
+    check_outputs([OutputFile("--output", path, keep=keep)], inputs=[order.signing_key_file])
 
 
 def _link(order: FetchFrom) -> AbstractContextManager[VehicleLink]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,15 +15,15 @@ from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording.flight_words import several_words, sortie_words
@@ -79,18 +80,19 @@ def inspect(
 
     console, errors = Terminal(quiet=json == STDOUT), Terminal(stderr=True)
     logs = require_logs(logs)
+    inputs = Inputs(logs=logs, airframe=airframe, reading=reading)
     outputs = (
-        Output("--json", json, endings=(".json",)),
-        Output("--anonymise", anonymise, endings=(".tlog",)),
+        OutputFile("--json", json, endings=(".json",)),
+        OutputFile("--anonymise", anonymise, endings=(".tlog",)),
     )
-    check_outputs(outputs, inputs=[*logs, airframe])
+    check_outputs(outputs, inputs=inputs.files)
     if anonymise is not None and len(logs) > 1:
         raise UsageError("--anonymise makes a copy of one log; name one")
     done, failed = [], 0
     for path in logs:
         try:
             with errors.status(escape(f"reading {path.name}")):
-                found = _inspect(path, airframe, reading, errors)
+                found = _inspect(replace(inputs, logs=(path,)), errors)
         except ThrustMarginError as error:
             # One bad log must not hide the others.
             if len(logs) == 1:
@@ -129,16 +131,16 @@ def inspect(
     return 1 if failed else 0
 
 
-def _inspect(
-    path: Path, airframe: str | None, reading: ReadingOptions, console: Console
-) -> list[Inspection]:
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights
+def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
+    """Inspect every sortie of the one log of `inputs`."""
+    from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.models.model.rotor_model import physics_model
 
-    chosen = with_recorded([path], Chosen(airframe=airframe, reading=reading), console)
-    craft = chosen_model(chosen.model, chosen.airframe).airframe
-    options = {"given": chosen.given, "reading": chosen.reading}
+    (path,) = inputs.logs
+    inputs = with_recorded(inputs, console)
+    craft = inputs.rotor_model().airframe
+    options = {"given": inputs.given, "reading": inputs.reading}
     read = read_flights(path, physics_model(craft), **options, any_vehicle=True)
     return [inspect_log(log, craft, claim) for log, claim in read]
 
@@ -176,7 +178,7 @@ def _print(console: Console, inspection: Inspection) -> None:
 
 
 def _channels(log: FlightLog, *, wide: bool) -> Table:
-    """The channels in numbers; with their sources where the terminal is wide enough."""
+    """Return the table of channels, with their sources where the terminal is wide enough."""
     headings = ("Hz", "gaps", "pause s", "min", "median", "max")
     words = ("channel", "from") if wide else ("channel",)
     heads = (*words, *headings, "unit")

@@ -6,6 +6,7 @@ import json
 import math
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,19 +14,21 @@ import tyro
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS, Chosen
+from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS
+from thrustmargin.gcs_plugin.commands.shared.extras import extras
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    Inputs,
+    Reading,
+    Share,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     LONGEST_S,
     UsageError,
     check_port,
     check_range,
     check_utilisation,
-)
-from thrustmargin.gcs_plugin.commands.shared.reading import (
-    AS_HEARD,
-    Reading,
-    Share,
-    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import LinkError, require
@@ -34,11 +37,21 @@ LOOK_FOR = 5.0  # s until the places where nothing was heard are listed
 PATIENCE = 3.0  # s that its end waits for what came and is not yet analysed
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.live.collector import MetricsServer
+    from collections.abc import Mapping
+
     from thrustmargin.gcs_plugin.live.console import EventPrinter
-    from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
-    from thrustmargin.gcs_plugin.view.live_view import LiveView
-    from thrustmargin.models.physics.airframe import Airframe
+    from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, OutputFactory
+
+#: Option of `monitor` -> the module whose `output` makes the output that it switches on, in the
+#: order in which they start. Extras have a table of their own in their `__init__`.
+OUTPUTS = {
+    "announce": "thrustmargin.gcs_plugin.live.announce",
+    "request_rates": "thrustmargin.gcs_plugin.live.message_rates",
+    "bar": "thrustmargin.gcs_plugin.live.pilot_bar",
+    "fetch_mission": "thrustmargin.gcs_plugin.vehicle.mission_fetcher",
+    "plan": "thrustmargin.gcs_plugin.live.plan_watch",
+    "view": "thrustmargin.gcs_plugin.view.live_view",
+}
 
 
 def monitor(
@@ -119,6 +132,7 @@ def monitor(
             losses; without it none.
         seconds: End by itself after so long.
     """
+    options = dict(locals())
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 
     check_port(port)
@@ -128,9 +142,13 @@ def monitor(
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
     beforehand = None if assumed is None else read_assumed(assumed, beside=plan)
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
-    from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
+    from thrustmargin.gcs_plugin.live.console import Bell, EventPrinter, PlanPrinter
+    from thrustmargin.gcs_plugin.live.live_monitor import (
+        LiveMonitor,
+        MonitorSettings,
+        OutputContext,
+    )
     from thrustmargin.gcs_plugin.live.recording.recorder import tabulates
     from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
@@ -141,9 +159,8 @@ def monitor(
     check_utilisation(max_utilisation)
     if announce_battery and not announce:
         raise UsageError("--announce-battery sends nothing without --announce; give both")
-    if metrics is not None:
-        require("monitor --metrics", "prometheus_client")
-    where = {"host": host, "port": port, "token": page_token(host, token_file)}
+    options |= {"token": page_token(host, token_file), "plan": planned, "assumed": beforehand}
+    makers = _makers(options)
     keywords = reading_keywords(reading)
     if url is None:
         url = _found_link(math.inf if seconds is None else seconds)
@@ -160,17 +177,17 @@ def monitor(
         guard = SigningFilter(key, clock=None) if recorded else SigningFilter(key)
         accept, why = guard.accept, lambda: guard.counts.reasons
         sign = Signer(key, after=lambda: guard.latest).sign
-    options = Chosen(
+    inputs = Inputs(
         model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading
     )
     settings = MonitorSettings(
         urls=(url,),
         forwards=tuple(forward),
         record=record,
-        beside={OPTIONS: (json.dumps(options.as_table(), indent=2) + "\n").encode()},
+        beside={OPTIONS: (json.dumps(inputs.as_table(), indent=2) + "\n").encode()},
         watch=WatchSettings(
             alarms=AlarmSettings(max_utilisation=max_utilisation),
-            airframe_given=options.given,
+            airframe_given=inputs.given,
             asked=frozenset(
                 option for option, on in ((RATES, request_rates), (FETCH, fetch_mission)) if on
             ),
@@ -178,35 +195,11 @@ def monitor(
             **keywords,
         ),
     )
-    chosen = chosen_model(model, airframe)
+    chosen = inputs.rotor_model()
     check_source(chosen.airframe.tank_source)
     if not tabulates():
         Terminal(stderr=True, soft_wrap=True).print(f"note: {NO_SAMPLES}", markup=False)
     live = LiveMonitor(chosen, settings, accept=accept, refused_why=why)
-    if announce or request_rates:
-        from thrustmargin.gcs_plugin.link.sender import Sender
-        from thrustmargin.gcs_plugin.live.announce import Announcer
-        from thrustmargin.gcs_plugin.live.message_rates import RateRequester
-
-        sender = Sender(live.listener, sign)
-        if announce:
-            least = 1.0 - max_utilisation
-            live.subscribers.append(Announcer(sender, limit=least, battery=announce_battery))
-        if request_rates:
-            live.subscribers.append(RateRequester(sender, chosen.airframe.rotor_count))
-    pilot_bar = None
-    if bar is not None:
-        from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
-
-        pilot_bar = PilotBar(live.now_us, limit=1.0 - max_utilisation, port=bar, host=host)
-        live.subscribers.append(pilot_bar)
-    fetcher = None
-    if fetch_mission:
-        from thrustmargin.gcs_plugin.vehicle.mission_fetcher import MissionFetcher
-
-        fetcher = MissionFetcher(live.listener, sign=sign)
-        live.subscribers.append(fetcher)
-        live.taps.append(fetcher.feed)
     unprinted: list[OSError] = []
     printer: EventPrinter | None = None
     events = Terminal(ends=True)  # the table on it wraps; lines are printed whole
@@ -218,57 +211,59 @@ def monitor(
         except OSError as error:
             unprinted.append(error)
 
-    watch = None
-    if planned is not None:
-        from thrustmargin.gcs_plugin.live.plan_watch import PlanWatch
-        from thrustmargin.gcs_plugin.wording.live_words import of_vehicle
-
-        def say(vehicle: int, words: str) -> None:
-            print_line(of_vehicle(vehicle, words))
-            if page is not None:
-                page.on_plan(vehicle, words)
-
-        watch = PlanWatch(planned, chosen, say, beforehand)
-        live.subscribers.append(watch)
-    if not sys.stdout.isatty():
-        from thrustmargin.gcs_plugin.live.console import EventPrinter
-
-        printer = EventPrinter(live, print_line)
-        live.subscribers.append(printer)
-    elif not view and not silent:
-        from thrustmargin.gcs_plugin.live.console import Bell
-
-        live.subscribers.append(Bell(Terminal().bell))
-    page = _page(live, chosen.airframe, silent, max_utilisation, **where) if view else None
-    served = None if metrics is None else _metrics(live, metrics)
+    context = OutputContext(
+        monitor=live,
+        options=options,
+        sign=sign,
+        print_line=print_line,
+        print_note=Terminal(stderr=True, soft_wrap=True).print,
+    )
+    started = False
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
-        if pilot_bar is not None:
-            pilot_bar.start()
+        live.outputs += [make(context, value) for make, value in makers]
+        if planned is not None:
+            live.outputs.append(PlanPrinter(print_line))
+        if not sys.stdout.isatty():
+            live.outputs.append(printer := EventPrinter(live, print_line))
+        elif not view and not silent:
+            live.outputs.append(Bell(Terminal().bell))
         live.start()
-        if page is not None:
-            page.announce(browser=browser)
-        _show(live, until, printer, events, page=page is not None)
+        started = True
+        _show(live, until, printer, events, page=view)
     finally:
-        if fetcher is not None:
-            fetcher.close()
-        if pilot_bar is not None:
-            pilot_bar.stop()
-        if served is not None:
-            served.close()
         live.close(PATIENCE)
-        if watch is not None:
-            watch.close()
-        if page is not None:
-            page.stop()
-        _summary(live)
+        if started:
+            _summary(live)
     live.check()
     if unprinted:
         raise unprinted[0]
 
 
+def _makers(options: Mapping[str, Any]) -> list[tuple[OutputFactory, Any]]:
+    """List the factories of the outputs that `options` switch on, each with its option's value.
+
+    Raises InstallError where an output's library is missing, UsageError where its extra is.
+    """
+    tables = [OUTPUTS, *(getattr(extra, "OUTPUTS", {}) for extra in extras())]
+    modules = {option: module for table in tables for option, module in table.items()}
+    if options["metrics"] is not None and "metrics" not in modules:
+        raise UsageError("--metrics needs gcs_plugin/office/streams, which is not installed")
+    found = []
+    for option, name in modules.items():
+        value = options[option]
+        if value is None or value is False:
+            continue
+        module = import_module(name)
+        if library := getattr(module, "LIBRARY", ""):
+            require(f"monitor --{option}", library)
+        found.append((module.output, value))
+    return found
+
+
 def _found_link(seconds: float) -> str:
-    """The usual endpoint on which a vehicle is heard; says what was tried while none is.
+    """Return the first usual endpoint on which a vehicle is heard; print which were tried
+    meanwhile.
 
     Raises LinkError after so many s.
     """
@@ -290,42 +285,6 @@ def _found_link(seconds: float) -> str:
     raise LinkError(tried_words(finder.tried))
 
 
-def _page(
-    live: LiveMonitor, airframe: Airframe, silent: bool, max_utilisation: float, **where: Any
-) -> LiveView:
-    from thrustmargin.gcs_plugin.live.console import rowless_lines, status_lines
-    from thrustmargin.gcs_plugin.view.live_view import LiveView
-
-    page = LiveView(
-        airframe,
-        **where,
-        status=lambda: [*status_lines(live.status(), page=True), *rowless_lines(live.fleet)],
-        clock=live.now_us,
-        silent=silent,
-        max_utilisation=max_utilisation,
-        acknowledged=live.acknowledge,
-    )
-    try:
-        page.start()
-    except BaseException:
-        live.close()
-        raise
-    live.subscribers.append(page)
-    return page
-
-
-def _metrics(live: LiveMonitor, port: int) -> MetricsServer:
-    from thrustmargin.gcs_plugin.live.collector import MetricsServer, MonitorCollector
-
-    try:
-        served = MetricsServer(MonitorCollector(live), port)
-    except BaseException:
-        live.close()
-        raise
-    Terminal(stderr=True, soft_wrap=True).print(f"metrics: {served.url}")
-    return served
-
-
 def _show(
     live: LiveMonitor,
     until: float,
@@ -334,7 +293,9 @@ def _show(
     *,
     page: bool,
 ) -> None:
-    """The table, above which `console` prints, or lines alone where there is no terminal."""
+    """Show the table, above which `console` prints, until the end; without a terminal print lines
+    alone.
+    """
     from thrustmargin.gcs_plugin.live.console import Screen
 
     if printer is not None:
@@ -350,7 +311,7 @@ def _show(
 
 
 def _summary(live: LiveMonitor) -> None:
-    """What has been heard and the answer of the flight; also when nobody watches the table."""
+    """Print what was heard and the answer of each flight, at the end of the watch."""
     from thrustmargin.gcs_plugin.live.console import answer_lines, status_lines
     from thrustmargin.gcs_plugin.wording.live_words import copies_words, of_vehicle
 
@@ -358,8 +319,8 @@ def _summary(live: LiveMonitor) -> None:
     for number, watch in live.fleet.vehicles.items():
         lines = [f"{watch.rows} samples, {watch.problem or watch.claim.described}"]
         lines += answer_lines(watch)
-        if watch.doubled:
-            lines.append(copies_words(watch.doubled))
+        if watch.link.doubled:
+            lines.append(copies_words(watch.link.doubled))
         for line in lines:
             out.print(of_vehicle(number, line), soft_wrap=True, markup=False)
     for line in status_lines(live.status()):

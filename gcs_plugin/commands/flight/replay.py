@@ -8,19 +8,21 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import LIMIT, Chosen, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    LIMIT,
+    Inputs,
+    Reading,
+    ReadingOptions,
+    reading_keywords,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     UsageError,
     check_port,
     check_range,
     check_speed,
     require_logs,
-)
-from thrustmargin.gcs_plugin.commands.shared.reading import (
-    AS_HEARD,
-    Reading,
-    ReadingOptions,
-    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
@@ -88,18 +90,16 @@ def replay(
         names = ", ".join(str(path.relative_to(log)) for path in logs[:MOST_NAMED])
         more = f" and {len(logs) - MOST_NAMED} more" if len(logs) > MOST_NAMED else ""
         raise UsageError(f"{log} holds {len(logs)} logs; name one of them: {names}{more}")
-    log = first
-    chosen = with_recorded(
-        [log],
-        Chosen(model=model, airframe=airframe, reading=reading),
+    inputs = with_recorded(
+        Inputs(logs=logs, model=model, airframe=airframe, reading=reading),
         Terminal(stderr=True, soft_wrap=True),
     )
-    rotor_model = chosen_model(chosen.model, chosen.airframe)
+    rotor_model = inputs.rotor_model()
     older = None if before is None else chosen_model(before, rotor_model.airframe.name)
     options = {"host": host, "port": port, "token": page_token(host, token_file)}
     options |= {"speed": speed, "paused": start_paused}
-    options |= {"given": chosen.given, "reading": chosen.reading, "limit": chosen.limit}
-    view = replay_view(log, rotor_model, older, sortie=sortie, **options)
+    options |= {"given": inputs.given, "reading": inputs.reading, "limit": inputs.limit}
+    view = replay_view(first, rotor_model, older, sortie=sortie, **options)
     run_replay(view, browser=browser)
 
 
@@ -114,10 +114,11 @@ def replay_view(
     limit: float = LIMIT,
     **options: Any,
 ) -> ReplayView:
-    """The view of a recorded flight; with a model `before` also its residual before and after.
+    """Return the view of a recorded flight; with a model `before` also its residual before and
+    after.
 
-    A model that was not `given` is taken only for a flight that is recognised as one of its
-    airframe. Of several sorties it is that of the number `sortie`, else the one of the worst
+    A model that was not `given` is used only for a flight that is recognised as one of its
+    airframe. Of several sorties the view shows number `sortie`, else the one with the worst
     verdict; the others are named on the terminal. `limit` is the largest share of a rotor's thrust
     that may be in use. `options` are those of ReplayView. Raises DataError when there is no sortie
     of that number.

@@ -10,15 +10,15 @@ import tyro
 from rich.console import Console
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, flights_of, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.analysed import flights_of, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     check_outputs,
     check_utilisation,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
@@ -84,29 +84,31 @@ def report(
     from thrustmargin.models.whole_file import whole_file
 
     console = Terminal(stderr=True, soft_wrap=True)
-    logs = require_logs(logs)
-    chosen = with_recorded(
-        logs,
-        Chosen(model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading),
-        console,
+    inputs = Inputs(
+        logs=require_logs(logs),
+        model=model,
+        airframe=airframe,
+        max_utilisation=max_utilisation,
+        reading=reading,
     )
-    check_utilisation(chosen.limit)
+    inputs = with_recorded(inputs, console)
+    check_utilisation(inputs.limit)
     if out is not None and pdf is None and out.suffix.lower() == ".pdf":
         out, pdf = None, out
     if out is None and json is None and pdf is None:
         out = Path("report.html")
     outputs = [
-        Output("--json", json, endings=(".json",)),
-        Output("--pdf", pdf, endings=(".pdf",)),
+        OutputFile("--json", json, endings=(".json",)),
+        OutputFile("--pdf", pdf, endings=(".pdf",)),
     ]
     if out is not None:
         outputs += [
-            Output("--out", out, endings=(".html", ".htm")),
-            Output("--out", out.with_suffix(".json")),
-            Output("--out", out.with_suffix(".csv")),
+            OutputFile("--out", out, endings=(".html", ".htm")),
+            OutputFile("--out", out.with_suffix(".json")),
+            OutputFile("--out", out.with_suffix(".csv")),
         ]
-    check_outputs(outputs, inputs=[*logs, chosen.model, chosen.airframe, plan, assumed])
-    flights, unread = flights_of(logs, chosen, console)
+    check_outputs(outputs, inputs=[*inputs.files, plan, assumed])
+    flights, unread = flights_of(inputs, console)
     shown = unread
     if anonymise:
         from thrustmargin.gcs_plugin.commands.shared.anonymous import anonymous
@@ -116,7 +118,7 @@ def report(
         shown = [UnusedLog(name="a log", reason="not read") for _ in unread]
     with console.status("writing the report"):
         made = build_report(
-            flights, max_utilisation=chosen.limit, unread=shown, plan=planned, assumed=beforehand
+            flights, max_utilisation=inputs.limit, unread=shown, plan=planned, assumed=beforehand
         )
         written = None
         try:

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from thrustmargin.gcs_plugin.commands.shared.inputs import Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     check_range,
     check_utilisation,
     check_voltage,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording.language import number, say
@@ -67,24 +67,25 @@ def fill(
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
+    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
 
-    if model is None and airframe is None:
+    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation)
+    if not inputs.given:
         raise UsageError("no aircraft given; name one with --airframe or --model")
-    check_utilisation(max_utilisation)
+    check_utilisation(inputs.limit)
     check_range("--air-temperature", air_temperature, -60.0, 60.0, "°C")
     check_range("--altitude", altitude, -430.0, 9000.0, "m")
     check_range("--speed", speed, 0.0, 60.0, "m/s")
     check_range("--wind", wind, 0.0, 60.0, "m/s")
     check_outputs(
         (
-            Output("--out", out, endings=(".html", ".htm")),
-            Output("--json", json, endings=(".json",)),
+            OutputFile("--out", out, endings=(".html", ".htm")),
+            OutputFile("--json", json, endings=(".json",)),
         ),
-        inputs=[model, airframe],
+        inputs=inputs.files,
     )
-    rotor_model = chosen_model(model, airframe)
+    rotor_model = inputs.rotor_model()
     nominal = rotor_model.airframe.nominal_voltage
     if voltage is not None:
         check_voltage(voltage, rotor_model.airframe)
@@ -97,7 +98,7 @@ def fill(
     table = made.fill_table(
         rotor_model,
         day,
-        limit=max_utilisation,
+        limit=inputs.limit,
         rotor_lost=rotor_lost,
         temperatures_c=TEMPERATURES_C,
         altitudes=ALTITUDES,

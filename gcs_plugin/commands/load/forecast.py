@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
+from thrustmargin.gcs_plugin.commands.shared.inputs import Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     check_port,
@@ -25,7 +26,6 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_voltage,
 )
 from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of
-from thrustmargin.gcs_plugin.commands.shared.reading import Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
@@ -138,24 +138,24 @@ def forecast(
         raise UsageError("--refuse is how the script of --lua behaves; give --lua FILE as well")
     outputs = [
         *(
-            Output(f"--{name}", path, endings=(f".{name}",))
+            OutputFile(f"--{name}", path, endings=(f".{name}",))
             for name, path in (("json", json), ("csv", csv), ("lua", lua))
         ),
-        *(Output("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
+        *(OutputFile("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
     ]
     check_outputs(outputs, inputs=[plan, model, airframe, parameters])
     if sorties is not None and not sorties.is_dir():
         raise DataError(f"no folder {sorties}; make it, or give another --sorties")
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
+    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.mission.forecast import plan_forecast
 
-    rotor_model = chosen_model(model, airframe)
+    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation)
+    rotor_model = inputs.rotor_model()
     craft = rotor_model.airframe
     liquid = craft.liquid_density
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
-    given = bool(model or airframe)
-    before = _before(plan, rotor_model, given=given)
+    before = _before(plan, rotor_model, given=inputs.given)
     if before.beyond_gauge_kg > 0.0:
         from thrustmargin.models.model.rotor_model import heavier_model
 
@@ -183,7 +183,7 @@ def forecast(
         ),
         parameters=known,
         pump=None if pump is None else pump_of(pump),
-        limit=max_utilisation,
+        limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
     )
@@ -193,7 +193,7 @@ def forecast(
         made = replace(made, assumed={**hidden, **made.assumed})
     if before.unlike:
         made = replace(made, assumed={"unlike": (craft.title, before.unlike[0]), **made.assumed})
-    elif before.unlike is None and not given:
+    elif before.unlike is None and not inputs.given:
         made = replace(made, assumed={"aircraft": (craft.title,), **made.assumed})
     console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     _show(made, console)
@@ -236,7 +236,7 @@ def forecast(
 
 
 def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:
-    """One .plan a sortie, none of which replaces the plan that was read."""
+    """Write one .plan for each sortie, none of which replaces the plan that was read."""
     from thrustmargin.mission.forecast.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
@@ -284,7 +284,7 @@ def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FlightBefore:
-    """Of the last flight in the log that a plan is in."""
+    """The results of the last flight in the log that a plan is in."""
 
     parameters: dict[str, float] = field(default_factory=dict)
     faults: FaultHistory | None = None
@@ -327,7 +327,9 @@ def _battery(
     resistance: float | None,
     craft: Airframe,
 ) -> FlightBattery:
-    """By the options, else by the parameters; refuses a voltage that such a battery never has."""
+    """Return the battery by the options, else by the parameters. Raises UsageError for an
+    impossible voltage.
+    """
     from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
 
     if voltage is not None:

@@ -1,1 +1,1 @@
-"""What several commands ask, read and print in the same way."""
+"""Parts that several commands share: their inputs, options, plans and printing."""

@@ -26,7 +26,9 @@ from thrustmargin.models.whole_file import regular, whole_file
 def anonymous(
     analysis: FlightAnalysis, log: FlightLog, name: str
 ) -> tuple[FlightAnalysis, FlightLog]:
-    """The same flight as `name`, without who and where; its figures stay as they are."""
+    """Return the flight under another `name`, without persons and places; its figures are
+    unchanged.
+    """
     track, model, domain = analysis.track, analysis.model, analysis.model.training_domain
     placed = np.all(np.isfinite(track.position_ned), axis=1)
     start = track.position_ned[np.argmax(placed)] if placed.any() else np.zeros(3)
@@ -66,7 +68,7 @@ def anonymous(
 
 
 def without_name(text: str, name: str) -> str:
-    """A text in which the log is not named."""
+    """Return a text without the log's name."""
     return text.replace(name, "the log").replace(Path(name).stem, "the log")
 
 

@@ -1,45 +1,155 @@
-"""What a command works on: the rotor speed model asked for, and the logs given."""
+"""The inputs of a command that reads flights: logs, model, airframe, how logs are read, limit.
+
+A command makes one `Inputs` of its parameters and hands that on. Here are also the options by which
+a log or a link is read (`ReadingOptions`) and the functions that read logs by them.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
+import tyro
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import track
+from tyro.constructors import PrimitiveConstructorSpec
 
-from thrustmargin.gcs_plugin.commands.shared.reading import (
-    AS_HEARD,
-    ReadingOptions,
-    reading_keywords,
-)
-from thrustmargin.gcs_plugin.wording.flight_words import several_words
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_range
 from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
-from thrustmargin.models.model.model_file import load_model, shipped_model
-from thrustmargin.models.model.rotor_model import RotorModel, physics_model
-from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.airframe_claim import AirframeClaim
+    from thrustmargin.models.model.rotor_model import RotorModel
+    from thrustmargin.models.physics.airframe import Airframe
+
+
+#: °C. No multirotor flies outside these.
+COLDEST_C, HOTTEST_C = -60.0, 60.0
+MOST_KG = 10_000.0  # no multirotor lifts more
+
+#: A limit, which help shows in percent as pages do; `as_read` has made a share of what is typed.
+Share = Annotated[
+    float,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="PERCENT",
+        instance_from_str=lambda words: float(words[0]),
+        is_instance=lambda value: isinstance(value, float),
+        str_from_instance=lambda value: [f"{100.0 * value:g}%"],
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadingOptions:
+    """What the user says of the flight: which aircraft, what was on board, and the air of the day.
+
+    Example: --load 8 --load-end 2 --air-temperature 18
+    """
+
+    vehicle: int | None = None
+    """System id of the aircraft, when there are several."""
+    tank: str = "auto"
+    """Where the tank level comes from: auto, none, pump, "NAMED_VALUE_FLOAT NAME",
+    "FUEL_STATUS ID" or "BATTERY_STATUS ID"; auto is what the airframe file names (tank_source),
+    else the best that is heard."""
+    tank_start_kg: Annotated[float | None, tyro.conf.arg(metavar="KG")] = None
+    """kg in the tank at the start, for a tank without a gauge whose pump output is reported."""
+    load: Annotated[float | None, tyro.conf.arg(metavar="KG")] = None
+    """kg of liquid or payload on board at the start, taken instead of any gauge; falls with the
+    pump's output where that is reported, else stays."""
+    load_end: Annotated[float | None, tyro.conf.arg(metavar="KG")] = None
+    """kg on board at the end, to which --load falls."""
+    air_temperature_c: Annotated[
+        float | None, tyro.conf.arg(name="air-temperature", metavar="C")
+    ] = None
+    """Outside air temperature of the day in °C; without it the autopilot's own reading less what
+    its board is warmer, else the standard atmosphere."""
+
+    @property
+    def states_load(self) -> bool:
+        """Whether the user states the load at the start."""
+        return self.load is not None or self.tank_start_kg is not None
+
+
+#: Nothing is stated of the flight: all is as it is heard.
+AS_HEARD = ReadingOptions()
+#: As a parameter of a command: its options appear among the command's own.
+Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
+
+
+def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
+    """Return the options as `read_log` and `WatchSettings` take them, checked.
+
+    Raises UsageError when one of them is impossible or two exclude each other.
+    """
+    # Imported here: the MAVProxy module loads this file at once and must stay light.
+    from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
+
+    given = {
+        "--tank-start-kg": reading.tank_start_kg,
+        "--load": reading.load,
+        "--load-end": reading.load_end,
+    }
+    for option, mass in given.items():
+        if mass is not None and not 0.0 <= mass <= MOST_KG:
+            raise UsageError(
+                f"{option} {mass:g} is no mass on board; give kg, 0 or more, at most {MOST_KG:g}"
+            )
+    check_range("--vehicle", reading.vehicle, 1, 255)
+    try:
+        check_source(reading.tank)
+    except LogError as error:
+        raise UsageError(f"--tank: {error}") from error
+    load, end, celsius = reading.load, reading.load_end, reading.air_temperature_c
+    if load is not None:
+        other = reading.tank_start_kg is not None or reading.tank.strip().lower() != "auto"
+        if other:
+            raise UsageError(
+                "--load states what is on board, whatever --tank or --tank-start-kg would find; "
+                "give one of them"
+            )
+    if end is not None and (load is None or end > load):
+        start = "no --load" if load is None else f"--load {load:g}"
+        raise UsageError(f"--load-end {end:g} with {start}; give a --load of {end:g} or more")
+    if celsius is not None and not COLDEST_C <= celsius <= HOTTEST_C:
+        raise UsageError(
+            f"--air-temperature {celsius:g} is outside {COLDEST_C:g} to {HOTTEST_C:g} °C; "
+            "give the outside air of the day in °C"
+        )
+    return {
+        "vehicle": reading.vehicle,
+        "tank": reading.tank,
+        "tank_start_kg": reading.tank_start_kg,
+        "load": load,
+        "load_end": end,
+        "air_temperature": None if celsius is None else celsius + 273.15,
+    }
 
 
 #: Airframe of the shipped model: taken where none is given, for a flight recognised as one of it.
 SHIPPED_AIRFRAME = "topxgun-f16-sitl"
+LIMIT = 0.5  # share of a rotor's maximum thrust, where nobody names another
 NAMED = 3  # logs that an error names beside the first: a line, whatever their number
 
 
 def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
-    """The model file, else the shipped model, else weight and thrust curve of another airframe.
+    """Load the model file; without one, return the shipped model, or for another airframe its
+    weight and thrust curve.
 
     Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
     """
+    # Imported here, as in the functions below: a command's help must be there at once.
+    from thrustmargin.models.model.model_file import shipped_model
+    from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.physics.airframe import load_airframe
+
     if model is not None:
         return _model_of(model, airframe)
     shipped = shipped_model()
@@ -50,18 +160,28 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
 
 
 def _same_numbers(one: Airframe, other: Airframe) -> bool:
-    """Whether two files are of one aircraft: a user's own may have kept the name of another."""
+    """Return whether two airframes are equal in name, quantities and rotor positions.
+
+    The name alone is not enough: a user's own file may have kept the name of another.
+    """
+    import numpy as np
+
     values = [{n: q.value for n, q in craft.quantities.items()} for craft in (one, other)]
     placed = np.array_equal(one.rotor_position_frd, other.rotor_position_frd)
     return one.name == other.name and values[0] == values[1] and placed
 
 
 def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel, str]:
-    """The model that a search starts from, and its name for the result.
+    """Return the model that a search starts from, and its name for the result.
 
-    Unlike `chosen_model`, an airframe alone always means its weight and thrust curve, so that the
-    search can begin without what a network has learnt. Raises as `chosen_model`.
+    It is the shipped model if neither is given. Unlike in `chosen_model`, an airframe alone always
+    means its weight and thrust curve, so that the search can begin without what a network has
+    learnt. Raises as `chosen_model`.
     """
+    from thrustmargin.models.model.model_file import shipped_model
+    from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.physics.airframe import load_airframe
+
     if model is not None:
         return _model_of(model, airframe), str(model)
     if airframe is None:
@@ -70,6 +190,9 @@ def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel
 
 
 def _model_of(file: Path, airframe: str | None) -> RotorModel:
+    from thrustmargin.models.model.model_file import load_model
+    from thrustmargin.models.physics.airframe import load_airframe
+
     chosen = load_model(file)
     wanted = chosen.airframe.name if airframe is None else load_airframe(airframe).name
     if wanted != chosen.airframe.name:
@@ -80,8 +203,11 @@ def _model_of(file: Path, airframe: str | None) -> RotorModel:
 
 
 def listed(unused: Sequence[UnusedLog]) -> str:
-    """The logs that cannot be used, with the reasons, as one sentence: reasons that differ in
-    numbers and in the log's own name only are listed once, with NAMED of their logs."""
+    """Return one sentence that lists the unusable logs with their reasons.
+
+    Reasons that differ only in numbers and in the log's name are listed once, with NAMED of their
+    logs.
+    """
     alike: dict[str, list[UnusedLog]] = {}
     for log in unused:
         reason = log.reason.replace(log.name, "").replace(Path(log.name).stem, "")
@@ -99,29 +225,86 @@ def _of_one_reason(logs: Sequence[UnusedLog]) -> str:
     return f"{message} (likewise {names}{more})"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inputs:
+    """Logs and options that a command works with, as the user gave them."""
+
+    logs: tuple[Path, ...] = ()
+    model: Path | None = None
+    airframe: str | None = None  # name of a shipped airframe, or an airframe file
+    max_utilisation: float | None = None
+    reading: ReadingOptions = AS_HEARD
+
+    @property
+    def given(self) -> bool:
+        """Whether the user named the aircraft, by a model or an airframe."""
+        return self.model is not None or self.airframe is not None
+
+    @property
+    def limit(self) -> float:
+        """Largest share of a rotor's maximum thrust that may be in use."""
+        return LIMIT if self.max_utilisation is None else self.max_utilisation
+
+    @property
+    def files(self) -> list[Path | str | None]:
+        """The files that are read, for `check_outputs`: logs, model and airframe."""
+        return [*self.logs, self.model, self.airframe]
+
+    def rotor_model(self) -> RotorModel:
+        """Load the model; see `chosen_model`."""
+        return chosen_model(self.model, self.airframe)
+
+    @property
+    def words(self) -> str:
+        """The options as they would be typed."""
+        named = {
+            "--model": self.model,
+            "--airframe": self.airframe,
+            "--max-utilisation": self.max_utilisation,
+            "--vehicle": self.reading.vehicle,
+            "--tank": self.reading.tank if self.reading.tank != AS_HEARD.tank else None,
+            "--tank-start-kg": self.reading.tank_start_kg,
+            "--load": self.reading.load,
+            "--load-end": self.reading.load_end,
+            "--air-temperature": self.reading.air_temperature_c,
+        }
+        return " ".join(f"{name} {value}" for name, value in named.items() if value is not None)
+
+    def as_table(self) -> dict[str, Any]:
+        """Return the options for the options.json of a recording; files with their whole path."""
+        airframe = self.airframe
+        if airframe is not None and airframe.endswith(".toml"):
+            airframe = str(Path(airframe).resolve())
+        return {
+            "model": None if self.model is None else str(self.model.resolve()),
+            "airframe": airframe,
+            "max_utilisation": self.max_utilisation,
+            "reading": asdict(self.reading),
+        }
+
+
 def read_logs(
-    logs: Sequence[Path],
+    inputs: Inputs,
     unused: list[UnusedLog],
     console: Console,
     *,
     model: RotorModel,
-    given: bool,
-    reading: ReadingOptions = AS_HEARD,
     skipped: type[ThrustMarginError] = LogError,
 ) -> Iterator[tuple[FlightLog, AirframeClaim]]:
-    """Each sortie of the logs that can be read, in order, as `read_flights`.
+    """Yield each sortie of the logs that can be read, in order, as `read_flights`.
 
-    There is a bar on the `console` meanwhile, and a line on every log that is not one sortie alone.
-    A log that cannot be read for an error of the kind `skipped` is added to `unused`.
+    Meanwhile the `console` shows a progress bar, and a line for every log that is not exactly one
+    sortie. A log that cannot be read for an error of the kind `skipped` is added to `unused`.
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
+    logs, reading = inputs.logs, inputs.reading
     reading_keywords(reading)  # what is wrong on the command line is wrong in no log
     described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
     quiet = not console.is_terminal
     for path in track(logs, described, console=console, transient=True, disable=quiet):
         try:
-            flights = read_flights(path, model, given=given, reading=reading)
+            flights = read_flights(path, model, given=inputs.given, reading=reading)
         except skipped as error:
             unused.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
             continue
@@ -131,14 +314,17 @@ def read_logs(
 
 
 def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
-    """Remarks on the log of a sortie that holds others, stretches that are none, or columns that
-    are left out."""
+    """Return remarks on a sortie's log: further sorties, stretches without a flight, ignored
+    columns.
+    """
+    from thrustmargin.gcs_plugin.wording.flight_words import several_words
+
     several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
     return (*several, *log.unflown, *log.other_units)
 
 
 def unnamed(error: Exception, path: Path) -> str:
-    """What went wrong, without the name that stands before it already."""
+    """Return the text of an error without the log's name, which the caller prints before it."""
     words = str(error)
     for named in (f"{path}: ", f"{path.name}: ", f"{path} ", f"{path.name} "):
         words = words.removeprefix(named)
@@ -148,10 +334,10 @@ def unnamed(error: Exception, path: Path) -> str:
 def claimed(
     read: Iterable[tuple[FlightLog, AirframeClaim]], unused: list[UnusedLog], console: Console
 ) -> Iterator[FlightLog]:
-    """The logs of flights of the airframe; the others are added to `unused` with the reason.
+    """Yield the logs that are flights of the airframe; add the others to `unused` with the reason.
 
-    What comes after a loss of control is no flight to learn from: left out, with a remark. Nor are
-    speeds that outputs made while telemetry was lost.
+    Rows after a loss of control are dropped with a remark, and so are speeds that motor outputs
+    gave while telemetry was lost: neither is a flight to learn from.
     """
     from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -181,10 +367,10 @@ def read_flights(
     reading: ReadingOptions = AS_HEARD,
     any_vehicle: bool = False,
 ) -> list[tuple[FlightLog, AirframeClaim]]:
-    """Every sortie of a log with what can be inferred of it, and the ground on which it is one of
-    the model's airframe, which the user gave or not.
+    """Read every sortie of a log, each with the decision whether it is of the model's airframe.
 
-    Where there is none, it is read without an airframe. Raises as `read_sorties`.
+    `given`: the user named the airframe. A sortie that is not of the airframe is read without one.
+    Raises as `read_sorties`.
     """
     from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
 

@@ -1,4 +1,4 @@
-"""What several commands ask and check in the same way, before any work is done."""
+"""Checks of options that several commands share, before any work is done."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def refuse_renamed(argv: Sequence[str]) -> None:
 
 
 def require_logs(logs: Sequence[Path]) -> tuple[Path, ...]:
-    """The logs, with those of a folder in its place: of all folders in it, 2 before 10.
+    """Return the logs, with each folder replaced by the logs in it and below it, 2 before 10.
 
-    Raises UsageError when none is named, DataError when a folder holds none.
+    Raises UsageError when none is named, DataError when a folder has none.
     """
     if not logs:
         raise UsageError("no log given; name one or more recorded flights, or a folder of them")
@@ -81,7 +81,7 @@ def _logs_in(folder: Path) -> list[Path]:
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
-    """Sorts 2.BIN before 10.BIN."""
+    """Return a sort key by which 2.BIN comes before 10.BIN."""
     parts = re.split(r"(\d+)", str(path).lower())
     return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
 
@@ -104,18 +104,18 @@ def check_range(option: str, value: float | None, low: float, high: float, unit:
 
 
 def check_speed(speed: float) -> None:
-    """Raise UsageError unless it is how many times as fast as it was recorded a flight can go."""
+    """Raise UsageError unless the speed of a replay, as a multiple of real time, is possible."""
     check_range("--speed", speed, 0.01, 1000.0)
 
 
 def check_port(port: int | None, option: str = "--port") -> None:
-    """Raise UsageError unless `port` is one; None is."""
+    """Raise UsageError unless `port` is 0 to 65535 or None."""
     if port is not None and not 0 <= port <= 65535:
         raise UsageError(f"{option} {port} is none; ports are 0 to 65535")
 
 
 @dataclass(frozen=True, slots=True)
-class Output:
+class OutputFile:
     """A file that a command is asked to write, and the option that names it."""
 
     option: str
@@ -124,12 +124,11 @@ class Output:
     keep: bool = False  # what stands there already is not replaced
 
 
-def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | None]) -> None:
-    """Raise DataError when a result would have no place or would harm one of the `inputs`, and
-    UsageError when a name is wrong by itself.
+def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str | None]) -> None:
+    """Raise DataError for a result that cannot be written or would overwrite one of the `inputs`.
 
-    Those are all files that the command reads: logs, models, airframes, keys; None and names of
-    what is shipped are passed over.
+    `inputs` are all files that the command reads: logs, models, airframes, keys; None and names of
+    shipped files are ignored. Raises UsageError when a name is wrong by itself.
     """
     inputs = [Path(read) for read in inputs if read is not None]
     taken: set[str] = set()
@@ -145,7 +144,7 @@ def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | No
         if not path.parent.is_dir():
             raise DataError(f"no folder {path.parent}; make it, or give another {output.option}")
         for read in inputs:
-            if _same(path, read):
+            if _same_file(path, read):
                 raise DataError(
                     f"{path} would overwrite {read}, which is read; give another {output.option}"
                 )
@@ -160,15 +159,17 @@ def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | No
             )
 
 
-def _same(first: Path, second: Path) -> bool:
+def _same_file(first: Path, second: Path) -> bool:
     if first.exists() and second.exists():
         return first.samefile(second)
     return first.resolve() == second.resolve()
 
 
 def check_voltage(voltage: float, craft: Airframe) -> None:
-    """Raise UsageError for what no battery of the airframe's number of cells has in flight: less
-    than an empty one, or more than its charger leaves in it."""
+    """Raise UsageError for a voltage that no battery of the airframe has in flight.
+
+    That is less than an empty one has, or more than a charger leaves in it.
+    """
     from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE, TOLERANCE, full_voltage
 
     nominal = craft.nominal_voltage

@@ -38,9 +38,9 @@ _FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
 
 
 def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
-    """What the plan `beside` it was forecast with, from the JSON that `forecast --json` wrote.
+    """Read what a plan was forecast with, from the JSON that `forecast --json` wrote.
 
-    Raises PlanError for a file that is none, and without a plan.
+    Raises PlanError for another file, and without a plan (`beside`).
     """
     if beside is None:
         raise PlanError(f"{path.name} is what a plan was forecast with; give the plan with --plan")
@@ -77,7 +77,7 @@ def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
 
 
 def _numbers(content: dict[str, float | None]) -> dict[str, float]:
-    """Those that are known."""
+    """Return the values that are known."""
     return {name: float(value) for name, value in content.items() if value is not None}
 
 
@@ -143,7 +143,7 @@ def _plan_of_log(path: Path, vehicle: int | None) -> MissionPlan:
 
 
 def _holds_messages(path: Path) -> bool:
-    """False for a large file in which neither MAVLink nor DataFlash messages show."""
+    """Return False for a large file in which neither MAVLink nor DataFlash messages are found."""
     from thrustmargin.gcs_plugin.logs.dataflash.message_scan import HEAD
     from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
 
@@ -161,9 +161,9 @@ def _holds_messages(path: Path) -> bool:
 
 
 def plan_of_waypoints(waypoints: Sequence[PlanItem], *, autopilot: str, source: str) -> MissionPlan:
-    """The plan of the mission items that a log called `source` holds.
+    """Return the plan of the mission items in a log called `source`.
 
-    Raises PlanError when items are missing or cannot be flown as they stand.
+    Raises PlanError when items are missing or cannot be flown as they are.
     """
     numbers = [w.number for w in waypoints]
     if numbers != list(range(len(numbers))):
@@ -178,7 +178,9 @@ def plan_of_waypoints(waypoints: Sequence[PlanItem], *, autopilot: str, source: 
 
 
 def pump_of(words: str) -> PumpOutput:
-    """The pump's output in `sprayer`, `servo:9:1900:1100` or `relay:0`; else UsageError."""
+    """Parse `sprayer`, `servo:9:1900:1100` or `relay:0` into the pump's output. Raises UsageError
+    for other text.
+    """
     from thrustmargin.mission.steps import PumpOutput
 
     if words == "sprayer":

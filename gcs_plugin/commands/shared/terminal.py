@@ -1,4 +1,4 @@
-"""What commands print: text of a log or a file name is shown, never obeyed; and progress."""
+"""What commands print: text of a log or a file name is shown, never obeyed; and progress bars."""
 
 from __future__ import annotations
 
@@ -61,10 +61,11 @@ class Terminal(Console):
 def steps(
     console: Console, *, total: float, lines: bool = False
 ) -> Iterator[Callable[[str, float], None]]:
-    """A bar up to `total`, moved by calls with what is being done and how much has been done.
+    """Show a progress bar up to `total`; yield a function that takes the work being done and the
+    amount done.
 
-    With `lines`, where there is no terminal, a line for each kind of work as it begins: minutes
-    without a word look like an end.
+    With `lines`, where there is no terminal, each kind of work prints a line when it begins:
+    minutes without a word look like a hang.
     """
     begun: set[str] = set()
     columns = (BarColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
@@ -85,7 +86,9 @@ def steps(
 
 @contextmanager
 def transfer_bar() -> Iterator[tuple[Callable[[str], None], Callable[[int, int], None]]]:
-    """A bar on standard error: what to call with its text, and with done and total."""
+    """Show a progress bar on standard error; yield functions that set its text, and done and
+    total.
+    """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
     console = Terminal(stderr=True)
     with Progress(

@@ -1,4 +1,7 @@
-"""The words of a command line before they are read: what one may write in more than one way."""
+"""The words of a command line before they are read: what a user may write in more than one way.
+
+This file imports no library at its head: the help must be there at once.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +27,9 @@ _SHARE = "--max-utilisation"
 
 
 def as_read(argv: Sequence[str]) -> list[str]:
-    """The words with `demo` as what is bundled, and the limit in percent as a share.
+    """Return the words with `demo` replaced by the bundled file, and a limit in percent as a share.
 
-    A file or folder of that name in the working folder is meant itself.
+    Where the working folder has a file or folder named demo, `demo` stays and means that one.
     """
     words: list[str] = []
     for word in _renamed(argv):
@@ -43,10 +46,10 @@ def as_read(argv: Sequence[str]) -> list[str]:
 
 
 def _renamed(argv: Sequence[str]) -> Sequence[str]:
-    """`train` and `identify` with their options of now: --out was the model, --html the page."""
+    """Replace older options of `train` and `identify`: --out of the model, --html of the page."""
     if not argv or argv[0] not in ("train", "identify"):
         return argv
-    words = [word for given in argv for word in _apart(given)]
+    words = [word for given in argv for word in _split(given)]
     for place, (word, value) in enumerate(zip(words, [*words[1:], ""], strict=True)):
         if word == "--out" and (words[0] == "train" or value.endswith(".safetensors")):
             words[place] = "--out-model"
@@ -55,13 +58,13 @@ def _renamed(argv: Sequence[str]) -> Sequence[str]:
     return words
 
 
-def _apart(word: str) -> list[str]:
-    """`--out=x` as two words."""
+def _split(word: str) -> list[str]:
+    """Split `--out=x` and `--html=x` into two words; return any other word alone."""
     return word.split("=", 1) if word.startswith(("--out=", "--html=")) else [word]
 
 
 def _share(word: str) -> str:
-    """`50%`, `50 %` as 0.5; another word as it is."""
+    """Return `50%` or `50 %` as the word 0.5, and any other word as it is."""
     found = re.fullmatch(r"(--[\w-]+=)?\s*(\d+(?:[.,]\d+)?)\s*%", word)
     if found is None:
         return word
@@ -69,7 +72,7 @@ def _share(word: str) -> str:
 
 
 def plain_optionals() -> ConstructorRegistry:
-    """Makes help say PATH of an option that may be left out, not {None}|PATH."""
+    """Return the tyro rules by which help shows PATH for an optional path, not {None}|PATH."""
     from tyro.constructors import ConstructorRegistry, PrimitiveTypeInfo
 
     registry = ConstructorRegistry()

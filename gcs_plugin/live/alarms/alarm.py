@@ -1,6 +1,7 @@
-"""What an alarm is, its states and thresholds, and the condition that must hold.
+"""The types of an alarm: its state, its thresholds, and what a rule is given and returns.
 
-What an alarm's rule is, what it is asked about, and what it answers, in arrays of rows.
+A rule takes the rows of one vehicle (`RowsNow`) or its link (`LinkNow`) and returns `AlarmChecks`,
+arrays of rows. `Debounce` turns these into a state that lasts.
 """
 
 from __future__ import annotations
@@ -48,7 +49,9 @@ Key = tuple[str, int | None]
 
 
 class AlarmState(StrEnum):
-    """An alarm is over only by evidence to the contrary, never because its ground is gone."""
+    """The state of an alarm, which ends only by evidence to the contrary, never because its data
+    are missing.
+    """
 
     ACTIVE = "active"
     UNCONFIRMED = "unconfirmed"
@@ -56,7 +59,9 @@ class AlarmState(StrEnum):
 
 
 class Missing(StrEnum):
-    """What an alarm goes by and is not there; `alarm_words.MISSING` calls it by name."""
+    """The kind of data that an alarm needs and that is missing; `alarm_words.MISSING` has its
+    name.
+    """
 
     NOTHING = ""
     LINK = "link"
@@ -74,7 +79,7 @@ class Missing(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmSettings:
-    """Thresholds; shares are of one, times s."""
+    """The thresholds of all alarms; shares are of one, times in s."""
 
     max_utilisation: float = 0.5  # largest share of a rotor's maximum thrust in use
     margin_hysteresis: float = 0.03
@@ -88,7 +93,7 @@ class AlarmSettings:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """One alarm. `text` fits the 50 characters of a STATUSTEXT."""
+    """One alarm of one vehicle. `text` fits the 50 characters of a STATUSTEXT."""
 
     name: str
     rotor: int | None  # from 1; None: of no rotor, or of one of `rotors`
@@ -108,13 +113,14 @@ class Alarm:
 
     @property
     def line(self) -> str:
-        """The text with how often it came, or why it cannot be confirmed, for people."""
+        """Text with the number of times, or why the alarm cannot be confirmed."""
         return words.alarm_line(self.text, self.missing, self.times, self.last_s - self.since_s)
 
     @property
     def order(self) -> tuple[int, int, bool, float]:
-        """Least first on every screen: a lost link, lost control, then by severity and part,
-        confirmed before not, age."""
+        """Sort key for every screen, lowest first: a lost link, lost control, then severity and
+        part, confirmed before not, age.
+        """
         part = len(GRAVEST_FIRST)
         if self.name in GRAVEST_FIRST:
             part = GRAVEST_FIRST.index(self.name)
@@ -124,7 +130,7 @@ class Alarm:
 
 @dataclass(frozen=True, slots=True)
 class AlarmEvent:
-    """An alarm changed its state to what it has now."""
+    """A change of an alarm to the state that `alarm` has."""
 
     alarm: Alarm
     before: AlarmState
@@ -133,25 +139,25 @@ class AlarmEvent:
 
     @property
     def raised(self) -> bool:
-        """It was not listed before."""
+        """Whether the alarm was not listed before."""
         return self.before is AlarmState.CLEARED
 
     @property
     def kind(self) -> str:
-        """raised, cleared, unconfirmed or confirmed."""
+        """One of raised, cleared, unconfirmed and confirmed."""
         if self.raised:
             return "raised"
         return "confirmed" if self.alarm.state is AlarmState.ACTIVE else self.alarm.state
 
     @property
     def line(self) -> str:
-        """What happened, for people."""
+        """Sentence on the change."""
         return words.event_line(self.kind, self.alarm.line)
 
 
 @dataclass(frozen=True, slots=True)
 class Debounce:
-    """A condition that must hold for a time to count, and be gone for a time to end."""
+    """A condition that must be true for a time to begin, and false for a time to end."""
 
     hold: float
     release: float
@@ -170,9 +176,10 @@ class Debounce:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AlarmChecks:
-    """What a rule says at N rows of K alarms, one a rotor or one in all.
+    """The result of a rule for N rows of K alarms, one for each rotor or a single one.
 
-    `on` to raise, `off` to clear, neither to leave it; not `known`: it went by nothing.
+    `on` raises an alarm and `off` clears it; with neither it stays. Where not `known`, the data
+    that the rule needs were missing.
     """
 
     on: Bools  # (N, K)
@@ -206,7 +213,7 @@ class RowsNow:
 
     @property
     def bad_rotors(self) -> tuple[int, ...]:
-        """Rotors, from 1, of the gravest alarm that a rotor or motor is bad; empty for none."""
+        """Rotors, from 1, of the gravest alarm on a bad rotor or motor; empty for none."""
         parts = [alarm for (name, _), alarm in self.listed.items() if name in OF_PARTS]
         first = min(parts, key=lambda alarm: alarm.order, default=None)
         if first is None:
@@ -216,7 +223,7 @@ class RowsNow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkNow:
-    """What the link gives; silence is checked by when bytes came, not by when they were used."""
+    """The state of a link; silence is that of received bytes, whether or not they were analysed."""
 
     silent: float  # s since anything was heard
     #: when last heard: a vehicle that is switched off after a landing is worth a notice
@@ -229,7 +236,9 @@ class LinkNow:
 
 @dataclass(frozen=True, slots=True)
 class AlarmRule:
-    """One alarm: how long, s, it must hold to be raised and be gone to be cleared."""
+    """One alarm: its check, and the times in s for which the condition must be true to raise and
+    false to clear it.
+    """
 
     name: str
     hold: float
@@ -243,6 +252,6 @@ class AlarmRule:
 
 
 def one_alarm(on: ArrayLike, off: ArrayLike, known: ArrayLike, **more: Any) -> AlarmChecks:
-    """Checks of one alarm from (N,) arrays."""
+    """Return the checks of a single alarm from (N,) arrays."""
     a, b, c = (np.atleast_1d(np.asarray(x, dtype=np.bool_))[:, None] for x in (on, off, known))
     return AlarmChecks(a, b, c, **more)

@@ -1,16 +1,18 @@
-"""What is said of the tank where gauge, pump and thrust part from each other.
+"""The rules of all alarms: for each a name, the times of its condition, and a check of rows or
+link.
 
-Every alarm is one rule here: a name, the times that it must hold, and what it goes by.
-
-When each is raised and when it is over: the table of docs/live.md.
-The signs of lost control must last themselves, 0.3 s or 1 s.
-A lull of 20 s follows: what comes back in them (the next corner) is the same alarm, counted.
-What is not known (NaN) neither raises nor clears; after 3 s of it an alarm cannot be confirmed. A
-rotor below the limit counts though another is unknown. A margin that was inferred has its 90 %
-error in the text; where the limit lies within it the alarm is a notice. Without any rotor's speed
-the prediction clears `margin`, by the same limit. `motor` needs measured speeds, and so does
-`rotor` for all but a sudden change: how motors differ in output is not known. The texts:
+The table of docs/live.md says when each alarm is raised and when it is over. The texts are in
 wording/alarm_words.py.
+
+The signs of lost control must last 0.3 s or 1 s themselves. A lull of 20 s follows: a condition
+that returns within it (the next corner) is the same alarm, counted. An unknown value (NaN) neither
+raises nor clears; after 3 s of it an alarm cannot be confirmed. A rotor below the limit counts
+though another is unknown.
+
+An inferred margin has its 90 % interval in the text; where the limit lies within the interval the
+alarm is a notice. Without any rotor's speed the prediction clears `margin`, by the same limit.
+`motor` needs measured speeds, and so does `rotor` for all but a sudden change, because the spread
+of the outputs of sound motors is not known.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ from thrustmargin.models.physics.margin import ceiling
 def tank(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     texts = ["" if b is None else pump_verdict(b, s) for b in now.balances]
     known = [b is not None and math.isfinite(b.gauge - b.pump) for b in now.balances]
-    return _of_tank(texts, known, WARNING)
+    return _tank_checks(texts, known, WARNING)
 
 
 def gauge(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
@@ -58,10 +60,10 @@ def gauge(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
         "" if b is None or pump_verdict(b, s) else mass_verdict(b, s, bad) for b in now.balances
     ]
     known = [b is not None and math.isfinite(b.apart_kg) for b in now.balances]
-    return _of_tank(texts, known, NOTICE if bad else WARNING)
+    return _tank_checks(texts, known, NOTICE if bad else WARNING)
 
 
-def _of_tank(texts: Sequence[str], known: Sequence[bool], severity: int) -> AlarmChecks:
+def _tank_checks(texts: Sequence[str], known: Sequence[bool], severity: int) -> AlarmChecks:
     on, sure = np.array([bool(text) for text in texts], dtype=np.bool_), np.array(known, np.bool_)
     return one_alarm(
         on, sure & ~on, on | sure, severity=lambda *_: severity, text=lambda row, _: texts[row]
@@ -69,10 +71,14 @@ def _of_tank(texts: Sequence[str], known: Sequence[bool], severity: int) -> Alar
 
 
 def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
-    """What is wrong between gauge and pump, for people; empty when they agree or are too few."""
+    """Return the sentence on a disagreement of gauge and pump; empty when they agree or are
+    unknown.
+    """
 
     def parts(one: float, other: float) -> bool:
-        """Whether two losses, kg, differ by more than either tolerance; False for an unknown."""
+        """Return whether two losses, kg, differ by more than either tolerance; False for an unknown
+        one.
+        """
         allowed = settings.tank_share * max(abs(one), abs(other))
         return abs(one - other) > max(settings.tank_kg, allowed)
 
@@ -89,9 +95,9 @@ def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
 
 
 def mass_verdict(balance: TankBalance, settings: AlarmSettings, bad: Sequence[int] = ()) -> str:
-    """That thrust carries another mass than the gauge says, for people; empty when it does not.
+    """Return the sentence on a mass by thrust that differs from the gauge; empty when it does not.
 
-    `bad` are the rotors, from 1, of which an alarm stands.
+    `bad` are the rotors, from 1, that have an active alarm.
     """
     apart = abs(balance.apart_kg) > settings.tank_mass_kg
     return words.thrust_against_gauge(balance.apart_kg, bad) if apart else ""
@@ -173,9 +179,10 @@ def _low(
     rotors=True,
     bad: Sequence[int] = (),
 ) -> AlarmChecks:
-    """Margins 1 - `use` (N, R) against the limit; a notice where that lies within the 90 % error.
+    """Check margins 1 - `use` (N, R) against the limit; a notice where the limit lies within the 90
+    % interval.
 
-    Rows that may clear (N,) do so above the limit, and those of `off` whatever the margin is.
+    Rows with `clears` (N,) clear above the limit, and rows with `off` (N,) whatever the margin is.
     """
     limit, at = 1.0 - s.max_utilisation, range(len(use))
     rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)
@@ -283,14 +290,16 @@ def motor_order(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
-    """What is known at every row, and the same in all."""
+    """Return checks of a condition that is known and equal at every row."""
     every = np.ones(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
     found = every & on
     return one_alarm(found, ~found, every, severity=lambda *_: severity, text=lambda *_: text)
 
 
 def faulty(kind: Kind, s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    """The faults of one kind, one by one, then one of several rotors: all else is sound."""
+    """Check for the faults of one kind: one column for each rotor, then one for a fault of several
+    candidates.
+    """
     rotors, names = now.analysis.track.rotor_count, now.analysis.places
     on = np.zeros((len(now.faults), rotors + 1), dtype=np.bool_)
     known = on.copy()

@@ -48,7 +48,7 @@ UNSEEN = 3.0  # s for which nothing is known of an alarm before it cannot be con
 
 @dataclass(frozen=True, slots=True)
 class _Condition:
-    """Of an alarm that stands, or is about to."""
+    """The state of one alarm that is active or about to be."""
 
     debounce: Debounce
     seen_s: float  # when anything was last known of it
@@ -71,12 +71,14 @@ class Alarms:
 
     @property
     def fault_history(self) -> FaultHistory:
-        """When the faults of rotors and motors changed, by the vehicle's clock, and to what."""
+        """Changes of the faults of rotors and motors: time by the vehicle's clock, and the faults
+        from then on.
+        """
         return [] if self._faults is None else self._faults.history
 
     @property
     def of_parts(self) -> bool:
-        """Whether a rotor or a motor that was found bad is listed."""
+        """Whether an alarm on a bad rotor or motor is listed."""
         return any(name in OF_PARTS for name, _ in self.listed)
 
     def rows(
@@ -134,7 +136,7 @@ class Alarms:
         return sorted(events, key=lambda event: event.time_s)
 
     def _rest(self, analysis: FlightAnalysis, rows: slice) -> None:
-        """The battery's voltage before take-off, or the first that was heard."""
+        """Return the battery's voltage before take-off, or the first one that was heard."""
         track = analysis.track
         volts = track.voltage[rows]
         rest = volts[(volts > 0.0) & ~track.flying[rows]]
@@ -192,8 +194,10 @@ class Alarms:
         return balances
 
     def restarted(self, clock_s: float) -> None:
-        """Begin to count anew at `clock_s` of a vehicle that has restarted: times of its earlier
-        clock say nothing of this one. What stands, stands."""
+        """Begin to count anew at `clock_s`, s of the clock of a vehicle that has restarted.
+
+        Times of its earlier clock have no meaning in the new one. Active alarms stay active.
+        """
         of_link = {rule.name for rule in OF_THE_LINK}
         self._cleared = {key: at for key, at in self._cleared.items() if key[0] in of_link}
         self._weighed_s = float("-inf")
@@ -211,7 +215,7 @@ class Alarms:
             )
 
     def heard(self, now_s: float, link: LinkNow) -> list[AlarmEvent]:
-        """Check the link at `now_s` of the ground's clock."""
+        """Check the link at `now_s` of the ground's clock; return the changes."""
         events: list[AlarmEvent] = []
         unheard, unusable = link.silent > self.settings.silence, link.rows_behind > UNSEEN
         # However late the link was looked at, it was lost when the silence became too long.
@@ -250,7 +254,7 @@ class Alarms:
         flying: Bools,
         missing: Missing,
     ) -> None:
-        """Take one rule's checks of N rows, `times` (N,) and whether `flying` (N,)."""
+        """Take one rule's checks of N rows: `times` (N,) s of the vehicle, `flying` (N,)."""
         keys: list[Key] = [
             (rule.name, k + 1 if k < found.rotor else None) for k in range(found.on.shape[1])
         ]
@@ -279,7 +283,11 @@ class Alarms:
         seen: tuple[bool, bool, bool, bool],
         missing: Missing,
     ) -> None:
-        """One row of one alarm: `seen` is on, off, known and without an object."""
+        """Take one row of one alarm.
+
+        `seen` is on, off, known and over; an alarm is over at once where it has landed or has lost
+        its object.
+        """
         on, off, known, over = seen
         before = self._conditions.get(key)
         if before is None:
@@ -319,7 +327,7 @@ class Alarms:
         at: tuple[int, int],
         time_s: float,
     ) -> None:
-        """A condition has held for its time: a new alarm, or one that comes again."""
+        """Raise an alarm whose condition was true for long enough, or count it again."""
         cleared, cleared_s = self._cleared.pop(key, (None, float("-inf")))
         before = self.listed.get(key) or (cleared if time_s - cleared_s <= AGAIN else None)
         if before is None:
@@ -336,7 +344,7 @@ class Alarms:
         time_s: float,
         missing: Missing = Missing.NOTHING,
     ) -> None:
-        """Put an alarm down with a state; an event where that is another."""
+        """Store an alarm with a state; return an event where the state is new."""
         now = replace(alarm, state=state, missing=missing)
         if state is AlarmState.UNCONFIRMED:
             now = replace(now, text=alarm.past or alarm.text)
@@ -350,7 +358,7 @@ class Alarms:
 
 
 def _worded(alarm: Alarm, found: AlarmChecks, at: tuple[int, int]) -> Alarm:
-    """An alarm with the words and the severity of a row."""
+    """Return an alarm with the words and the severity of a row."""
     rotors = () if found.rotors is None else found.rotors(*at)
     past = "" if found.past is None else say(found.past(at[1]))[:50]
     text = say(found.text(*at))[:50]

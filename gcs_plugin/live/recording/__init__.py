@@ -1,1 +1,1 @@
-"""What is kept of a flight while it is heard: frames, samples, events."""
+"""The recording of a flight while it is heard: frames, samples, events."""

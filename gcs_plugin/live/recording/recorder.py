@@ -1,30 +1,27 @@
-"""What happens to the vehicles of a link, recorded with the time at which it did.
+"""The recording of a session: all frames (.tlog), samples (Parquet) and events (JSON lines).
 
-Each line of `events.jsonl` has `unix_s`, the ground's clock: of an alarm when the report came that
-raised or cleared it, of a lost link when the silence became too long, of a vehicle when it was
-first heard. However late it was found out, and however many messages were analysed in one go.
-The lines are in the order of these times: an event waits until nothing earlier can be found.
-
-The recorded table of samples: one row a moment and vehicle, every column one number, SI units.
-
-Columns: `vehicle`, `boot` (restarts heard), `unix_s` (ground's clock), `clock_s` (vehicle's, since
-boot), `time_s` (since the first row of this boot), those of `store/row_table`, then what only a
-listener knows.
-
-Recording while listening: all frames (.tlog), samples (Parquet) and events (JSON lines).
-
-One folder a session:
+One folder for each session:
     telemetry.tlog      each frame as it came after eight bytes of Unix µs; ground stations read it
     options.json        what the user stated of the flight, for whoever reads the .tlog
-    samples/*.parquet   one file a minute, together one table (columns: recorded_table), where
-                        pyarrow is installed
+    samples/*.parquet   one file a minute, together one table, where pyarrow is installed
     events.jsonl        alarms raised and cleared, restarts, notes
-Written by a thread of its own, so that a slow disk never holds up a socket. Everything is on the
-disk (fsync) within a second. The .tlog and events only grow, and a frame cut by a power loss ends
-them at most; the running minute of samples is written anew beside the old one every second and put
-in its place in one step, so that each file is a whole Parquet file at any moment, kill -9 included
-(who reads along opens a file once and reads it all from there).
-When the disk is full the recorder says so, drops what does not fit, counts it and tries on.
+
+A thread of its own writes, so that a slow disk never holds up a socket. Everything is on the disk
+(fsync) within a second. The .tlog and the events only grow, and a power loss cuts off one frame or
+line at most. The running minute of samples is written anew beside the old file every second and put
+in its place in one step, so that each file is a whole Parquet file at any moment, kill -9 included;
+a reader opens a file once and reads it all from there. When the disk is full the status says so,
+data that do not fit are dropped and counted, and writing is tried again.
+
+The table of samples has a row for each time step and vehicle, and one number in every column, in SI
+units: `vehicle`, `boot` (restarts heard), `unix_s` (ground's clock), `clock_s` (vehicle's, since
+boot), `time_s` (since the first row of this boot), the columns of the store, and those
+that only a listener knows.
+
+Each line of `events.jsonl` has `unix_s`, the ground's clock at which the event happened, however
+late it was found: for an alarm the arrival of the report that raised or cleared it, for a lost link
+the time at which the silence became too long, for a vehicle its first frame. The lines are in the
+order of these times: an event waits until nothing earlier can be found.
 """
 
 from __future__ import annotations
@@ -36,7 +33,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -47,10 +44,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
-from thrustmargin.gcs_plugin.live.watch.update import GONE, Update
+from thrustmargin.gcs_plugin.live.output import Output
+from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.store.schema import analysis_columns
-from thrustmargin.gcs_plugin.wording.live_words import heard_words, silent_words
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.whole_file import whole_file
 
@@ -58,81 +55,80 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
-    from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+    from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 
 
-class EventRecord:
-    """Hands events to `recorder`, which may be None, and notes on vehicles to `subscribers` too.
+class RecordingOutput(Output):
+    """The output that writes frames, samples and events of a monitor into one recorder.
 
-    Times are the ground's clock, µs.
+    An event waits until nothing earlier can be found: `found_us` gives the ground's clock, µs, up
+    to which all is known.
     """
 
-    def __init__(self, recorder: Recorder | None, subscribers: Sequence[Subscriber] = ()) -> None:
-        self._recorder = recorder
-        self._subscribers = subscribers
+    name = "recording"
+
+    def __init__(self, recorder: Recorder, found_us: Callable[[], int]) -> None:
+        self._recorder, self._found_us = recorder, found_us
         self._lock = threading.Lock()
         #: Events that are not written yet: their time, how many came before, and what is written.
         self._waiting: list[tuple[int, int, dict[str, object]]] = []
         self._count = 0
-        self._known: set[int] = set()
-        self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
 
-    def note(self, at_us: int, vehicle: int | None, kind: str, text: str, **more: object) -> None:
-        """Record one event of a vehicle, or (None) of the whole link."""
-        if self._recorder is not None:
-            event = {"unix_s": at_us * 1e-6, "vehicle": vehicle, "event": kind, "text": text}
-            with self._lock:
-                self._count += 1
-                heapq.heappush(self._waiting, (at_us, self._count, event | more))
+    def on_frames(self, frames: list[Frame]) -> None:
+        self._recorder.frames(frames)
 
-    def write(self, until_us: float = math.inf) -> None:
-        """Write the events up to a time before which nothing more can be found; all without one."""
-        if self._recorder is None:
-            return
+    def on_update(self, update: Update) -> None:
+        if tabulates():
+            rows = sample_batch(update, slice(update.unsettled, None))
+            settled = update.settled - update.unsettled
+            self._recorder.samples(
+                update.vehicle, update.boot, rows.slice(0, settled), rows.slice(settled)
+            )
+
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        """Record an alarm that was raised, cleared, or can (not) be confirmed."""
+        alarm = event.alarm
+        more = {
+            "alarm": alarm.name,
+            "rotor": alarm.rotor,
+            "rotors": alarm.rotors,
+            "severity": alarm.severity,
+            "state": alarm.state,
+            "missing": alarm.missing,
+            "times": alarm.times,
+            "since_s": alarm.since_s,
+            "time_s": event.time_s,
+        }
+        self.on_happening(round(event.unix_s * 1e6), vehicle, event.kind, alarm.text, more)
+
+    def on_happening(
+        self, at_us: int, vehicle: int | None, kind: str, text: str, more: Mapping[str, object]
+    ) -> None:
+        event = {"unix_s": at_us * 1e-6, "vehicle": vehicle, "event": kind, "text": text, **more}
+        with self._lock:
+            self._count += 1
+            heapq.heappush(self._waiting, (at_us, self._count, event))
+
+    def on_round(self, fleet: Fleet, now_us: int) -> None:
+        del fleet, now_us
+        self._write(self._found_us())
+
+    def close(self) -> None:
+        """Write all events that wait, and finish the files."""
+        self._write()
+        self._recorder.close()
+
+    def _write(self, until_us: float = math.inf) -> None:
+        """Write the waiting events up to a time, µs."""
         with self._lock:
             while self._waiting and self._waiting[0][0] <= until_us:
                 self._recorder.event(heapq.heappop(self._waiting)[2])
 
-    def alarm(self, at_us: int, vehicle: int, event: AlarmEvent) -> None:
-        """Record an alarm that was raised, cleared, or can (not) be confirmed."""
-        self.note(
-            at_us,
-            vehicle,
-            event.kind,
-            event.alarm.text,
-            alarm=event.alarm.name,
-            rotor=event.alarm.rotor,
-            rotors=event.alarm.rotors,
-            severity=event.alarm.severity,
-            state=event.alarm.state,
-            missing=event.alarm.missing,
-            times=event.alarm.times,
-            since_s=event.alarm.since_s,
-            time_s=event.time_s,
-        )
-
-    def come_and_go(self, fleet: Fleet, now_us: int) -> None:
-        """Record which vehicles appeared, left and returned, and what was noted of them."""
-        for number, watch in fleet.vehicles.items():
-            if number not in self._known:
-                self._known.add(number)
-                self.note(watch.first_us, number, "appeared", heard_words(number))
-            for at_us, text in watch.notes:
-                self.note(at_us, number, "note", text)
-                for subscriber in self._subscribers:
-                    subscriber.on_note(number, text, at_us * 1e-6)
-            watch.notes.clear()
-            if number not in self._gone and watch.silent(now_us) > GONE:
-                self._gone[number] = watch.last_us
-                left_us = watch.last_us + round(GONE * 1e6)
-                self.note(left_us, number, "left", silent_words(number, GONE))
-            elif watch.back_us > self._gone.get(number, watch.back_us):
-                del self._gone[number]
-                self.note(watch.back_us, number, "returned", heard_words(number, again=True))
-
 
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
-    """The rows `new` of an update as a record batch; one schema for one number of rotors."""
+    """Return the rows `new` of an update as a record batch, of one schema for one number of
+    rotors.
+    """
     import pyarrow as pa
 
     analysis, track = update.analysis, update.analysis.track
@@ -169,7 +165,7 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
 
 
 def _packed(values: np.ndarray) -> bytes:
-    """A column's bytes as Arrow has them."""
+    """Return a column's bytes in Arrow's layout."""
     return (np.packbits(values, bitorder="little") if values.dtype == bool else values).tobytes()
 
 
@@ -183,7 +179,7 @@ QUEUE = 500_000  # frames: over a minute of 100 vehicles at 50 messages/s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderStatus:
-    """How the recording stands."""
+    """The state of a recording: what was written and what was lost."""
 
     folder: Path
     frames: int  # written
@@ -196,15 +192,17 @@ class RecorderStatus:
 
 @cache
 def tabulates() -> bool:
-    """Whether samples are written too, which takes pyarrow; a report makes them anew without."""
+    """Return whether samples are recorded, which needs pyarrow. A report computes them anew
+    without.
+    """
     return find_spec("pyarrow") is not None
 
 
 class Recorder:
-    """Writes one session into a new folder below `parent`, with the files `beside` by name.
+    """A writer of one session into a new folder below `parent`, with the files `beside` by name.
 
-    Other users of the computer cannot read it: it holds where people and their fields are.
-    Raises LinkError when it cannot.
+    Other users of the computer cannot read the folder: it shows where people and their fields are.
+    Raises LinkError when the folder cannot be made.
     """
 
     def __init__(
@@ -241,7 +239,7 @@ class Recorder:
 
     @property
     def telemetry(self) -> Path:
-        """The .tlog, which others may read while it grows."""
+        """Path of the .tlog, which others may read while it grows."""
         return self.folder / "telemetry.tlog"
 
     def frames(self, frames: list[Frame]) -> None:
@@ -328,7 +326,9 @@ class Recorder:
 
 
 class _Appended:
-    """A file of whole items that only grows; an item that does not fit leaves no trace."""
+    """A file that only grows, by whole items; an item that does not fit on the disk leaves no
+    trace.
+    """
 
     def __init__(self, path: Path) -> None:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -380,7 +380,7 @@ class _Appended:
 
 
 class _Parts:
-    """Numbered Parquet files; the last one is replaced by a longer one until it is full."""
+    """Numbered Parquet files, of which the last is replaced by a longer one until it is full."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -397,7 +397,7 @@ class _Parts:
         return self._closed_rows + self._written
 
     def write(self, new: list[pa.RecordBatch], later: list[pa.RecordBatch]) -> None:
-        """Add rows for good, and rows that the next call replaces."""
+        """Add rows for good, and rows `later` that the next call replaces."""
         import pyarrow as pa
 
         if not self._tables:
@@ -445,7 +445,7 @@ class _Parts:
 
 
 def _tables(batches: list[pa.RecordBatch]) -> list[pa.Table]:
-    """The batches in order, those on end of one schema as one table."""
+    """Return the batches in order as tables, one for each run of equal schema."""
     import pyarrow as pa
 
     alike = [list(found) for _, found in groupby(batches, key=lambda batch: batch.schema)]
@@ -453,5 +453,7 @@ def _tables(batches: list[pa.RecordBatch]) -> list[pa.Table]:
 
 
 def _words(error: OSError) -> str:
-    """The system's own words for its number: writers of Parquet put theirs around it."""
+    """Return the system's description of an error number, without what writers of Parquet add to
+    it.
+    """
     return os.strerror(error.errno) if error.errno else str(error)

@@ -29,10 +29,11 @@ NAN = float("nan")
 
 
 class DeliveryMeter:
-    """What the pump really delivers of what its output says: nozzles decide, not the pump's limit.
+    """The ratio of what the pump delivers to what its output says: nozzles decide, not the pump's
+    limit.
 
-    Factor on the pumped mass, from the gauge: `first` from the first kilogram, to take the rest of
-    the tank by; `now` over the last 1.5 kg, to look ahead with. 1 until there is enough to tell.
+    The gauge gives the factor: `first` from the first kilogram on, for the rest of the tank; `now`
+    over the last 1.5 kg, to look ahead. It is 1 until enough was sprayed.
     """
 
     LEARN_KG, RECENT_KG = 1.0, 1.5
@@ -43,7 +44,7 @@ class DeliveryMeter:
         self._points: deque[tuple[float, float]] = deque()  # kg by the gauge, kg pumped
 
     def add(self, gauge: float, pumped: float) -> None:
-        """One sample in order; NaN is passed over."""
+        """Add one sample in order; ignore NaN."""
         if not np.isfinite(gauge + pumped):
             return
         if self._points and (gauge > self._points[-1][0] + 0.5 or pumped < self._points[-1][1]):
@@ -63,10 +64,11 @@ class DeliveryMeter:
 
 
 def virtual_gauge(analysis: FlightAnalysis) -> Floats:
-    """(T,) kg of liquid that the rotors carry; NaN where speeds are not measured, or on the ground.
+    """Return (T,) kg of liquid that the rotors carry; NaN where speeds are not measured, or on the
+    ground.
 
-    With a gauge, its level plus the thrust that the model does not explain; without one, all thrust
-    beyond the empty mass, which holds in level flight without acceleration.
+    With a gauge it is the gauge's level plus the thrust that the model does not explain. Without
+    one it is all thrust beyond the empty mass, which is true in level flight without acceleration.
     """
     track, airframe = analysis.track, analysis.model.airframe
     # A speed from a motor's output was set by the very weight that is asked for here.
@@ -82,7 +84,7 @@ def virtual_gauge(analysis: FlightAnalysis) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class TankBalance:
-    """How much the tank lost over a window by each estimate, kg; NaN where one is missing."""
+    """The loss of the tank over a window by each estimate, kg; NaN where one is missing."""
 
     seconds: float
     gauge: float
@@ -93,7 +95,7 @@ class TankBalance:
 
 
 class BalanceWatch:
-    """Means of the three estimates at both ends of a sliding window of `seconds`."""
+    """The means of the three estimates at both ends of a sliding window of `seconds` s."""
 
     def __init__(self, seconds: float = 40.0, end: float = 10.0) -> None:
         self.seconds, self.end = seconds, end
@@ -102,7 +104,7 @@ class BalanceWatch:
         self._first = self._last = 0
 
     def add(self, time_s: float, gauge: float, pumped: float, virtual: float) -> None:
-        """One sample: s, kg by the gauge, kg pumped so far, kg by the virtual gauge."""
+        """Add one sample: s, kg by the gauge, kg pumped so far, kg by the virtual gauge."""
         if self._last > self._first and not 0.0 <= time_s - self._rows[0, self._last - 1] <= 5.0:
             self._first = self._last
         if self._last == self._rows.shape[1]:
@@ -115,7 +117,7 @@ class BalanceWatch:
             self._first += 1
 
     def balance(self) -> TankBalance | None:
-        """None until the window is full."""
+        """Return the balance of the window; None until it is full."""
         rows = self._rows[:, self._first : self._last]
         time_s = rows[0]
         if not time_s.size or time_s[-1] - time_s[0] < 0.95 * self.seconds:

@@ -1,9 +1,9 @@
-"""What one vehicle says of itself: who it is, its parameters and its mission.
+"""The reports of one vehicle on itself: kind, parameters, mission; and its frames sorted by
+message.
 
-`fold(state, frame)` returns the next state; a state never changes. What it measures is in
-`live.vehicle_telemetry`.
-
-Fields of the frames that rows need, message by message, and the clocks that they carry.
+`fold(state, frame)` returns the next state; a state never changes. Measurements are in
+`vehicle_telemetry.py`. `grouped` sorts the frames that rows need by message, and `clocks_of` reads
+the clocks in them.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SAYS = OF_MISSION | OF_ITSELF | {MISSION_CURRENT}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VehicleState:
-    """What one vehicle has reported of itself. Parameters and mission outlive a restart."""
+    """All that one vehicle has reported of itself. Parameters and mission outlive a restart."""
 
     system: int
     component: int | None = None  # the autopilot's; None until it is known
@@ -68,16 +68,16 @@ class VehicleState:
 
     @property
     def facts(self) -> VehicleFacts:
-        """What kind of vehicle it is by its heartbeat and its parameters."""
+        """Kind of the vehicle by its heartbeat and its parameters."""
         return vehicle_facts(self.parameters, mav_type=self.kind, whole=self.parameters_whole)
 
     @property
     def disarmed(self) -> bool:
-        """Whether the autopilot says that it is; False while it was never heard."""
+        """Whether the autopilot reports that it is disarmed; False before its first heartbeat."""
         return self.component is not None and not self.armed
 
     def changed_since(self, before: VehicleState) -> list[str]:
-        """Each parameter that numbers rest on and that has another value than in a state before."""
+        """Return the parameters that numbers rest on and that differ from an earlier state."""
         known, now = before.parameters, self.parameters
         if known is now or len(known) != len(now):  # the same, or they are coming in
             return []
@@ -86,12 +86,14 @@ class VehicleState:
 
     @property
     def parameters_whole(self) -> bool:
-        """Whether all parameters that it has are known."""
+        """Whether all parameters of the vehicle are known."""
         return 0 < self.parameter_count <= len(self.parameters)
 
 
 def fold(state: VehicleState, frame: Frame) -> VehicleState:
-    """The state after one more frame of this vehicle; the same one for frames not in `SAYS`."""
+    """Return the state after one more frame of this vehicle; the same one for frames not in
+    `SAYS`.
+    """
     if frame.component in state.other_autopilots:
         return state
     name = layouts()[frame.id].name if frame.verified else ""
@@ -130,7 +132,7 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
 
 
 def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
-    """The state with a message on the mission that goes to or comes from the vehicle.
+    """Return the state after a message on the mission, sent to the vehicle or by it.
 
     An upload begins with the count of a station and ends with the vehicle's ACK; a station's
     MISSION_CLEAR_ALL is answered with one. A count of the vehicle's own begins a download.
@@ -156,7 +158,7 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
         return replace(state, mission={**state.mission, waypoint.number: waypoint})
     if arriving.keys() < set(range(state.expected)):
         return replace(state, arriving=arriving)
-    other = bool(state.mission) and not _same(state.mission, arriving)
+    other = bool(state.mission) and not _equal_missions(state.mission, arriving)
     return replace(
         state,
         mission=arriving,
@@ -167,8 +169,8 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
     )
 
 
-def _same(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) -> bool:
-    """Whether two missions are alike; a NaN, where an item has no number, is like another."""
+def _equal_missions(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) -> bool:
+    """Return whether two missions are equal; NaN, of an item without a number, equals NaN."""
 
     def numbers(mission: Mapping[int, PlanItem]) -> list[tuple[float, ...]]:
         items = [mission[n] for n in sorted(mission)]
@@ -178,7 +180,7 @@ def _same(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) -> bool:
 
 
 def _replaced(state: VehicleState, at_us: int) -> VehicleState:
-    """The state once its mission is another: unknown, unless it was heard just now."""
+    """Return the state once its mission was replaced: unknown, unless it was heard just now."""
     kept = state.mission if at_us - state.mission_came_us < JUST_NOW * 1e6 else {}
     return replace(state, mission=kept, mission_changes=state.mission_changes + 1)
 
@@ -187,14 +189,14 @@ _NEEDED = frozenset((*(rule.message for rule in MAVLINK_RULES), *REFERENCES, "SY
 
 
 def _fields(frames: Sequence[Frame], places: Sequence[int]) -> NDArray[np.void]:
-    """Fields of the frames at `places`, which are of one message."""
+    """Return the fields of the frames at `places`, which are all of one message."""
     layout = layouts()[frames[places[0]].id].dtype
     payloads = [frames[place].payload.ljust(layout.itemsize, b"\0") for place in places]
     return np.frombuffer(b"".join(payloads), dtype=layout)
 
 
 def places_of(frames: Sequence[Frame]) -> dict[str, list[int]]:
-    """Message -> places of its frames, of messages that rows need."""
+    """Return message -> places of its frames, for the messages that rows need."""
     places: dict[str, list[int]] = {}
     for place, frame in enumerate(frames):
         if frame.verified and (name := layouts()[frame.id].name) in _NEEDED:
@@ -205,7 +207,9 @@ def places_of(frames: Sequence[Frame]) -> dict[str, list[int]]:
 def clocks_of(
     places: Mapping[str, list[int]], frames: Sequence[Frame], pilots: Sequence[int | None]
 ) -> Floats:
-    """(n,) s since boot by frames of the autopilot, component `pilots` (n,); NaN where none."""
+    """Return (n,) s since boot by frames of the autopilot, component `pilots` (n,); NaN where
+    none.
+    """
     own = np.full(len(frames), np.nan)
     for name in REFERENCES:
         main = [p for p in places.get(name, ()) if pilots[p] in (None, frames[p].component)]
@@ -244,9 +248,10 @@ def dated_by_gps(
     groups: Mapping[str, tuple[NDArray[np.intp], NDArray[np.void]]],
     already: int | None,
 ) -> Bools:
-    """(n,) whether a GPS time was heard in the start `boots` (n,) of a frame, in it or before.
+    """Return (n,) whether a GPS time was heard in the start `boots` (n,) of each frame, up to it.
 
-    `already` is the start in which it was known before them, where no further one is looked for.
+    `already` is the start in which a GPS time was known before these frames; it is not searched
+    again.
     """
     dated = np.zeros(boots.size, dtype=np.bool_)
     if "SYSTEM_TIME" in groups:

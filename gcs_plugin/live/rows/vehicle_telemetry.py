@@ -83,7 +83,7 @@ FIELDS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LiveRows:
-    """T new rows of one start of a vehicle, and what only a listener needs besides."""
+    """T new rows of one start of a vehicle, and what else only a listener knows."""
 
     boot: int  # restarts heard before
     track: FlightTrack  # time counts from the first row of this start
@@ -104,7 +104,7 @@ class LiveRows:
 
 @dataclass(slots=True)
 class _Piece:
-    """Frames in the order in which they came, over which the vehicle says the same of itself."""
+    """Frames in the order of arrival, during which the vehicle's own state does not change."""
 
     state: VehicleState
     frames: list[Frame]
@@ -112,9 +112,11 @@ class _Piece:
 
 
 class VehicleTelemetry:
-    """Makes the rows of one vehicle. `problem` says why there can be none; empty when all is well.
+    """The rows of one vehicle, made as its frames come; `problem` is why there are none, else
+    empty.
 
-    `options` as for a log, with sampling "hold"; `asked` those by which the vehicle is asked.
+    `options` are those of reading a log, with sampling "hold"; `asked` are the options by which the
+    vehicle is asked for messages.
     """
 
     def __init__(self, system: int, options: Options, asked: Collection[str] = ()) -> None:
@@ -158,27 +160,27 @@ class VehicleTelemetry:
 
     @property
     def unread_us(self) -> int | None:
-        """Ground's clock of the oldest message that `rows` has not taken; None for none."""
+        """Ground's clock, µs, of the oldest message that `rows` has not taken; None for none."""
         return self._pieces[0].frames[0].stamp_us if self._pieces else None
 
     @property
     def read_s(self) -> float:
-        """Vehicle's clock of the last message that `rows` has taken; -inf before any."""
+        """Vehicle's clock, s, of the last message that `rows` has taken; -inf before any."""
         return self._heard_s
 
     @property
     def origin(self) -> Origin | None:
-        """Where positions count from now."""
+        """Origin of the positions at present."""
         zero = self._carried.zero
         return None if zero is None else zero.origin
 
     @property
     def facts(self) -> VehicleFacts:
-        """What kind of vehicle it is, by all that was heard."""
+        """Kind and rotors of the vehicle by all that it has sent."""
         return self.state.facts if self._motors is None else self._motors.facts
 
     def take(self, frame: Frame) -> None:
-        """One frame of this vehicle, in the order in which it came."""
+        """Take one frame of this vehicle, in the order of arrival."""
         self.stamp_us = frame.stamp_us
         self.counts[frame.id] += 1
         changed = False
@@ -199,21 +201,21 @@ class VehicleTelemetry:
         piece.rowless &= frame.id in OF_ITSELF
 
     def pass_over(self) -> None:
-        """Make no rows of what has come and was not taken yet."""
+        """Drop the frames that have come and were not taken yet, without rows."""
         self._pieces.clear()
 
     def forget(self) -> None:
-        """Begin anew, as with a vehicle that was never heard."""
+        """Begin anew, as for a vehicle that was never heard."""
         self.state = VehicleState(system=self.state.system)
         self.pass_over()
         self._by_pilot.clear()
         self._restart()
 
     def rows(self) -> list[LiveRows]:
-        """The new rows of the frames that were taken, in order.
+        """Return the new rows of the frames that were taken, in order, in parts.
 
         A new part begins where the vehicle restarted, and where it reported something new
-        (parameters, its kind, its first GPS time), which holds from the next row on.
+        (parameters, its kind, its first GPS time), which is valid from the next row on.
         """
         frames = [frame for piece in self._pieces for frame in piece.frames]
         pilots = [piece.state.component for piece in self._pieces for _ in piece.frames]
@@ -268,7 +270,9 @@ class VehicleTelemetry:
     def _part(
         self, boot: int, piece: _Piece, streams: dict[str, Stream], until_s: float
     ) -> LiveRows | None:
-        """Rows of one start from messages up to `until_s`; their stamps are still to be set."""
+        """Make the rows of one start from messages up to `until_s`; their stamps are set by the
+        caller.
+        """
         state, carried = piece.state, self._carried
         if self._rested and state.armed:
             # As in a file (sorties): what is stated of a load holds from each sortie's start.
@@ -388,5 +392,5 @@ class VehicleTelemetry:
 
 
 def _identity(state: VehicleState) -> tuple[object, ...]:
-    """What of a state rows depend on."""
+    """Return the parts of a state on which rows depend."""
     return id(state.parameters), state.kind, state.autopilot, state.component, state.armed

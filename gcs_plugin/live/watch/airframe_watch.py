@@ -1,12 +1,13 @@
-"""Why a figure of the newest row is unknown, and which option helps: no dash without a reason.
+"""Decide, once a flight, whether a vehicle that flies now is of the airframe; explain unknown
+figures.
 
-On what ground a vehicle that flies now is one of the airframe: decided once a flight.
+The comparison is the one for a file, over the last minute in flight, at most every 2.5 s. It
+decides on the ground and in the first seconds of a flight, and the decision stays: a later
+contradiction (a battery that collapses) is a finding and takes no margin away. An aircraft that was
+not recognised is compared again during the flight. By how much outputs and battery let the ceiling
+be too high is checked for the whole flight, with the battery's voltage from before take-off.
 
-The same comparison as of a file, of the last minute in flight, at most every 2.5 s. It decides on
-the ground and in the first seconds of a flight; what the aircraft was then known to be it stays.
-What fits no longer after that (a battery that collapses) is a finding, and takes no margin away.
-One that was not known goes on to be compared. How far outputs and battery let the ceiling be too
-high is looked at as long as it flies, the battery from before the take-off on.
+`unknown_figures` gives the reason for every figure that the screens cannot show.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 
 def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, words.WhyUnknown]:
-    """Figure -> why it is unknown in the newest row.
+    """Return, by figure, why it is unknown in the newest row.
 
-    Where no airframe is claimed, that has its own words; here is what recognises one.
+    Where no airframe is recognised, only the figures that could recognise it are listed.
     """
     row = -1
     track = analysis.track
@@ -70,8 +71,10 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
 def unknown_lines(
     figures: Mapping[str, words.WhyUnknown], asked: Collection[str] = ()
 ) -> Iterable[str]:
-    """One sentence a reason, naming all figures that it leaves unknown; `asked` are the options by
-    which the vehicle is asked already."""
+    """Yield one sentence for each reason, with all figures that it makes unknown.
+
+    `asked` are the options by which the vehicle is asked for messages already.
+    """
     for reason in dict.fromkeys(figures.values()):
         names = [name for name, why in figures.items() if why == reason]
         yield words.unknown_words(names, reason.text(asked))
@@ -86,7 +89,9 @@ LANDED = 5.0  # s on the ground after which a new flight begins
 
 
 class AirframeWatch:
-    """Keeps `claim` of one vehicle up. `source` is the link, for the command that helps."""
+    """The decision whether one vehicle is of the airframe (`claim`). `source` is the link, for the
+    command that helps.
+    """
 
     def __init__(self, model: RotorModel, *, given: bool, source: str) -> None:
         self._airframe = identified_airframe(model)
@@ -116,10 +121,10 @@ class AirframeWatch:
     def look(
         self, track: FlightTrack, facts: VehicleFacts, parameters: Mapping[str, float]
     ) -> AirframeClaim:
-        """Take new rows, in order, and say what is decided in the first of them.
+        """Take new rows, in order, and return the decision that is valid from the first of them.
 
-        So that a decision does not depend on how many rows come at once, whoever has many cuts them
-        before the row from which on the next look is `due_s`.
+        A decision must not depend on how many rows come at once, so the caller splits rows at
+        `due_s`.
         """
         if track.rotor_count != self._airframe.rotor_count:  # certain, and at once
             if not self._other_rotors:
@@ -140,8 +145,9 @@ class AirframeWatch:
 
     @property
     def due_s(self) -> float:
-        """Time of the track from which on the next row is a reason to look again; -inf: the first
-        row in flight."""
+        """Time of the track, s, from which the next row makes a new comparison; -inf: the first row
+        in flight.
+        """
         return self._looked_s + EVERY
 
     def _take(self, track: FlightTrack) -> None:

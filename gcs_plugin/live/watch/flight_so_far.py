@@ -1,9 +1,9 @@
-"""The flight that goes on, kept whole, so that its answer is what a report would say of it so far.
+"""The flight in progress, kept whole, so that its answer is that of a report of the flight so far.
 
-The rows are those of the monitor; load and speeds are inferred anew over all of them, as of a file.
-SETTLED seconds after the landing the answer is the report's (landed_flight.py). A flight begins at
-the first row heard, and anew at the first take-off after a stay of LONG_DOWN on the ground, or one
-in which it was disarmed, or its tank or battery became fuller, as a file is divided.
+The rows are those of the monitor; load and speeds are inferred anew over all of them, as for a
+file. SETTLED seconds after the landing the answer is the report's (landed_flight.py). A flight
+begins at the first row heard, and anew at the first take-off after LONG_DOWN s on the ground, or
+after a stay in which it was disarmed, or its tank or battery became fuller, as a file is divided.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ STOOD = 600.0  # s on the ground before the first take-off that are kept
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlightAdvice:
-    """What a report says of a flight, or would say of it so far."""
+    """The answer of a report of a flight, or of the flight so far."""
 
     advice: Advice
     contact: FirstContact | None  # of an aircraft that is not known
@@ -53,7 +53,7 @@ class FlightAdvice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightSoFar:
-    """One flight up to a row; its answer is worked out when a screen asks for it."""
+    """One flight up to a row; its answer is worked out when a screen needs it."""
 
     track: FlightTrack  # as reported
     state: VehicleState
@@ -66,23 +66,25 @@ class FlightSoFar:
 
     @property
     def advice(self) -> Advice:
-        """So far; of a flight that is over, the report's own."""
+        """Advice of the flight so far; of a flight that is over, the report's."""
         return (self.reported() or self.so_far).advice
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """The autopilot's."""
+        """The autopilot's parameters."""
         return self.state.parameters
 
     @cached_property
     def measured(self) -> FlightTrack:
-        """Its rows without what instruments say that stood still in it, as of a file."""
+        """Rows without the readings of instruments that were frozen, as for a file."""
         return without_frozen(self.track, identified_airframe(self.model), self.parameters)
 
     @cached_property
     def outputs(self) -> OutputEvidence | None:
-        """What the motor outputs of all its rows say of the load: the claim was decided in the
-        first climb, where they show more than the weight."""
+        """Load by the motor outputs of all rows; None where no margin is claimed.
+
+        The claim was decided in the first climb, where outputs show more than the weight.
+        """
         if self.claim.withheld:
             return None
         return output_evidence(self.measured, identified_airframe(self.model), self.parameters)
@@ -94,7 +96,7 @@ class FlightSoFar:
 
     @cached_property
     def beyond_gauge_kg(self) -> float:
-        """kg that hover thrust surely shows beyond gauge or statement; else 0."""
+        """Mass, kg, that hover thrust surely shows beyond gauge or statement; else 0."""
         if self.claim.withheld:
             return 0.0
         track = with_load_for_verdict(self._prepared, identified_airframe(self.model), self.outputs)
@@ -103,7 +105,7 @@ class FlightSoFar:
 
     @cached_property
     def order(self) -> MotorOrder | None:
-        """What its manoeuvres say of the order of its motors; None where no margin is claimed."""
+        """Order of the motors by the flight's manoeuvres; None where no margin is claimed."""
         if self.claim.withheld:
             return None
         flown = before_loss(self._prepared, loss_of_control(self._prepared))
@@ -111,11 +113,11 @@ class FlightSoFar:
 
     @property
     def other_order(self) -> bool:
-        """Whether its motors are in another order than the airframe's, or in other places."""
+        """Whether its motors are in another order, or in other places, than the airframe's."""
         return self.order is not None and self.order.verdict not in ("agrees", "unclear")
 
     def shown_by(self, claim: AirframeClaim) -> AirframeClaim:
-        """A claim, with what all its rows show of outputs and motor order."""
+        """Return a claim with what all rows of the flight show of outputs and motor order."""
         open_pairs = () if self.order is None else self.order.open_pairs
         return replace(
             claim, outputs=self.outputs, other_order=self.other_order, open_pairs=open_pairs
@@ -123,7 +125,7 @@ class FlightSoFar:
 
     @cached_property
     def so_far(self) -> FlightAdvice:
-        """As of a report of these rows, with the faults that were found in flight."""
+        """Answer of a report of these rows, with the faults that were found in flight."""
         track, state = self._prepared, self.state
         made = advise(
             analyse(track, self.model, claim=self.shown_by(self.claim)),
@@ -137,12 +139,12 @@ class FlightSoFar:
 
     @property
     def settled(self) -> bool:
-        """Whether its answer is that of a report."""
+        """Whether the answer is that of a report."""
         return self.reported() is not None
 
     @property
     def answer(self) -> FlightAnswer:
-        """The same in words, with the time up to which it goes."""
+        """Answer in words, with the time up to which it is valid for a flight in progress."""
         return self._whole_answer if self.settled else self._answer_so_far
 
     @cached_property
@@ -161,9 +163,9 @@ Over = Callable[[FlightSoFar], Callable[[], FlightAdvice | None]]
 
 
 class SortieRows:
-    """Follows the rows of one start of a vehicle; `now` is its flight as it was made last.
+    """The rows of one start of a vehicle, divided into flights; `now` is the newest flight.
 
-    `over` is asked once for each flight that is over, for what a report says of it.
+    `over` is called once for each flight that is over, and returns the answer of its report.
     """
 
     def __init__(self, model: RotorModel, alarms: Alarms, over: Over) -> None:
@@ -187,8 +189,9 @@ class SortieRows:
         state: VehicleState,
         events: Sequence[AlarmEvent],
     ) -> None:
-        """Take the next rows as they were reported, at `clock_s` (T,) of the vehicle; `events` is
-        what the alarms found in them."""
+        """Add the next rows as reported, at `clock_s` (T,) s of the vehicle; `events` are those of
+        their alarms.
+        """
         self._zero_s = float(clock_s[0] - track.time_s[0])
         self._said = claim, state
         end_s, flying = float(track.time_s[-1]), np.flatnonzero(track.flying)
@@ -207,7 +210,7 @@ class SortieRows:
         due_s = max(AGAIN_S, GROWN * (end_s - self._begin_s))
         if not self._flown:
             self._keep(end_s - STOOD)
-        elif landed and self._anew(end_s):
+        elif landed and self._begins_another_flight(end_s):
             self._keep(end_s - REST)  # the flight itself stays in `now`
         elif landed and end_s - self._landed_s >= SETTLED:
             self.settle()
@@ -219,7 +222,7 @@ class SortieRows:
             self.make()
 
     def settle(self) -> None:
-        """No more comes of the flight: it has landed, or the recording ends."""
+        """End the flight: it has landed, or the recording ends."""
         if self._reported:
             return
         self.make()
@@ -227,7 +230,7 @@ class SortieRows:
             self._reported, self.now = True, replace(self.now, reported=self._over(self.now))
 
     def restate(self) -> None:
-        """The faults that stand after a flight, as its report has them."""
+        """Replace the sizes of active faults by those of the report of a flight that is over."""
         if self.now is None or not self._alarms.of_parts:
             return
         if (reported := self.now.reported()) is not None:
@@ -235,7 +238,7 @@ class SortieRows:
             self._alarms.restate([one.fault for one in advice.faults], advice.places)
 
     def make(self) -> None:
-        """The flight up to the last row."""
+        """Set `now` to the flight up to the last row."""
         if not self._flown or self._said is None:
             return
         claim, state = self._said
@@ -258,17 +261,17 @@ class SortieRows:
 
     @property
     def found_bad(self) -> bool:
-        """Whether a rotor or motor was found bad in it, or before it and not cleared."""
+        """Whether a rotor or motor was found bad in the flight, or before it and not cleared."""
         found = () if self.now is None else self.now.faults
         return self._alarms.of_parts or any(faults for _, faults in found)
 
     @property
     def kept_s(self) -> float:
-        """s from the first row that is kept to the last."""
+        """Time, s, from the first row that is kept to the last."""
         return float(self._parts[-1].time_s[-1] - self._parts[0].time_s[0]) if self._parts else 0.0
 
-    def _anew(self, time_s: float) -> bool:
-        """Whether a take-off now would begin another flight."""
+    def _begins_another_flight(self, time_s: float) -> bool:
+        """Return whether a take-off now would begin another flight."""
         long = LONG_DOWN if not self._disarmed else REST
         return time_s - self._landed_s >= long
 
@@ -281,13 +284,13 @@ class SortieRows:
         self._reported = False
 
     def _begin(self, down_s: float, up_s: float) -> None:
-        """The flight after a stay is another, with the ground that is nearer to it."""
+        """Begin another flight after a stay on the ground, with the nearer half of that stay."""
         self._keep(max(up_s - REST, 0.5 * (down_s + up_s)))
         self._begin_s = float(self._parts[0].time_s[0]) if self._parts else up_s
         self._made_s = -math.inf
 
     def _keep(self, since_s: float) -> None:
-        """Forget the rows before a time."""
+        """Drop the rows before a time."""
         kept = [part for part in self._parts if part.time_s[-1] >= since_s]
         if kept and kept[0].time_s[0] < since_s:
             kept[0] = kept[0].rows(kept[0].time_s >= since_s)
@@ -295,8 +298,10 @@ class SortieRows:
 
 
 def _since(history: FaultHistory, zero_s: float) -> FaultHistory:
-    """Changes of the vehicle's clock as s of a flight that began at `zero_s`; what stood then
-    stands from its first row on."""
+    """Return changes at the vehicle's clock as s of a flight that began at `zero_s`.
+
+    A fault that was active then is active from the flight's first row.
+    """
     before = [faults for clock_s, faults in history if clock_s < zero_s]
     stood = [(0.0, before[-1])] if before and before[-1] else []
     return [*stood, *((c - zero_s, faults) for c, faults in history if c >= zero_s)]

@@ -28,7 +28,7 @@ LANDED = 5.0  # s on the ground after which a new flight begins
 
 
 class FrozenWatch:
-    """Follows one vehicle's rows; `airframe` is that of the model."""
+    """The frozen instruments of one vehicle in flight; `airframe` is the model's."""
 
     def __init__(self, airframe: Airframe) -> None:
         self._airframe = airframe
@@ -41,7 +41,9 @@ class FrozenWatch:
         self._voltage = VoltageSoFar()
 
     def without_frozen(self, track: FlightTrack, parameters: Mapping[str, float]) -> FlightTrack:
-        """New rows, in order, without a broken voltage and the channels that are frozen by then."""
+        """Return new rows, in order, without a broken voltage and without channels that are frozen
+        by then.
+        """
         time_s = track.time_s
         if self._flown and time_s[0] <= self._last_s:  # it was started anew
             self._begin()
@@ -69,8 +71,10 @@ class FrozenWatch:
 
 
 def _moves(track: FlightTrack, channel: str, stood: Stand) -> bool:
-    """Return whether a reading that stood moves again; one that contradicts others did all along,
-    and is asked for at the next look."""
+    """Return whether a frozen reading moves again; False for one that only contradicts others.
+
+    A contradicting reading did move all along, and is checked at the next look.
+    """
     if stood.reason is not Reason.FROZEN:
         return False
     values = getattr(track, channel)

@@ -36,8 +36,11 @@ LASTING = OF_ITSELF | OF_MISSION | {message_ids()[name] for name in _LASTING_NAM
 
 
 class LandedFlights:
-    """Keeps the messages of one vehicle in the order in which they came, as the bytes of a .tlog,
-    and reads them when a flight is over; `later` says when that is done."""
+    """The messages of one vehicle in the order of arrival, as the bytes of a .tlog, read when a
+    flight is over.
+
+    `later` decides when they are read.
+    """
 
     def __init__(
         self, system: int, model: RotorModel, settings: WatchSettings, later: Later[FlightAdvice]
@@ -46,7 +49,7 @@ class LandedFlights:
         self._chunks: list[tuple[int, bytearray, bytearray]] = []  # first µs, all, what lasts
 
     def take(self, frame: Frame) -> None:
-        """One more."""
+        """Add one message."""
         stamp_us = frame.stamp_us
         if not self._chunks or stamp_us - self._chunks[-1][0] > CHUNK_S * 1e6:
             self._chunks.append((stamp_us, bytearray(), bytearray()))
@@ -57,13 +60,15 @@ class LandedFlights:
             lasting += stamped
 
     def forget(self, before_us: float) -> None:
-        """Keep of what came before a time, by the ground's clock, only what lasts."""
+        """Drop messages of before a time, ground's clock in µs, except those that stay valid."""
         for k, (first_us, whole, lasting) in enumerate(self._chunks[:-1]):
             if self._chunks[k + 1][0] <= before_us and len(whole) > len(lasting):
                 self._chunks[k] = first_us, lasting, lasting
 
     def answer(self, flight: FlightSoFar) -> Callable[[], FlightAdvice | None]:
-        """What a report says of the flight; what it said so far where none can be made of it."""
+        """Return a function for the report's answer; that answer is the one so far where no report
+        can be made.
+        """
         tlog = b"".join(whole for _, whole, _ in self._chunks)
         read = partial(as_reported, tlog, self._model, self._settings, system=self._system)
         return self._later(lambda: read() or flight.so_far)
@@ -72,8 +77,10 @@ class LandedFlights:
 def as_reported(
     tlog: bytes, model: RotorModel, settings: WatchSettings, *, system: int
 ) -> FlightAdvice | None:
-    """What `report` says of a vehicle's last flight in a .tlog; None where it cannot be read, or
-    not be written, as on a full disk."""
+    """Return the answer of `report` for the last flight of a vehicle in the bytes of a .tlog.
+
+    None where the flight cannot be read, or the file not be written, as on a full disk.
+    """
     given, stated = settings.airframe_given, settings.as_of_a_file
     try:
         with tempfile.TemporaryDirectory(prefix="thrustmargin-") as folder:

@@ -1,4 +1,4 @@
-"""What the rest of a flight will be like: how long the liquid lasts, and the margin to come."""
+"""The forecast for the rest of a flight: how long the liquid lasts, and the margin to come."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ LONGEST_FLIGHT = 3600.0  # s; no sprayer flies longer
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outlook:
-    """What the rest of the flight will be like, as far as it is known now."""
+    """The forecast for the rest of the flight by the newest row."""
 
     #: At the present flow, spraying on; inf where that is not within a flight.
     seconds_to_empty: float = math.nan
@@ -77,14 +77,13 @@ class LookAhead:
         self._last_flow = 0.0  # kg/s when the pump was last on
 
     def use_plan(self, plan: MissionPlan | None, state: VehicleState) -> None:
-        """Forecast along this mission rather than along one overheard, until it is another.
-
-        None: the vehicle holds none.
+        """Forecast along this mission until the vehicle's own is replaced; None: the vehicle has
+        none.
         """
         self.plan, self._given_at = plan, state.mission_changes
 
     def restart(self) -> None:
-        """The vehicle's clock begins anew."""
+        """Begin anew with the clock of a vehicle that restarted."""
         self._done_s = -math.inf
         self._levels.clear()
 
@@ -108,11 +107,11 @@ class LookAhead:
             elif clock_s - self._done_s >= FORECAST_EVERY:
                 self._done_s = clock_s
                 item = int(np.nan_to_num(new.mission_item[k], nan=-1.0))
-                self._look(analysis, row, clock_s, float(new.pump_share[k]), item, state)
+                self._predict(analysis, row, clock_s, float(new.pump_share[k]), item, state)
             ahead[k] = self.now.margin_ahead
         return delivered, ahead
 
-    def _look(
+    def _predict(
         self,
         analysis: FlightAnalysis,
         row: int,
@@ -121,7 +120,7 @@ class LookAhead:
         mission_item: int,
         state: VehicleState,
     ) -> None:
-        """Forecast from one row; `mission_item` is flown to, -1 unknown."""
+        """Forecast from one row; `mission_item` is the item flown to, -1 unknown."""
         track, airframe = analysis.track, self._model.airframe
         tank = float(track.tank_kg[row])
         inferred = math.isnan(track.measured("tank_kg")[row])
@@ -144,9 +143,9 @@ class LookAhead:
     def _flow(
         self, clock_s: float, level: float, error: float, pump_share: float, delivery: float
     ) -> float:
-        """kg/s out of the tank while spraying: by the pump, else by the gauge; NaN unknown.
+        """Return kg/s out of the tank while spraying, by the pump, else by the gauge; NaN unknown.
 
-        `error` is the standard error of a level that was inferred, kg.
+        `error` is the standard error, kg, of a level that was inferred.
         """
         airframe = self._model.airframe
         if math.isfinite(pump_share):
@@ -197,7 +196,9 @@ class LookAhead:
 
 
 def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
-    """s until the tank of a recorded flight is empty, as it fell in the window before a row."""
+    """Return s until the tank of a recorded flight is empty, by its fall in the window before a
+    row.
+    """
     time_s = track.time_s
     first = int(np.searchsorted(time_s, time_s[row] - FLOW_WINDOW))
     levels = np.column_stack([time_s[first : row + 1], track.tank_kg[first : row + 1]])
@@ -210,7 +211,9 @@ def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
 
 
 def _fall(levels: Floats, error: float) -> float:
-    """kg/s by which levels (N, 2), clock s and kg, fall on a line; NaN where they surely do not."""
+    """Return kg/s by which levels (N, 2), clock s and kg, fall on a line; NaN where a fall is not
+    significant.
+    """
     time_s, kg = levels.T - levels.mean(axis=0)[:, None]
     square = float(time_s @ time_s)
     slope = float(time_s @ kg) / square
@@ -221,13 +224,13 @@ def _fall(levels: Floats, error: float) -> float:
 
 
 def _seconds_to_empty(tank: float, flow: float) -> float:
-    """s; inf without a flow, and where no flight lasts that long."""
+    """Return s until the tank is empty; inf without a flow, and beyond the length of any flight."""
     seconds = tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan)
     return math.inf if seconds > LONGEST_FLIGHT else seconds
 
 
 def _plan(waypoints: Iterable[PlanItem], *, home_first: bool) -> MissionPlan | None:
-    """The mission overheard, if it is whole."""
+    """Return the mission that was overheard; None unless it is complete."""
     ordered = sorted(waypoints, key=lambda w: w.number)
     if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
         return None

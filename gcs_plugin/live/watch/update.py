@@ -1,7 +1,7 @@
-"""How vehicles are watched: as the user says, after how long one is old, rowless or gone, and when
-what takes long is worked out.
+"""The settings of a watch, and its result: `Update`, the new analysed rows of one vehicle.
 
-What the monitor finds out of one vehicle at a time: its new rows, analysed, and what stands.
+Here are also the times after which a vehicle counts as gone, and the two ways in which slow work is
+done: when its result is first needed, or in the background.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ GONE = 60.0  # s of silence after which a vehicle has left
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchSettings(Options):
-    """How vehicles are watched: how they are read, and when an alarm is raised."""
+    """The options by which vehicles are read and alarms are raised."""
 
     vehicle: int | None = None  # system id of the only one; None: all that are heard
     alarms: AlarmSettings = field(default_factory=AlarmSettings)
@@ -48,7 +48,7 @@ class WatchSettings(Options):
 
     @property
     def as_of_a_file(self) -> dict[str, Any]:
-        """What is stated of the flight, as `read_sorties` takes it."""
+        """Options stated for the flight, as `read_sorties` takes them."""
         stated = ("tank", "tank_start_kg", "load", "load_end", "air_temperature")
         return {name: getattr(self, name) for name in stated}
 
@@ -59,14 +59,15 @@ Later = Callable[[Callable[[], Found]], Callable[[], Found | None]]
 
 
 def when_asked(work: Callable[[], Found | None]) -> Callable[[], Found | None]:
-    """Done by whoever asks first: of a recording, which waits."""
+    """Do the work when its result is first requested: for a recording, which waits."""
     return cache(work)
 
 
 def in_background(pool: Executor, failed: Callable[[BaseException], None]) -> Later[Any]:
-    """Done beside what comes in: of a link, which does not wait.
+    """Return a function that does work on a pool: for a link, which does not wait.
 
-    What cannot be found for an error of its own is not found; `failed` hears of it.
+    The result is None until it is there, and for work that raised an exception, with which `failed`
+    is called.
     """
 
     def heard(future: Future[Any]) -> None:
@@ -89,10 +90,10 @@ def in_background(pool: Executor, failed: Callable[[BaseException], None]) -> La
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Update:
-    """New rows of one vehicle. Arrays are (T,) as the analysis; rows before `first` were known.
+    """The new rows of one vehicle. Arrays are (T,) as the analysis; rows before `first` were known.
 
-    What is measured is final in every row. What a model with effects predicts is final in the rows
-    before `settled`, of which those from `unsettled` on are so for the first time.
+    Measured values are final in every row. Predictions of a model with effects are final in the
+    rows before `settled`, of which those from `unsettled` on have become so with this update.
     """
 
     vehicle: int
@@ -125,19 +126,19 @@ class Update:
 
     @property
     def answer(self) -> FlightAnswer | None:
-        """Of the flight so far, or the last one; None before the first take-off."""
+        """Answer of the flight so far, or of the last one; None before the first take-off."""
         return None if self.flight is None else self.flight.answer
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What the numbers rest on, for people."""
+        """Sentences on the sources of the numbers."""
         claim = self.analysis.claim
         helps = (claim.remedy,) if claim.withheld else ()
         return (claim.described, *helps, *self.beside_the_airframe)
 
     @property
     def beside_the_airframe(self) -> tuple[str, ...]:
-        """The remarks without those on the airframe, which the gauges have themselves."""
+        """The remarks except those on the airframe, which the gauges have themselves."""
         track = self.analysis.track
         speeds, tank_kg = track.source("rotor_speed_rpm"), track.source("tank_kg")
         inferred = (no_escs(speeds),) if speeds.meaning is Meaning.MOTOR_OUTPUTS else ()
@@ -146,20 +147,22 @@ class Update:
         return (*unknown, *tank, *inferred, *self.notes)
 
 
-def of_bad_part(update: Update) -> Update:
-    """The same of an aircraft of which a rotor or motor was found bad."""
+def update_with_bad_part(update: Update) -> Update:
+    """Return the update of an aircraft with a bad rotor or motor: without a margin for a full
+    tank.
+    """
     outlook = replace(update.outlook, full=lambda: math.nan)
     return replace(update, analysis=with_bad_part(update.analysis), outlook=outlook)
 
 
-def goes_on(last: Update, new: LiveRows) -> bool:
-    """Whether the new rows follow the last: no restart, and no other number of rotors."""
+def continues(last: Update, new: LiveRows) -> bool:
+    """Return whether the new rows follow the last: no restart, and the same number of rotors."""
     before = last.analysis.track.rotor_count
     return last.boot == new.boot and before == new.track.rotor_count
 
 
 def with_rows(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
-    """The rows that stay of the last update, and the new ones."""
+    """Return the kept rows of the last update, followed by the new ones."""
     if last is None:
         assert new is not None
         return new.track

@@ -10,7 +10,7 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.shared.options import (
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     check_range,
@@ -89,7 +89,7 @@ def cover(
         raise UsageError("PX4 has no DO_SPRAYER; say what switches the pump with --pump")
     out = out or (Path("field.plan"),)
     check_outputs(
-        [Output("--out", path, endings=PLANS) for path in out],
+        [OutputFile("--out", path, endings=PLANS) for path in out],
         inputs=[field, obstacles, no_spray],
     )
     place = None if home is None else _home(home)

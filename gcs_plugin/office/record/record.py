@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, analysed_flights
+from thrustmargin.gcs_plugin.commands.shared.analysed import analysed_flights
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import utc_text
 from thrustmargin.models.errors import DataError, LogError
@@ -160,8 +160,8 @@ def record(
         raise DataError(f"{out} is a file; give a folder with --out")
     outline = None if field is None else read_field(field)
     console = Terminal(stderr=True, soft_wrap=True)
-    asked = Chosen(model=model, airframe=airframe, reading=reading)
-    flights, _, unread = analysed_flights(logs, asked, console)
+    inputs = Inputs(logs=logs, model=model, airframe=airframe, reading=reading)
+    flights, _, unread = analysed_flights(inputs, console)
     flights, left_out = counted_once(flights)
     sorties = [log for _, log in flights]
     done = applied(sorties, swath)

@@ -13,7 +13,7 @@ from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
 )
@@ -72,9 +72,9 @@ def fleet(
         raise UsageError("only one of --csv and --json can go to standard output")
     check_outputs(
         (
-            Output("--out", out, endings=(".html", ".htm")),
-            Output("--csv", csv, endings=(".csv",)),
-            Output("--json", json, endings=(".json",)),
+            OutputFile("--out", out, endings=(".html", ".htm")),
+            OutputFile("--csv", csv, endings=(".csv",)),
+            OutputFile("--json", json, endings=(".json",)),
         ),
         inputs=[parts],
     )

@@ -19,19 +19,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.options import (
-    STDOUT,
-    Output,
-    UsageError,
-    check_outputs,
-    check_range,
-    check_utilisation,
-)
-from thrustmargin.gcs_plugin.commands.shared.reading import (
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
     AS_HEARD,
     Reading,
     Share,
     reading_keywords,
+)
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    STDOUT,
+    OutputFile,
+    UsageError,
+    check_outputs,
+    check_range,
+    check_utilisation,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, transfer_bar
 from thrustmargin.models.errors import DataError, require
@@ -105,7 +105,7 @@ def ingest(
     if not logs:
         raise UsageError("no log given; name logs or folders of recorded flights")
     check_utilisation(max_utilisation)
-    check_outputs([Output("--json", json, endings=(".json",))], inputs=[model, airframe])
+    check_outputs([OutputFile("--json", json, endings=(".json",))], inputs=[model, airframe])
     check_range("--workers", workers, 1, 1024)
     reading_keywords(reading)
     where = store if address(store) else str(Path(store).absolute())

@@ -10,8 +10,13 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.commands.shared.anonymous import anonymous, pseudonym, without_name
-from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights, unnamed
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    ReadingOptions,
+    chosen_model,
+    read_flights,
+    unnamed,
+)
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import report_findings
 from thrustmargin.gcs_plugin.mavlink.text import clean

@@ -9,7 +9,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
+from thrustmargin.gcs_plugin.commands.shared.options import OutputFile, check_outputs
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.whole_file import whole_file
@@ -60,7 +60,7 @@ def install(
         ),
         key=lambda file: file.name,
     )
-    outputs = [Output("FOLDER", folder / p.name, keep=not force) for p in found]
+    outputs = [OutputFile("FOLDER", folder / p.name, keep=not force) for p in found]
     check_outputs(outputs, inputs=[])
     console = Terminal(soft_wrap=True)
     for source in found:

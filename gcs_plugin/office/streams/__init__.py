@@ -4,3 +4,5 @@
 COMMANDS = {
     "export": "Write a flight as messages that Foxglove and other viewers of MCAP show",
 }
+#: Option of `monitor` -> the module that makes its output.
+OUTPUTS = {"metrics": "thrustmargin.gcs_plugin.office.streams.metrics"}

@@ -9,14 +9,14 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, analysed_flights
+from thrustmargin.gcs_plugin.commands.shared.analysed import analysed_flights
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
-    Output,
+    OutputFile,
     UsageError,
     check_outputs,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, Share
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 
 
@@ -61,13 +61,20 @@ def export(
     logs = require_logs(() if log is None else (log,)) if of_log else ()
     if len(logs) > 1:
         raise UsageError(f"{log} holds {len(logs)} logs; name the one to write")
+    inputs = Inputs(
+        logs=logs,
+        model=model,
+        airframe=airframe,
+        max_utilisation=max_utilisation,
+        reading=reading,
+    )
     check_outputs(
         [
-            Output("--mcap", mcap, endings=(".mcap",)),
-            Output("--layout", layout, endings=(".json",)),
-            Output("--grafana", grafana, endings=(".json",)),
+            OutputFile("--mcap", mcap, endings=(".mcap",)),
+            OutputFile("--layout", layout, endings=(".json",)),
+            OutputFile("--grafana", grafana, endings=(".json",)),
         ],
-        inputs=[*logs, model, airframe],
+        inputs=inputs.files,
     )
     console = Terminal(soft_wrap=True)
     if grafana is not None:
@@ -77,8 +84,7 @@ def export(
         console.print(f"wrote {grafana}; Grafana takes it by Import dashboard")
     if not of_log:
         return
-    asked = Chosen(model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading)
-    flights, limit, _ = analysed_flights(logs, asked, Terminal(stderr=True, soft_wrap=True))
+    flights, limit, _ = analysed_flights(inputs, Terminal(stderr=True, soft_wrap=True))
     made = [(report_flight(analysis, log, max_utilisation=limit), log) for analysis, log in flights]
     if mcap is not None:
         console.print(f"wrote {mcap}: {write_mcap(made, mcap)} messages")

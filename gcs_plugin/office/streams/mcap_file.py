@@ -1,11 +1,8 @@
-"""The topics of a flight's MCAP file: name, JSON schema, and the messages of a reported flight.
+"""The reported flights of one log as an MCAP file, and a Foxglove layout that shows it.
 
-Unknown numbers are null, as in the report's JSON. `time_s` counts from the sortie's first row.
-Times of messages are Unix time, in ns; where the log knows none, the vehicle's clock since boot.
-
-A layout of Foxglove that shows the topics of a flight's MCAP file.
-
-Reported flights of one log to an MCAP file, with the schema of every message in it.
+Each topic has a name, a JSON schema and messages. Unknown numbers are null, as in the report's
+JSON. `time_s` counts from the sortie's first row. Times of messages are Unix time, in ns; where the
+log knows none, the vehicle's clock since boot.
 """
 
 from __future__ import annotations
@@ -145,25 +142,28 @@ class StreamMessage(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SortieClock:
-    """How times of one sortie become the file's."""
+    """The clock of one sortie, which converts its times to those of the file."""
 
     start_s: float
     unix: bool
 
     def stamp_ns(self, time_s: float) -> int:
-        """ns of a time in s from the sortie's first row; what is before 0 is at 0, and what is
-        beyond the 64 bits of the format at their end."""
+        """Return ns of a time in s from the sortie's first row, limited to 0 and the format's 64
+        bits.
+        """
         return min(max(round((self.start_s + time_s) * 1e9), 0), 2**64 - 1)
 
 
 def sortie_clock(log: FlightLog) -> SortieClock:
-    """Unix time where the log knows it, else the vehicle's clock since boot."""
+    """Return the sortie's clock: Unix time where the log knows it, else the vehicle's time since
+    boot.
+    """
     unix = log.track.start_unix_s
     return SortieClock(start_s=log.clock_start_s if unix is None else unix, unix=unix is not None)
 
 
 def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]:
-    """All messages of a sortie, topic by topic."""
+    """Yield all messages of a sortie, topic by topic."""
     sortie, clock, rows = log.sortie, sortie_clock(log), report.rows
     first = float(rows["time_s"][0])
     whole = {
@@ -188,14 +188,16 @@ def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]
 
 
 def _nulls(values: Floats) -> list[Any]:
-    """Numbers as lists, None for NaN and beyond."""
+    """Return numbers as lists, with None for NaN and infinity."""
     nulls = values.astype(object)
     nulls[~np.isfinite(values)] = None
     return nulls.tolist()
 
 
 def _margin_band(report: FlightReport) -> tuple[Floats, Floats, Floats]:
-    """(T, R) margin by the known utilisation, off the ground, and its 90 % interval."""
+    """Return (T, R) margin by the known utilisation in flight, and the ends of its 90 %
+    interval.
+    """
     rows = report.rows
     flying = rows["flying"][:, None] > 0.0
     names = ("known_utilisation", "utilisation_high", "utilisation_low")
@@ -246,7 +248,7 @@ def _rotors(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
 
 
 def _positions(log: FlightLog, clock: SortieClock) -> Iterator[StreamMessage]:
-    """Rows whose place on the globe is known; there are none without an origin."""
+    """Yield the rows with a known place on the globe; none without an origin."""
     track = log.track
     if track.origin is None:
         return
@@ -282,7 +284,9 @@ def _timestamp(stamp_ns: int) -> dict[str, int]:
 
 
 def layout_text(rotor_names: Sequence[str]) -> str:
-    """The layout as JSON, with a line a rotor; Foxglove takes it by "Import from file"."""
+    """Return the layout as JSON, with a line for each rotor; Foxglove takes it by "Import from
+    file".
+    """
     rotors = range(len(rotor_names))
     rotor_names = [name or f"rotor {r + 1}" for r, name in enumerate(rotor_names)]
     panels: dict[str, dict[str, Any]] = {

@@ -1,1 +1,1 @@
-"""What is read beside the scene: gauges, charts, alarms, and the controls."""
+"""The page beside the scene: gauges, charts, alarms and controls."""

@@ -29,7 +29,10 @@ LARGEST, APART, IN_A_ROW = 0.5, 0.36, 4
 def aircraft_figures(
     row: ShownRow, seconds_to_empty: float, faulty: Collection[int] = ()
 ) -> dict[str, Any]:
-    """All figures of a row. `faulty` are the numbers, from 1, of the rotors that an alarm is of."""
+    """Return the figures of one row for the page, as JSON values.
+
+    `faulty` are the numbers, from 1, of the rotors that have an alarm.
+    """
     airframe, claim = row.analysis.model.airframe, row.analysis.claim
     worst = row.worst[1]
     if not row.flying and np.isfinite(row.margin_predicted).any():
@@ -78,10 +81,11 @@ def aircraft_figures(
 
 
 def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
-    """(R, 2) right and back of each rotor in arm lengths, and the radius that all can be drawn at.
+    """Return (R, 2) places of the rotors, right and back in arm lengths, and the radius of the
+    discs.
 
-    Those at one place, coaxial pairs, stand side by side or one behind the other, whichever leaves
-    more room.
+    Rotors at one place (coaxial pairs) are drawn side by side or one behind the other, whichever
+    leaves more room.
     """
     if not airframe.rotor_count:
         return np.empty((0, 2)), LARGEST
@@ -99,22 +103,24 @@ def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
 
 
 def by_number(rotors: int) -> tuple[Floats, float]:
-    """The same of rotors whose places are not known: in rows by their number."""
+    """Return places and radius, as `rotor_places`, for rotors whose places are unknown: rows by
+    number.
+    """
     number = np.arange(rotors, dtype=np.float64)
     return np.column_stack([number % IN_A_ROW, number // IN_A_ROW]) - [1.5, 0.0], 0.48
 
 
 def _room(places: Floats) -> float:
-    """The distance of the two that are nearest to each other."""
+    """Return the distance between the two nearest places, at most 2."""
     apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
     np.fill_diagonal(apart, np.inf)
     return float(min(apart.min(), 2.0))
 
 
 def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
-    """Level in kg, and in litres by the density that the airframe states: 1 kg/L where it does not.
+    """Return the tank level in kg, and in litres by the airframe's density, 1 kg/L without one.
 
-    `capacity_l` 0 is an aircraft without a tank.
+    A `capacity_l` of 0 is an aircraft without a tank.
     """
     kg, density = float(row.track.tank_kg[row.row]), airframe.liquid_density
     density = density if math.isfinite(density) and density > 0.0 else 1.0
@@ -133,7 +139,9 @@ def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
 
 
 def _lost(row: ShownRow) -> dict[str, Any]:
-    """What the loss of one rotor would do; "cannot_tell" within the error of what can be held."""
+    """Return the code of the effect of losing one rotor; "cannot_tell" within the error of
+    redundancy.
+    """
     free, low, high = row.redundancy
     kept = float(row.analysis.redundancy_yaw_kept[row.row])
     if math.isnan(free):
@@ -154,11 +162,11 @@ def _battery(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
 
 
 def paper(scale: colours.ColourScale, value: float) -> dict[str, str]:
-    """The colour of a value, and the ink that is read on it."""
+    """Return the background colour of a value and the text colour that can be read on it."""
     colour = scale.screen(value)
     return {"paper": colours.css(colour), "ink": colours.ink_on(colour)}
 
 
 def known(value: float, digits: int = 3) -> float | None:
-    """The number rounded, None for NaN and what is beyond all numbers."""
+    """Return the value rounded to some digits, None for NaN and infinity."""
     return round(float(value), digits) if np.isfinite(value) else None

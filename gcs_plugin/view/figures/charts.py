@@ -1,6 +1,6 @@
-"""What a flight looks like over time: rotor speeds around now, and the timeline of all of it.
+"""Charts of a flight over time, for the page: rotor speeds around a moment, and the timeline.
 
-A replay's clock: from the wall clock to a time in the flight.
+`ReplayClock` turns the wall clock into a time of the flight.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Speeds(NamedTuple):
         return cls(track.time_s, *bounds, made.rotor_speed_rpm, track.rotor_speed_rpm, track.flying)
 
     def rows(self, chosen: slice, clock_s: Floats) -> Speeds:
-        """Those rows, with their times (T,) by another clock."""
+        """Return the chosen rows, with times (T,) of another clock."""
         bounds = self.lower[chosen], self.upper[chosen]
         speeds = self.predicted[chosen], self.measured[chosen]
         return Speeds(clock_s[chosen], *bounds, *speeds, self.flying[chosen])
@@ -52,9 +52,10 @@ class Speeds(NamedTuple):
 def chart_images(
     places: Sequence[str], speeds: Speeds, now_s: float, *, window_s: float, ahead: float
 ) -> list[dict[str, Any]]:
-    """One drawing a rotor, R in all: its number, place, and an SVG of numbers alone.
+    """Return one chart for each of R rotors: number, place, and an SVG without text.
 
-    `ahead` of the window of `window_s` s is after `now_s`; ink is left to the page's style.
+    The window is `window_s` s long, of which the share `ahead` lies after `now_s`. The page sets
+    the line colours.
     """
     start_s = now_s - (1 - ahead) * window_s
     rows = shown_rows(speeds.time_s, start_s, start_s + window_s)
@@ -72,8 +73,9 @@ def chart_images(
 
 
 def shown_rows(time_s: Floats, start_s: float, end_s: float) -> NDArray[np.intp]:
-    """The rows of (T,) times in a window, thinned by a fixed stride of the flight, so that points
-    stay put as it moves."""
+    """Return the rows of (T,) times within a window, thinned by a stride that is the same for the
+    whole flight, so that points stay where they are while the window moves.
+    """
     first = int(np.searchsorted(time_s, start_s, side="left"))
     end = int(np.searchsorted(time_s, end_s, side="right"))
     step = max(1, (end - first) // POINTS)
@@ -90,7 +92,9 @@ def _svg(
     *,
     limits: tuple[float, float],
 ) -> str:
-    """One rotor's interval, prediction and measurement (K,) at places `across`, and line of now."""
+    """Draw one rotor's interval, prediction and measurement (K,) at places `across`, with a line at
+    the present moment.
+    """
     low, high = limits
 
     def points(rows: NDArray[np.intp], values: Floats) -> list[str]:
@@ -98,7 +102,9 @@ def _svg(
         return [f"{x:.1f},{y:.1f}" for x, y in zip(across[rows], up, strict=True)]
 
     def path(values: Floats, back: Floats | None = None) -> str:
-        """Lines with gaps where a value is unknown; with `back` the areas between the two."""
+        """Return an SVG path with gaps at unknown values; with `back`, of the areas between two
+        lines.
+        """
         drawn = np.isfinite(values) if back is None else np.isfinite(values) & np.isfinite(back)
         parts = []
         for run in np.split(np.arange(values.size), np.flatnonzero(np.diff(drawn)) + 1):
@@ -118,7 +124,9 @@ def _svg(
 
 
 def speed_range(given: Speeds) -> tuple[float, float]:
-    """Limits of the charts in rpm, whole hundreds around all flying rows."""
+    """Return the limits of the charts in rpm, whole hundreds that contain the rotor speeds in
+    flight.
+    """
     both = (given.measured, given.predicted)
     speeds = np.concatenate([speeds[given.flying].ravel() for speeds in both])
     speeds = speeds[np.isfinite(speeds)]
@@ -129,9 +137,9 @@ def speed_range(given: Speeds) -> tuple[float, float]:
 
 
 def timeline_colours(analysis: FlightAnalysis) -> list[str]:
-    """One colour a stretch of time, by the least thrust left in it.
+    """Return the colours of equally long parts of the flight, by the least thrust margin in each.
 
-    In order of time, all of one length; grey on the ground and where nothing is known.
+    Grey is a part on the ground, or one where no margin is known.
     """
     time_s = analysis.track.time_s
     use, _ = worst_rotor(analysis.known_utilisation)
@@ -149,9 +157,9 @@ SPEEDS = (1, 2, 5, 10, 30, 60)
 
 
 class ReplayClock:
-    """Runs from 0 to `duration` s at `speed` times real time; at the end it rests at `rest`.
+    """A clock that runs from 0 to `duration` s at `speed` times real time and stops at `rest`.
 
-    `ended` is True from then until somebody plays or seeks.
+    `ended` is True from the end on until `play` or `seek` is called.
     """
 
     def __init__(
@@ -179,7 +187,7 @@ class ReplayClock:
 
     @property
     def playing(self) -> bool:
-        """True while time passes; False when paused and at the end."""
+        """Whether time passes; False when paused and at the end."""
         with self._at_now():
             return self._playing
 
@@ -189,12 +197,12 @@ class ReplayClock:
             return self._ended
 
     def now(self) -> float:
-        """Seconds into the flight."""
+        """The time in the flight, s."""
         with self._at_now():
             return self._time_s
 
     def play(self) -> None:
-        """Go on; from the start when at the end."""
+        """Continue; begin anew when at the end."""
         with self._at_now():
             if self._ended or self._time_s >= self.duration:
                 self._time_s = 0.0
@@ -205,7 +213,7 @@ class ReplayClock:
             self._playing = False
 
     def seek(self, time_s: float) -> None:
-        """Go to a time; outside the flight to its nearest end. NaN is ignored."""
+        """Go to a time, s, limited to the flight; ignore NaN."""
         if math.isnan(time_s):
             return
         with self._at_now():

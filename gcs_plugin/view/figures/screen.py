@@ -1,11 +1,11 @@
-"""What to fill, on the page while the aircraft stands: the numbers of `thrustmargin fill`.
+"""The page's own part around viser's scene: actions, the aircraft from above, alarms, charts.
 
-The page's own part, around viser's scene: what to do, the aircraft from above, alarms, charts.
+It is the same for a recorded flight and for aircraft that fly now, from a phone to a wide screen.
+Its script requests the state from this server a few times a second, as JSON: numbers, codes and
+names. The sentences are those of the catalogue, in the browser's language. The page shows when the
+server does not answer. An action needs the token that only this server's own page was given.
 
-It is the same for a flight that is recorded and for aircraft that fly now, from a phone to a wide
-screen. Its script asks this server for its state a few times a second, by JSON: numbers, codes and
-names; the sentences are the catalogue's, in the browser's language. What it does not hear it says.
-An act needs the token that only this server's own page was given.
+`FillAdvice` is the sentence on how much to fill, with the numbers of `thrustmargin fill`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,11 @@ from urllib.parse import parse_qs, urlsplit
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures, known
-from thrustmargin.gcs_plugin.view.figures.vehicle_summary import LEVELS, VehicleSummary, level_of
+from thrustmargin.gcs_plugin.view.figures.vehicle_summary import (
+    LEVELS,
+    VehicleSummary,
+    severity_level,
+)
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
@@ -40,9 +44,10 @@ CHANGE = 0.003  # of air density, from which it is worked out anew
 
 
 class FillAdvice:
-    """The advice for one aircraft on the ground; it is worked out again when the air changes.
+    """The sentence on how much to fill, for one aircraft on the ground; computed anew when the air
+    changes.
 
-    The battery counts at its nominal voltage: at rest its voltage is not that under load.
+    It assumes the nominal voltage, because the voltage at rest is not that under load.
     """
 
     def __init__(self, limit: float) -> None:
@@ -51,7 +56,9 @@ class FillAdvice:
         self._text = ""
 
     def text(self, analysis: FlightAnalysis) -> str:
-        """In words; empty in flight, and where no airframe is claimed or no air is known."""
+        """Return the sentence; empty in flight, without a recognised airframe, and in unknown
+        air.
+        """
         model, density = analysis.model, float(analysis.density[-1])
         if analysis.track.flying[-1] or analysis.withheld or not math.isfinite(density):
             return ""
@@ -60,10 +67,10 @@ class FillAdvice:
         known = self._known
         if known is None or known[0] is not model or abs(density / known[1] - 1.0) > CHANGE:
             self._known = (model, density)
-            self._text = self._made(analysis, density)
+            self._text = self._sentence_at(analysis, density)
         return self._text
 
-    def _made(self, analysis: FlightAnalysis, density: float) -> str:
+    def _sentence_at(self, analysis: FlightAnalysis, density: float) -> str:
         model = analysis.model
         volts = model.airframe.nominal_voltage
         fills = largest_fills(model, density, volts, airspeed=AIRSPEED, max_utilisation=self._limit)
@@ -82,12 +89,12 @@ Acts = Mapping[str, Callable[[str], None]]
 
 
 class PageState:
-    """State and acts of the page. `summaries` gives the aircraft as last heard, to any thread.
+    """The state that the page shows, and the actions that it may request.
 
-    `more` gives further entries of the state, `charts` the drawings for a vehicle's number and s
-    before now. `silent` makes no sound; `recorded` is a flight of the past, or one
-    that is `planned`, with its `timeline`, colours in order of time. `acknowledged` hears of every
-    alarm that was acknowledged.
+    `summaries` returns every aircraft as last heard, on any thread; `more` returns further entries
+    of the state; `charts` draws for a vehicle's number and s before now. `silent` means without
+    sound; `recorded` is a flight of the past, or a `planned` one, with the colours of its
+    `timeline`. `acknowledged` is called with each alarm that the pilot acknowledges.
     """
 
     def __init__(
@@ -127,11 +134,11 @@ class PageState:
         self.insert = text.replace("@GIVEN@", data).encode()  # what the page gets before its end
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """An alarm changed: a line of the history."""
+        """Add a change of an alarm to the history."""
         self.note(vehicle, event.kind, event.alarm.text)
 
     def acknowledge(self) -> None:
-        """All alarms that stand now are known to the pilot."""
+        """Mark every active alarm as known to the pilot."""
         for one in self._summaries():
             for alarm in one.alarms:
                 key = _key(one, alarm)
@@ -144,7 +151,9 @@ class PageState:
                         self._acknowledged(one.number, alarm)
 
     def answer(self, target: str) -> tuple[int, bytes] | None:
-        """Status and JSON for the `target` of a request; None for one that is viser's."""
+        """Return status and JSON for the `target` of a request; None for a request of viser's
+        page.
+        """
         parts = urlsplit(target)
         asked = {name: given[0] for name, given in parse_qs(parts.query).items()}
         if parts.path == STATE:
@@ -169,7 +178,9 @@ class PageState:
         return 200, json.dumps(self._charts(number, max(back_s, 0.0)), allow_nan=False).encode()
 
     def state(self) -> dict[str, Any]:
-        """What the page shows: vehicles, alarms (the gravest first), history (the newest first)."""
+        """Return the whole state of the page: vehicles, alarms (the gravest first), history (the
+        newest first).
+        """
         fleet = [one for one in self._summaries() if not one.gone]
         listed = [(one, alarm) for one in fleet for alarm in one.alarms]
         listed.sort(key=lambda pair: (pair[1].order[:3], _key(*pair) in self._known))
@@ -182,7 +193,7 @@ class PageState:
                 "text": alarm.text,
                 "line": alarm.line,
                 "state": alarm.state,
-                "level": level_of(alarm.severity),
+                "level": severity_level(alarm.severity),
                 "loud": alarm.severity <= WARNING,
                 "critical": alarm.severity <= CRITICAL,
                 "acknowledged": _key(one, alarm) in known_keys,
@@ -211,7 +222,9 @@ class PageState:
         }
 
     def _vehicle(self, one: VehicleSummary) -> dict[str, Any]:
-        """One aircraft, with its figures where any are known, and their age (None of a record)."""
+        """Return the state of one aircraft, with its figures where any are known, and their age,
+        None for a recorded flight.
+        """
         answer = None if one.update is None else one.update.answer
         entry = {
             "number": one.number,
@@ -239,7 +252,7 @@ class PageState:
         return {**entry, "figures": {**figures, **ahead}}
 
     def note(self, vehicle: int, kind: str, text: str) -> None:
-        """A line of the history, of now; from any thread."""
+        """Add a line to the history, with the present time; callable from any thread."""
         at = time.strftime("%H:%M:%S")
         with self._lock:
             self._history.appendleft(
@@ -248,7 +261,7 @@ class PageState:
 
 
 def field_state(names: Sequence[str], shown: Overlay, scene: Scene) -> dict[str, Any]:
-    """What the page shows beside the scene: colours of the route, their legend, cameras."""
+    """Return the page's controls of the scene: colours of the route, legend and cameras."""
     return {
         "colours": list(names),
         "colour": shown.name,
@@ -263,7 +276,7 @@ def _key(one: VehicleSummary, alarm: Alarm) -> Key:
 
 
 def finite(text: str) -> float:
-    """The number. Raises ValueError for none, and for one that is not finite."""
+    """Convert a text to a finite number. Raises ValueError for anything else."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(text)

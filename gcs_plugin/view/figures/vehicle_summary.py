@@ -30,7 +30,7 @@ VERDICT_LEVEL: Mapping[str, Level] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSummary:
-    """One aircraft as it was last heard; the page shows the alarms of all."""
+    """All that the page shows of one aircraft: its newest row, its alarms and their age."""
 
     number: int
     row: ShownRow | None = None
@@ -51,7 +51,7 @@ class VehicleSummary:
 
     @property
     def faulty(self) -> frozenset[int]:
-        """Numbers, from 1, of the rotors that an alarm is of."""
+        """Numbers, from 1, of the rotors that have an alarm."""
         return frozenset(alarm.rotor for alarm in self.alarms if alarm.rotor is not None)
 
     @property
@@ -77,21 +77,21 @@ class VehicleSummary:
             # Every grave one is named: one that is known must not hide another behind a number.
             grave = [alarm for alarm in rest if alarm.severity <= CRITICAL]
             reasons = ([first.line] if first.line != first.text else []) + [a.line for a in grave]
-            level = level_of(first.severity)
-            if so_far is not None and of_verdict(so_far) == "red":
+            level = severity_level(first.severity)
+            if so_far is not None and verdict_level(so_far) == "red":
                 # Short while it flies: what to do at a desk stands whole further down.
                 reasons += [so_far.brief] if so_far.brief else []
                 level = "red"
             return first.text, " · ".join(reasons), level
         if self.whole is not None:
-            level = of_verdict(self.whole)
+            level = verdict_level(self.whole)
             # Not green before it is known whether there were alarms.
             unsure = self.pending and level == "green"
             do = _sentence(self.whole.action or self.whole.why)
             return self.whole.headline, do or self.pending, "grey" if unsure else level
         # Also while nothing is heard: what was found does not end with a gap in the telemetry.
-        if so_far is not None and of_verdict(so_far) in ("red", "amber"):
-            return so_far.headline, so_far.brief or _sentence(so_far.action), of_verdict(so_far)
+        if so_far is not None and verdict_level(so_far) in ("red", "amber"):
+            return so_far.headline, so_far.brief or _sentence(so_far.action), verdict_level(so_far)
         if so_far is not None and shows:
             return so_far.headline, self.pending, "grey"
         if row is None or unheard or self.pending:
@@ -101,12 +101,12 @@ class VehicleSummary:
 
     @property
     def shown(self) -> tuple[tuple[Alarm, ...], str, bool]:
-        """What the page must show at once when it changes."""
+        """The parts that the page must show at once when they change."""
         return self.alarms, self.problem, self.gone
 
 
-def of_verdict(answer: FlightAnswer) -> Level:
-    """The level of a flight's answer."""
+def verdict_level(answer: FlightAnswer) -> Level:
+    """Return the level of a flight's answer."""
     return VERDICT_LEVEL.get(answer.level, "grey")
 
 
@@ -114,8 +114,8 @@ def _sentence(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def level_of(severity: int) -> Level:
-    """The level of an alarm by its MAV_SEVERITY."""
+def severity_level(severity: int) -> Level:
+    """Return the level of an alarm by its MAV_SEVERITY."""
     if severity <= CRITICAL:
         return "red"
     return "amber" if severity <= WARNING else "grey"

@@ -1,1 +1,1 @@
-"""The page itself: its server, its door, its token."""
+"""The page's server, its token and its checks of requests."""

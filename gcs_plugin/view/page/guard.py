@@ -1,20 +1,17 @@
-"""The token that a browser must know where others can reach the page.
+"""The view's server with checks of every request, and the token for browsers of other computers.
 
-Once in the page's address or typed into the page that asks for it, then kept by the browser in a
-cookie that no script reads and no other site is sent. It travels as the page does: without TLS in
-the open, which is for a reverse proxy (docs/live.md).
-
-The view's server, with a door in front of it.
-
-viser accepts a WebSocket from any page that the browser has open, and answers to any host name.
-So any web site could read and steer the view (cross-site WebSocket hijacking), also through a name
+viser accepts a WebSocket from any page that the browser has open, and answers to any host name. So
+any web site could read and steer the view (cross-site WebSocket hijacking), also through a name
 that it points at this machine (DNS rebinding). Here every request must name this machine, by an
 address or `localhost` and never by another name, and a WebSocket must come from the very page that
 this server served. Pages may not be framed by others and may load nothing from elsewhere.
 
-An address that others can reach needs a `door` besides, which asks who they are.
+An address that others can reach needs a token besides. It is in the page's address, or is typed
+into the page that asks for it, and the browser keeps it in a cookie that no script reads and no
+other site is sent. Without TLS it travels unencrypted; TLS is for a reverse proxy (docs/live.md).
 
-The port is opened here and handed to viser: a busy one is an error, never silently another one.
+The port is opened here and handed to viser: a busy port is an error, and never silently another
+one.
 """
 
 from __future__ import annotations
@@ -56,9 +53,9 @@ ASKING = """<!doctype html><meta name="viewport" content="width=device-width">
 
 
 def page_token(host: str, token_file: Path | None) -> str:
-    """What a browser must know to open a page on `host`: nothing where only this computer can.
+    """Return the token for a page on `host`; empty where only this computer can open the page.
 
-    Raises DataError for a file without a token that is long enough.
+    Raises DataError for a file whose token is too short.
     """
     if token_file is None:
         return "" if is_loopback(host) else secrets.token_urlsafe(16)
@@ -77,19 +74,19 @@ def page_token(host: str, token_file: Path | None) -> str:
 
 
 def asked_for(connection: ServerConnection, request: Request, token: str) -> Response | None:
-    """The answer to a browser that does not know the token yet; None for one that does.
+    """Return the answer to a browser without a valid token; None for one that has it.
 
-    One whose address has it gets a cookie and the page.
+    A browser that has the token in the page's address gets a cookie and the page.
     """
     name = f"thrustmargin_{connection.local_address[1]}"  # cookies do not distinguish ports
     cookies = SimpleCookie()
     with contextlib.suppress(CookieError):
         cookies.load("; ".join(request.headers.get_all("Cookie")))
-    if name in cookies and _same(cookies[name].value, token):
+    if name in cookies and _equal_tokens(cookies[name].value, token):
         return None
     path, _, query = request.path.partition("?")
     given = urllib.parse.parse_qs(query).get("token", [""])[0]
-    if path == "/" and _same(given, token):
+    if path == "/" and _equal_tokens(given, token):
         response = connection.respond(http.HTTPStatus.SEE_OTHER, "")
         response.headers["Location"] = "/"
         response.headers["Set-Cookie"] = f"{name}={token}; Path=/; HttpOnly; SameSite=Strict"
@@ -103,7 +100,7 @@ def asked_for(connection: ServerConnection, request: Request, token: str) -> Res
     return response
 
 
-def _same(given: str, token: str) -> bool:
+def _equal_tokens(given: str, token: str) -> bool:
     return hmac.compare_digest(given.encode(), token.encode())
 
 
@@ -112,7 +109,9 @@ _SUBSTITUTION = threading.Lock()
 
 
 def refusal(headers: Any, *, loopback_only: bool) -> str | None:
-    """Why a request with these headers (`get_all(name)`) is refused; None when it may pass."""
+    """Return why a request with these headers (`get_all(name)`) is refused; None when it may
+    pass.
+    """
     hosts = headers.get_all("Host")
     if len(hosts) != 1 or not names_this_machine(hosts[0], loopback_only=loopback_only):
         return "this address is not the view's own; open it by its IP address or localhost"
@@ -123,7 +122,8 @@ def refusal(headers: Any, *, loopback_only: bool) -> str | None:
 
 
 def names_this_machine(host: str, *, loopback_only: bool) -> bool:
-    """Whether a Host header is `localhost` or an address, which no foreign name server can forge.
+    """Return whether a Host header is `localhost` or an IP address, which no foreign name server
+    can forge.
 
     With `loopback_only` the address must be a loopback one.
     """
@@ -142,7 +142,9 @@ def names_this_machine(host: str, *, loopback_only: bool) -> bool:
 
 
 def page_headers(host: str) -> dict[str, str]:
-    """Headers of every page: nothing from elsewhere, no frame around it. `host` was checked."""
+    """Return the headers of every page: nothing from elsewhere, no frame around it. `host` was
+    checked.
+    """
     return {
         "Content-Security-Policy": (
             "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
@@ -156,7 +158,7 @@ def page_headers(host: str) -> dict[str, str]:
 
 
 def open_port(host: str, port: int) -> socket.socket:
-    """A listening socket on exactly this host and port (0: any free one). Raises LinkError."""
+    """Open a listening socket on exactly this host and port (0: any free one). Raises LinkError."""
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         return socket.create_server((host, port), family=family, backlog=64)
@@ -178,12 +180,14 @@ def open_port(host: str, port: int) -> socket.socket:
 
 
 class PageAddition(Protocol):
-    """What a page has besides viser's: text before its end, and answers to its own requests."""
+    """Text that is added to viser's page, and answers to further requests."""
 
     insert: bytes
 
     def answer(self, target: str) -> tuple[int, bytes] | None:
-        """Status and JSON for the target of a request; None for one that is viser's."""
+        """Return status and JSON for the target of a request; None for a request of viser's
+        page.
+        """
         ...
 
 
@@ -198,9 +202,9 @@ def guarded_server(
     addition: PageAddition | None = None,
     door: Door | None = None,
 ) -> viser.ViserServer:
-    """A viser server behind the checks above.
+    """Start a viser server behind the checks of this file.
 
-    Raises LinkError when the port cannot be opened, or others could reach it and no door is there.
+    Raises LinkError when the port cannot be opened, or when others could reach it without a token.
     """
     import viser
     import viser._messages as messages
@@ -229,13 +233,13 @@ def guarded_server(
 
 
 def address_of(host: str) -> str:
-    """How this computer's browser names a host that a server listens on."""
+    """Return the name by which this computer's browser reaches a server that listens on a host."""
     near = {"0.0.0.0": LOOPBACK, "::": "::1"}.get(host, host)
     return f"[{near}]" if ":" in near else near
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a server on this host can be reached from this computer alone."""
+    """Return whether a server on this host can be reached from this computer alone."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -243,7 +247,7 @@ def is_loopback(host: str) -> bool:
 
 
 def stop_server(server: viser.ViserServer) -> None:
-    """Stop the server and its threads, without viser's own words on the terminal."""
+    """Stop the server and its threads, and suppress viser's messages on the terminal."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
 
@@ -252,7 +256,7 @@ def stop_server(server: viser.ViserServer) -> None:
 def _handed_to_viser(
     listening: socket.socket, loopback_only: bool, addition: PageAddition | None, door: Door | None
 ) -> Iterator[None]:
-    """While viser starts, the WebSocket server that it makes is the guarded one on our socket."""
+    """Make viser, while it starts, use the guarded WebSocket server on our socket."""
     import websockets.asyncio.server as server_module
 
     plain = server_module.serve
@@ -307,7 +311,7 @@ def _guarded(
 def _added(
     connection: ServerConnection, request: Request, addition: PageAddition
 ) -> Response | None:
-    """The answer to a request that is the addition's own."""
+    """Return the answer to a request that the addition knows."""
     found = addition.answer(request.path)
     if found is None:
         return None
@@ -319,7 +323,7 @@ def _added(
 
 
 def _check_the_door(server: viser.ViserServer, port: int) -> None:
-    """Ask as a foreign page would, and refuse to run unless that is refused."""
+    """Ask as a foreign page would. Raises LinkError unless the server refuses."""
     request = urllib.request.Request(
         f"http://{address_of(server.get_host())}:{port}/", headers={"Host": "elsewhere.invalid"}
     )

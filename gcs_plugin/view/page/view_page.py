@@ -32,11 +32,11 @@ _log = logging.getLogger(__name__)
 
 
 class ViewPage(ABC):
-    """A page that one thread of its own draws, all `every` s and whenever it is woken.
+    """A page that one thread of its own draws, every `every` s and whenever `wake` is set.
 
-    `start` opens it, `stop` ends it. What is on it is built by `_build` and drawn by `_draw`.
-    `what` names it for people; `port` 0 is any free one; `addition` is put on it besides viser's;
-    `token` is what a browser must know, empty for nothing.
+    `start` opens it, `stop` closes it. `_build` makes its content once and `_draw` updates it.
+    `what` names the page in messages; `port` 0 is any free one; `addition` is shown besides viser's
+    page; `token` is what a browser must know, empty for none.
     """
 
     def __init__(
@@ -60,15 +60,15 @@ class ViewPage(ABC):
 
     @abstractmethod
     def _build(self, server: viser.ViserServer) -> None:
-        """Put everything on the page, before the first drawing."""
+        """Make all that is on the page, before the first drawing."""
 
     @abstractmethod
     def _draw(self) -> None:
-        """Assign to what is on the page."""
+        """Update what is on the page."""
 
     @property
     def url(self) -> str:
-        """Where the page is, with its token. Raises DataError before `start` and after `stop`."""
+        """Address of the page with its token. Raises DataError before `start` and after `stop`."""
         if self._server is None:
             raise DataError("the view is not open; call start() first")
         ends = f"/?token={self._token}" if self._token else ""
@@ -112,12 +112,12 @@ class ViewPage(ABC):
             _open_browser(self.url)
 
     def ask(self, act: Callable[[], None]) -> None:
-        """Let the drawing thread `act`, then draw all; callable from any thread."""
+        """Let the drawing thread call `act` and then draw; callable from any thread."""
         self._requests.put(act)
         self.wake.set()
 
     def _run(self, server: viser.ViserServer) -> None:
-        """The thread. What goes wrong in one drawing is logged and does not end it."""
+        """Draw until `stop`; log an error of one drawing and go on."""
         while not self._stopping.is_set():
             self.wake.wait(max(self._every - FASTEST, 0.0))
             self.wake.clear()

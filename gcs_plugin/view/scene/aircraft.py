@@ -79,7 +79,7 @@ class VehicleNode:
         self.set_scale(1.0)
 
     def _add_rotors(self, scene: SceneApi) -> BatchedMeshHandle:
-        """Arms, discs and arrows of the rotors; the discs."""
+        """Add arms, discs and arrows of the rotors; return the discs."""
         airframe, rotors = self._airframe, self._rotors
         radius = disc_radius(airframe)
         # Under the discs, which would hide half of each line's thickness.
@@ -104,7 +104,7 @@ class VehicleNode:
         return discs
 
     def _add_rings(self, scene: SceneApi) -> list[Any]:
-        """A red ring about each rotor, which is shown while an alarm is of it."""
+        """Add a red ring about each rotor, visible while the rotor has an alarm."""
         ring = 1.05 * disc_radius(self._airframe) * unit_disc()[0][1:] + [0.0, 0.0, 0.03]
         sides = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
         names = [f"{self._root}/fault_{i + 1}" for i in range(len(self._rotors))]
@@ -120,7 +120,7 @@ class VehicleNode:
 
     @property
     def drawn_arm(self) -> float:
-        """The same as it is drawn, m of the scene."""
+        """Distance of the outermost rotor from the centre as drawn, m of the scene."""
         return self._arm * self._scale
 
     def set_scale(self, scale: float, *, detailed: bool = True) -> None:
@@ -134,7 +134,7 @@ class VehicleNode:
             label.position = scale * (rotor + np.array([0, 0, 0.12 * self._arm]))
 
     def hide(self) -> None:
-        """Take it off the scene until it is shown again."""
+        """Hide the aircraft until the next `show`."""
         self.frame.visible = self._visible = False
 
     def show(
@@ -185,26 +185,26 @@ class VehicleNode:
 
 
 def disc_colours(margin: Floats) -> colours.Colours:
-    """(R, 3) colours to send for discs of (R,) margins."""
+    """Return the colours (R, 3) to send to the browser for discs of (R,) margins."""
     return sent_for(colours.MARGIN.screen(margin))
 
 
 def rotor_label(index: int, margin: float) -> str:
-    """The text over a rotor: its number and its margin in per cent, or "?" without one."""
+    """Return the text over a rotor: its number and its margin in per cent, or "?" where unknown."""
     if not np.isfinite(margin):
         return f"{index + 1}: ?"
     return f"{index + 1}: {BEYOND if margin < 0.0 else f'{100 * margin:.0f}%'}"
 
 
 def tank_level(tank_kg: float, capacity_kg: float) -> float:
-    """Share of the tank that is full, 0..1; NaN when unknown, or where there is no tank."""
+    """Return the share of the tank that is full, 0..1; NaN when unknown, or without a tank."""
     if not np.isfinite(tank_kg) or capacity_kg <= 0.0:
         return np.nan
     return float(np.clip(tank_kg / capacity_kg, 0.0, 1.0))
 
 
 def disc_radius(airframe: Airframe) -> float:
-    """The propeller's radius in m, less where discs side by side would overlap on the screen."""
+    """Return the propeller's radius, m, reduced where neighbouring discs would overlap."""
     apart = airframe.rotor_position_frd[:, None, :2] - airframe.rotor_position_frd[None, :, :2]
     distance = np.linalg.norm(apart, axis=-1)
     neighbours = distance[distance > 0.05]
@@ -213,7 +213,7 @@ def disc_radius(airframe: Airframe) -> float:
 
 
 def unit_disc() -> tuple[Floats, np.ndarray]:
-    """(V, 3) vertices and (F, 3) faces of a flat disc of radius 1 around the origin."""
+    """Return (V, 3) vertices and (F, 3) faces of a flat disc of radius 1 around the origin."""
     angle = 2 * np.pi * np.arange(SIDES) / SIDES
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1)
     edge = 1 + np.arange(SIDES)
@@ -223,7 +223,9 @@ def unit_disc() -> tuple[Floats, np.ndarray]:
 
 
 def spin_segments(rotors_flu: Floats, radius: float, spin: Floats) -> Floats:
-    """(N, 2, 3) an arc with an arrow head over each disc, turning as the rotor does (+1 CCW)."""
+    """Return (N, 2, 3) lines of an arc with an arrow head over each disc, in the rotor's direction
+    (+1 counter-clockwise).
+    """
     lines = []
     for centre, turn in zip(rotors_flu, spin, strict=True):
         angle = turn * np.linspace(np.radians(20), np.radians(160), 8)

@@ -1,6 +1,6 @@
-"""What can colour the route: one value a row, its scale, and which end of it is the worst.
+"""The values that can colour the route: one value a row, its scale, and which end is the worst.
 
-A further quantity (a residual before and after, say) is one more Overlay; nothing else changes.
+A further quantity is one more `Overlay`; nothing else changes.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ class Overlay:
     extreme: str = "worst"  # what its worst value is called
 
     def at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> dict[str, Any]:
-        """The value of a row for the page: 53 %, of rotor 1, which is front right, at 2:31."""
+        """Return the value of a row for the page, for example 53 %, of rotor 1 front right, at
+        2:31.
+        """
         whose = np.nan if self.rotor is None else self.rotor[row]
         rotor = int(whose) if np.isfinite(whose) else None
         return {
@@ -52,16 +54,18 @@ class Overlay:
         }
 
     def worst_row(self, among: Bools) -> int | None:
-        """Of the rows (T,) chosen, that of the worst value; None where none has one."""
+        """Return which of the chosen rows (T,) has the worst value; None where no value is
+        known.
+        """
         score = {"max": self.values, "min": -self.values, "abs": np.abs(self.values)}[self.worst]
         score = np.where(among & np.isfinite(score), score, -np.inf)
         return int(np.argmax(score)) if np.isfinite(score).any() else None
 
 
 def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
-    """Thrust left, redundancy and residual of an analysis, in the order of the switch.
+    """Return thrust left, redundancy and residual of an analysis, in the order of the switch.
 
-    Where no rotor was measured the prediction stands in, and the note says for how much.
+    Where no rotor was measured the predicted value is shown, and the note states its share.
     """
     use = analysis.known_utilisation
     load, rotor = worst_rotor(use)
@@ -87,7 +91,7 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
 
 
 def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, ...]:
-    """Thrust in use, thrust left, redundancy and tank of a plan that is not flown yet."""
+    """Return thrust in use, thrust left, redundancy and tank of a plan that is not flown yet."""
     left, redundancy, _ = overlays_of(analysis)
     tank = analysis.track.tank_kg
     return (
@@ -112,7 +116,7 @@ def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, .
 
 
 def speed_overlay(track: FlightTrack) -> Overlay:
-    """Speed over ground, which needs no airframe."""
+    """Return the speed over ground, which needs no airframe."""
     speed = np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1])
     return Overlay(
         name="Speed", values=speed, scale=colours.GROUND_SPEED, worst="max", extreme="fastest"
@@ -120,10 +124,10 @@ def speed_overlay(track: FlightTrack) -> Overlay:
 
 
 def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Overlay, Overlay]:
-    """The residual of one flight under two models, in the same colours.
+    """Return the residual of one flight under two models, with the same colour scale.
 
     The scale ends where all but 2 % of the flight's rows before are. Raises DataError when the two
-    are not of the same flight.
+    are of different flights.
     """
     if before.track is not after.track:
         raise DataError(
@@ -143,21 +147,22 @@ def _residual(name: str, analysis: FlightAnalysis, note: str = "") -> Overlay:
 
 
 def residual_limit(residual_rpm: Floats, flying: Bools) -> float:
-    """rpm at which the colours of (T,) residuals end: all but 2 % of the rows in flight are within.
+    """Return the rpm at which the colours of (T,) residuals end: 98 % of the rows in flight are
+    below.
 
-    At least 1; 1 where nothing is known.
+    At least 1; 1 where no residual is known.
     """
     size = np.abs(residual_rpm)[flying & np.isfinite(residual_rpm)]
     return max(1.0, float(np.quantile(size, 1.0 - BEYOND_SCALE))) if size.size else 1.0
 
 
 def _model_note(analysis: FlightAnalysis) -> str:
-    """Which model, described by its effects, in which a model before and after differ."""
+    """Return a note that describes the model by its effects."""
     return words.model_with(effect_things(analysis.model))
 
 
 def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
-    """In words, for how much of the flight's (T,) known rows a rotor was measured."""
+    """Return a note on the share of the (T,) known rows in which a rotor was measured."""
     flying, basis = analysis.track.flying, analysis.speed_basis
     rows = known[flying]
     if not rows.any():

@@ -110,9 +110,9 @@ class Scene:
         self._look()
 
     def hold(self, points_enu: Floats) -> None:
-        """Fit ground and overview again where (N, 3) points, m, lie outside of what is shown.
+        """Enlarge ground and overview where (N, 3) points, m, lie outside of them.
 
-        With room to spare, or the picture would move all the time.
+        They grow by more than needed, so that the picture does not move all the time.
         """
         low, high = points_enu.min(axis=0), points_enu.max(axis=0)
         if self._held is None:
@@ -127,7 +127,7 @@ class Scene:
 
     @property
     def _extent(self) -> float:
-        """Half of the longer side of all that is shown, m."""
+        """Return half of the longer side of all that is shown, m."""
         return max(float(np.max(self._high - self._low)) / 2, 5.0)
 
     def set_field(self, field: Field | None) -> None:
@@ -191,7 +191,7 @@ class Scene:
         )
 
     def set_pin(self, position_enu: Floats) -> None:
-        """Mark a place, m; without one (NaN) there is no mark."""
+        """Mark a place, m; remove the mark for NaN."""
         self._pinned = bool(np.all(np.isfinite(position_enu)))
         self._show_pin()
         if self._pinned:
@@ -199,11 +199,15 @@ class Scene:
             self._pin.point_size = 0.03 * self._extent
 
     def _show_pin(self) -> None:
-        """Only over the whole field and away from the aircraft, of which it would hide a rotor."""
+        """Show the mark only over the whole field and away from the aircraft, where it hides no
+        rotor.
+        """
         self._pin.visible = self._pinned and self.camera is Camera.FIELD and not self._covered
 
     def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
-        """(3,) origin, m, and direction of a ray of the page as the world has them, which moves."""
+        """Return (3,) origin, m, and direction of a ray of the page in coordinates of the moving
+        world.
+        """
         turn = SO3(self._world.wxyz).inverse()
         both = np.array([np.asarray(origin) - self._world.position, ray], dtype=np.float64)
         start, way = both @ turn.as_matrix().T
@@ -248,7 +252,7 @@ class Scene:
         self._vehicles[key].hide()
 
     def above(self, key: str) -> Floats:
-        """(3,) from an aircraft to where its name is clear of its rotors, as it is drawn, m."""
+        """Return (3,) m from an aircraft to the place of its name above its rotors, as drawn."""
         return np.array([0.0, 0.0, 1.2 * self._vehicles[key].drawn_arm])
 
     def set_camera(self, camera: Camera) -> None:
@@ -280,7 +284,7 @@ class Scene:
         self._note.text = ", ".join(dict.fromkeys(note))
 
     def _look(self) -> None:
-        """Turn every open page, and those to come, to what the camera is set to."""
+        """Turn every open page, and those that open later, to the chosen camera."""
         position, look_at = self._view(FIRST_ASPECT)
         self._server.initial_camera.position = tuple(position)
         self._server.initial_camera.look_at = tuple(look_at)
@@ -307,7 +311,9 @@ class Scene:
             client.camera.look_at = look_at
 
     def _view(self, aspect: float) -> tuple[Floats, Floats]:
-        """Camera position and look-at point; `aspect` is the picture's width over its height."""
+        """Return camera position and look-at point; `aspect` is the picture's width over its
+        height.
+        """
         if self.camera is Camera.FIELD:
             return overview(self._low, self._high, aspect)
         arm = max((v.arm for v in self._vehicles.values()), default=1.0)
@@ -319,9 +325,9 @@ class Scene:
 
 
 def row_hit(points_enu: Floats, among: Bools, origin: Floats, ray: Floats) -> int | None:
-    """The row of (T, 3) points, m, of those `among`, that a ray from `origin` passes nearest to.
+    """Return the row of (T, 3) points, m, among the rows `among`, nearest to a ray from `origin`.
 
-    None where it passes none within two degrees, a finger's width on a phone.
+    None where no point is within two degrees of the ray, a finger's width on a phone.
     """
     away = points_enu - origin
     ray = ray / np.linalg.norm(ray)
@@ -334,14 +340,16 @@ def row_hit(points_enu: Floats, among: Bools, origin: Floats, ray: Floats) -> in
 
 
 def grid_cell(extent: float) -> float:
-    """Side of a grid cell in m, 1, 2 or 5 times a power of ten: about 20 across 2 x `extent`."""
+    """Return the side of a grid cell, m: 1, 2 or 5 times a power of ten, about 20 across 2 x
+    `extent`.
+    """
     raw = extent / 10
     power = 10.0 ** np.floor(np.log10(raw))
     return float(power * min((1, 2, 5, 10), key=lambda m: abs(m * power - raw)))
 
 
 def fill(ground: shapely.MultiPolygon) -> tuple[Floats, np.ndarray]:
-    """(V, 2) east, north vertices and (F, 3) faces that fill the ground (north, east)."""
+    """Return (V, 2) east, north vertices and (F, 3) faces that fill the ground (north, east)."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(ground))
     corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3, ::-1].reshape(-1, 2)
     return corners, np.arange(len(corners)).reshape(-1, 3)

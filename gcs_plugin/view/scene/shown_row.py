@@ -45,12 +45,12 @@ class ShownRow:
 
     @property
     def position_enu(self) -> Floats:
-        """(3,) m."""
+        """Position (3,) in the scene, m."""
         return enu(self.track.position_ned[self.row] + self.offset_ned)
 
     @property
     def wxyz(self) -> Floats:
-        """(4,) rotation from the vehicle frame to the scene frame."""
+        """Quaternion (4,) that turns the vehicle frame into the scene frame."""
         return wxyz_from_attitude(self.track.attitude[self.row])
 
     @property
@@ -59,52 +59,54 @@ class ShownRow:
 
     @property
     def measured(self) -> Bools:
-        """(R,) rotors whose margin rests on a measured speed, or on one from motor outputs."""
+        """Rotors (R,) whose margin rests on a measured speed, or on one from motor outputs."""
         return np.isfinite(self.analysis.utilisation[self.row])
 
     @property
     def margin(self) -> Floats:
-        """(R,) thrust margin from the measured speed, else from the predicted one.
+        """Thrust margin (R,) from the measured speed, else from the predicted one.
 
-        On the ground the predicted one: a rotor at rest has all its thrust left.
+        On the ground it is the predicted one, because a rotor at rest has all its thrust left.
         """
         use = self.analysis.utilisation[self.row]
         return np.where(self.measured & self.flying, 1.0 - use, self.margin_predicted)
 
     @property
     def margin_predicted(self) -> Floats:
-        """(R,) thrust margin from the predicted speed."""
+        """Thrust margin (R,) from the predicted speed."""
         return 1.0 - self.analysis.utilisation_predicted[self.row]
 
     @property
     def ends(self) -> tuple[Floats, Floats]:
-        """(R,) low and high end of the 90 % interval of the known margin, in flight."""
+        """Low and high end (R,) of the 90 % interval of the known margin in flight."""
         low, high = self.analysis.use_ends
         return 1.0 - high[self.row], 1.0 - low[self.row]
 
     def basis(self, rotor: int) -> str:
-        """What a rotor's margin rests on, in words; empty where it is unknown."""
+        """Return, in words, the source of a rotor's margin; empty where the margin is unknown."""
         if not self.flying:
             return words.PREDICTED if np.isfinite(self.margin_predicted[rotor]) else ""
         return self.analysis.basis_of(self.row, rotor)
 
     @property
     def worst(self) -> tuple[float, int | None]:
-        """Least margin of the rotors whose utilisation is known, and that rotor from 0."""
+        """Least margin of the rotors with a known one, and the index of that rotor from 0."""
         known = self.analysis.known_utilisation[[self.row]]
         use, rotor = worst_rotor(known)
         return 1.0 - float(use[0]), int(rotor[0]) if np.isfinite(rotor[0]) else None
 
     @property
     def unmeasured(self) -> int:
-        """Rotors of which nothing is known where others are measured: one of them may be worse."""
+        """Number of rotors without a measurement, one of which may be worse; 0 where none is
+        measured.
+        """
         return int(np.sum(~self.measured)) if self.measured.any() else 0
 
     @property
     def coloured(self) -> Floats:
-        """(R,) thrust left by which rotors are coloured: the lower end of its interval.
+        """Margin (R,) that sets the colour of a rotor: the lower end of its interval.
 
-        NaN, no colour, where that is enough and rests on no measurement: that colour is a promise.
+        NaN, no colour, where the margin is sufficient but not measured: green would be a promise.
         """
         # Where the interval is not known either, the value itself can still be too little.
         low = self.ends[0] if self.flying else self.margin
@@ -114,16 +116,15 @@ class ShownRow:
 
     @property
     def surely_left(self) -> float:
-        """The lower end of the worst margin's interval; NaN where not all rotors are measured."""
+        """Lower end of the worst margin's interval; NaN where not all rotors are measured."""
         least, rotor = self.worst
         low = least if rotor is None else float(self.ends[0][rotor])
         return low if self.measured.all() else float("nan")
 
     @property
     def redundancy(self) -> tuple[float, float, float]:
-        """Thrust held over weight with one rotor lost, yaw uncontrolled, and its interval (90 %).
-
-        NaN where unknown.
+        """Thrust with one rotor lost over weight, yaw uncontrolled, and its 90 % interval; NaN
+        where unknown.
         """
         free = float(self.analysis.redundancy_yaw_uncontrolled[self.row])
         error = float(np.nan_to_num(self.analysis.redundancy_error[self.row]))
@@ -132,19 +133,23 @@ class ShownRow:
 
     @property
     def survives(self) -> bool:
-        """Nothing says that the loss of one rotor would bring it down."""
+        """Whether the interval of redundancy allows the loss of one rotor; True where it is
+        unknown.
+        """
         return not self.redundancy[1] < 1.0
 
     @property
     def why_unknown(self) -> str:
-        """In words, why there is no worst margin; empty where there is one."""
+        """Sentence on why there is no worst margin; empty where there is one."""
         if self.analysis.withheld:
             return self.analysis.withheld[0]
         return words.NOTHING_KNOWN if self.worst[1] is None else ""
 
 
 def ground_height(track: FlightTrack) -> float:
-    """Height of the ground in the scene, m: median of up minus height above ground, else lowest."""
+    """Return the height of the ground in the scene, m: the median of up minus height above ground,
+    else the lowest position.
+    """
     up = -track.position_ned[:, 2]
     under = (up - track.height_agl)[np.isfinite(up - track.height_agl)]
     if under.size:
@@ -154,17 +159,19 @@ def ground_height(track: FlightTrack) -> float:
 
 
 def row_at(time_s: Floats, moment_s: float) -> int:
-    """The last row at or before a moment; the first row for an earlier one."""
+    """Return the last row at or before a moment; the first row for an earlier one."""
     return max(int(np.searchsorted(time_s, moment_s, side="right")) - 1, 0)
 
 
 def enu(ned: Floats) -> Floats:
-    """(..., 3) east, north, up of (..., 3) north, east, down."""
+    """Return (..., 3) east, north, up of (..., 3) north, east, down."""
     return np.asarray(ned) @ ENU_NED.T
 
 
 def wxyz_from_attitude(attitude: Floats) -> Floats:
-    """(4,) quaternion, scene from vehicle frame, of roll, pitch, yaw in rad; NaN when unknown."""
+    """Return the quaternion (4,) from vehicle frame to scene of roll, pitch, yaw in rad; NaN where
+    unknown.
+    """
     if not np.all(np.isfinite(attitude)):
         return np.full(4, np.nan)
     ned_frd = SO3.from_rpy_radians(*np.asarray(attitude, dtype=float)).as_matrix()
@@ -176,10 +183,11 @@ SEA_LEVEL_FRAMES = (0, 5)
 
 
 def plan_enu(waypoints: Sequence[PlanItem], origin: Origin | None, ground: float) -> Floats:
-    """(W, 3) east, north, up in m of the mission's places; `ground` is the scene's ground height.
+    """Return (W, 3) east, north, up, m, of the mission's places; `ground` is the scene's ground
+    height.
 
-    Item 0 (ArduPilot keeps home there) and items without a place are left out; without an origin
-    nothing can be placed and the result is empty.
+    Item 0 (ArduPilot keeps home there) and items without a place are left out. The result is empty
+    without an origin.
     """
     placed = [(w.frame, *w.place) for w in waypoints if w.number > 0 and w.place is not None]
     frames, *places = np.array(placed or np.empty((0, 4))).T
@@ -195,8 +203,11 @@ def plan_enu(waypoints: Sequence[PlanItem], origin: Origin | None, ground: float
 
 
 def distinct_legs(points: Floats) -> Floats:
-    """(S, 2, 2) legs of the way through (W, 2) places that a picture of the whole shows: of those
-    whose ends fall on the same two pixels the first, and none within one."""
+    """Return (S, 2, 2) legs of the way through (W, 2) places that a picture of the whole can show.
+
+    Of legs that have both ends on the same two pixels the first is returned, and none within one
+    pixel.
+    """
     if len(points) < 2:
         return np.empty((0, 2, 2))
     pixel = max(float(np.max(np.ptp(points, axis=0))) / PIXELS, 1e-6)

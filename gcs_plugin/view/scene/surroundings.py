@@ -1,6 +1,5 @@
-"""Where the pilot looks from: the whole field fitted to the picture, or along with the aircraft.
-
-Home, wind and sprayed ground in the 3D scene; what is not reported is not drawn.
+"""Camera positions, and home, wind and sprayed ground in the 3D scene. Values that are not reported
+are not drawn.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ FILL = 0.84
 
 
 class Camera(StrEnum):
-    """The choices, as the switch names them."""
+    """The cameras that the page offers, by name."""
 
     FIELD = words.WHOLE_FIELD
     FOLLOW = words.NORTH_UP
@@ -39,10 +38,10 @@ class Camera(StrEnum):
 
 
 def overview(low: Floats, high: Floats, aspect: float) -> tuple[Floats, Floats]:
-    """Camera position and look-at point (3,) m, from the south, north up.
+    """Return camera position and look-at point, (3,) m, from the south with north up.
 
-    As near as it can be with the whole box from corner `low` to corner `high`, (3,) m, in a
-    picture `aspect` times as wide as high.
+    It is as near as the box from corner `low` to corner `high`, (3,) m, allows in a picture
+    `aspect` times as wide as high.
     """
     centre = (low + high) / 2
     half = np.maximum((high - low) / 2, 2.5)
@@ -57,7 +56,7 @@ def overview(low: Floats, high: Floats, aspect: float) -> tuple[Floats, Floats]:
 
 
 def behind(arm: float) -> tuple[Floats, Floats]:
-    """Camera position and look-at point (3,) m behind and above an aircraft in the origin.
+    """Return camera position and look-at point, (3,) m, behind and above an aircraft in the origin.
 
     `arm` is the distance of its rotors from its centre, m.
     """
@@ -65,7 +64,9 @@ def behind(arm: float) -> tuple[Floats, Floats]:
 
 
 def nose_north(wxyz: Floats) -> tuple[Floats, Floats]:
-    """The turn about the vertical that points an aircraft's nose north: matrix and quaternion."""
+    """Return the rotation about the vertical that points an aircraft's nose north: matrix and
+    quaternion.
+    """
     w, x, y, z = wxyz
     back = np.pi / 2 - np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     c, s = np.cos(back), np.sin(back)
@@ -82,7 +83,9 @@ INK, SPRAYED = (17, 17, 17), (0, 119, 187)
 def screen_lines(
     api: SceneApi, name: str, points: Floats, colour: Rgb, pixels: float, *, visible: bool = True
 ) -> LineSegmentsHandle:
-    """A node of lines (S, 2, 3), m, in one colour, as wide on the screen from near and far."""
+    """Add lines (S, 2, 3), m, in one colour, whose width on the screen does not depend on
+    distance.
+    """
     return api.add_line_segments(
         name,
         points.astype(np.float32),
@@ -94,7 +97,7 @@ def screen_lines(
 
 
 class SprayedGround:
-    """Where one aircraft sprayed, as (2, 3) stretches on the ground, m; the oldest are dropped."""
+    """The stretches (2, 3), m, of ground that one aircraft sprayed; the oldest are dropped."""
 
     def __init__(self) -> None:
         self._stretches: list[Floats] = []
@@ -102,7 +105,7 @@ class SprayedGround:
         self.changed = False
 
     def add(self, positions_enu: Floats, spraying: Floats, ground: float) -> None:
-        """Rows in order: (T, 3) m and (T,) 1 pump on, 0 off, NaN unknown."""
+        """Add rows in order: (T, 3) m and (T,) 1 pump on, 0 off, NaN unknown."""
         for position, on in zip(positions_enu, spraying, strict=True):
             if on != 1.0 or not np.all(np.isfinite(position[:2])):
                 self._last = None
@@ -117,7 +120,7 @@ class SprayedGround:
 
     @property
     def points(self) -> Floats:
-        """(S, 2, 3) m."""
+        """Stretches (S, 2, 3), m."""
         return np.array(self._stretches).reshape(-1, 2, 3)
 
 
@@ -134,7 +137,7 @@ class Surroundings:
         self._homes: dict[str, Floats] = {}
 
     def home(self, key: str, position_enu: Floats) -> None:
-        """Mark where an aircraft counts its positions from, (3,) m."""
+        """Mark the origin of an aircraft's positions, (3,) m."""
         if key in self._homes and np.allclose(self._homes[key], position_enu):
             return
         self._homes[key] = position_enu
@@ -151,7 +154,9 @@ class Surroundings:
             self.lines(f"/world/sprayed_{key}", points_enu, SPRAYED, 14.0)
 
     def wind(self, wind_ned: Floats, place_enu: Floats, length: float) -> None:
-        """An arrow `length` m long the way that the air moves, (3,) m/s; none for NaN."""
+        """Draw an arrow of `length` m in the direction in which the air moves, (3,) m/s; none for
+        NaN.
+        """
         speed = float(np.hypot(*wind_ned[:2]))
         way = enu(wind_ned)[:2] / max(speed, 1e-9)
         drawn = None
@@ -177,7 +182,9 @@ class Surroundings:
 
 
 def arrow(way: Floats, place_enu: Floats, length: float) -> Floats:
-    """(3, 2, 3) m: shaft and head of an arrow about a place, along (2,) `way` of length one."""
+    """Return (3, 2, 3) m: shaft and head of an arrow about a place, along (2,) `way` of
+    length one.
+    """
     side = np.array([-way[1], way[0]])
     tip = 0.5 * length * way
     ends = [(-tip, tip)] + [(tip, tip - 0.3 * length * (way + k * 0.6 * side)) for k in (-1.0, 1.0)]

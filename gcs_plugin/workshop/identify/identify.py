@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
@@ -12,19 +13,19 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
-    Output,
+    OutputFile,
     check_outputs,
     require_logs,
 )
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.models.errors import DataError, ModelError, require
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from thrustmargin.gcs_plugin.commands.shared.tracks_on_disk import TracksOnDisk
+    from thrustmargin.gcs_plugin.commands.shared.analysed import TracksOnDisk
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import Result
     from thrustmargin.models.model.rotor_model import RotorModel
@@ -83,27 +84,26 @@ def identify(
     from thrustmargin.models.identification.rows.usable_flights import require_distinct
 
     errors = Terminal(stderr=True, soft_wrap=True)
-    logs = require_logs(logs)
-    held_out = require_logs(held_out) if held_out else ()
+    to_fit = Inputs(logs=require_logs(logs), model=model, airframe=airframe, reading=reading)
+    to_check = replace(to_fit, logs=require_logs(held_out) if held_out else ())
     check_outputs(
         (
-            Output("--out-model", out_model, endings=(".safetensors",), keep=not force),
-            Output("--json", json, endings=(".json",)),
-            Output("--out", out, endings=(".html", ".htm")),
-            Output("--next-flight", next_flight, endings=(".plan",), keep=not force),
+            OutputFile("--out-model", out_model, endings=(".safetensors",), keep=not force),
+            OutputFile("--json", json, endings=(".json",)),
+            OutputFile("--out", out, endings=(".html", ".htm")),
+            OutputFile("--next-flight", next_flight, endings=(".plan",), keep=not force),
         ),
-        inputs=[*logs, *held_out, model, airframe],
+        inputs=[*to_fit.files, *to_check.logs],
     )
     for option, given in (("--surrogates", surrogates), ("--seed", seed)):
         if given is not None:
             errors.print(f"{option} is not needed any more: chance is worked out, not drawn")
     start, model_name = starting_model(model, airframe)
     not_used: list[UnusedLog] = []
-    given = model is not None or airframe is not None
     with TemporaryDirectory(prefix="thrustmargin-") as folder:
         fit, new = (
-            logs_to_fit(paths, start, given, reading, not_used, errors, Path(folder), option=option)
-            for paths, option in ((logs, ""), (held_out, "--held-out "))
+            logs_to_fit(inputs, start, not_used, errors, Path(folder), option=option)
+            for inputs, option in ((to_fit, ""), (to_check, "--held-out "))
         )
         require_distinct(fit + new)
         with steps(errors, total=1.0) as progress:
@@ -128,10 +128,8 @@ def identify(
 
 
 def logs_to_fit(
-    logs: Sequence[Path],
+    inputs: Inputs,
     model: RotorModel,
-    given: bool,
-    reading: ReadingOptions,
     not_used: list[UnusedLog],
     console: Console,
     folder: Path,
@@ -141,12 +139,12 @@ def logs_to_fit(
     """Read and check logs in their order, into files of a folder; those that cannot serve are added
     to `not_used`.
 
-    That is also one that is not a flight of the model's airframe, `given` by the user or not.
+    A log that is not a flight of the model's airframe cannot serve either.
     Raises DataError that names them all when the rotor speeds of some are those of other rotors
     or seconds, or when none of the logs given by `option` can serve.
     """
+    from thrustmargin.gcs_plugin.commands.shared.analysed import TracksOnDisk
     from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
-    from thrustmargin.gcs_plugin.commands.shared.tracks_on_disk import TracksOnDisk
     from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
@@ -154,7 +152,7 @@ def logs_to_fit(
     tracks = TracksOnDisk(folder)
     left_out: list[UnusedLog] = []
     disordered: list[UnusedLog] = []
-    read = read_logs(logs, left_out, console, model=model, given=given, reading=reading)
+    read = read_logs(inputs, left_out, console, model=model)
     offsets: dict[str, list[str]] = {}
     for log in claimed(read, left_out, console):
         for words in instrument_offsets(log):

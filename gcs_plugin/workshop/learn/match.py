@@ -10,8 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from thrustmargin.gcs_plugin.commands.load.fill import USUAL_ALTITUDE, USUAL_C, USUAL_SPEED
-from thrustmargin.gcs_plugin.commands.shared.analysed import LIMIT
-from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
+from thrustmargin.gcs_plugin.commands.shared.inputs import LIMIT
+from thrustmargin.gcs_plugin.commands.shared.options import OutputFile, check_outputs
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.alarm_words import HELD, ONE_LOST, SPINS
 from thrustmargin.models.errors import ModelError
@@ -59,7 +59,7 @@ def match(
     from thrustmargin.models.physics.matching import match_airframe
 
     check_outputs(
-        [Output("--out", path, endings=ENDINGS) for path in figure_paths(out)],
+        [OutputFile("--out", path, endings=ENDINGS) for path in figure_paths(out)],
         inputs=[model, airframe],
     )
     if airframe is None and model is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading
 from thrustmargin.models.errors import LogError, require
 
 if TYPE_CHECKING:
@@ -69,12 +69,13 @@ def train(
 
     from thrustmargin.gcs_plugin.commands.shared.inputs import (
         SHIPPED_AIRFRAME,
+        Inputs,
         claimed,
         listed,
         read_logs,
     )
     from thrustmargin.gcs_plugin.commands.shared.options import (
-        Output,
+        OutputFile,
         check_outputs,
         check_range,
         require_logs,
@@ -93,25 +94,24 @@ def train(
     from thrustmargin.models.physics.flight_phases import training_rows
 
     progress = Terminal(stderr=True)
-    logs = require_logs(logs)
+    inputs = Inputs(logs=require_logs(logs), airframe=airframe, reading=reading)
     check_outputs(
         [
-            Output("--out-model", out_model, (".safetensors",), keep=not force),
-            *(Output("--out-model", path) for path in loss_paths(out_model)),
+            OutputFile("--out-model", out_model, (".safetensors",), keep=not force),
+            *(OutputFile("--out-model", path) for path in loss_paths(out_model)),
         ],
-        inputs=[*logs, airframe],
+        inputs=inputs.files,
     )
     check_range("--members", members, 3, 100)
     check_range("--max-epochs", max_epochs, 1, 1_000_000)
     check_range("--seed", seed, 0, 2**32 - 1)
-    given = airframe is not None
-    aircraft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
+    aircraft = load_airframe(SHIPPED_AIRFRAME if airframe is None else airframe)
     settings = TrainSettings(
         splits=SPLITS[split], members=members, seed=seed, net=NetConfig(max_epochs=max_epochs)
     )
     unread: list[UnusedLog] = []
     model = physics_model(aircraft)
-    read = read_logs(logs, unread, progress, model=model, given=given, reading=reading)
+    read = read_logs(inputs, unread, progress, model=model)
     tracks = [log.track for log in claimed(read, unread, progress)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")

@@ -12,9 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from thrustmargin.gcs_plugin.link import listener
-from thrustmargin.gcs_plugin.live.collector import MonitorCollector
 from thrustmargin.gcs_plugin.live.live_monitor import MonitorStatus
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.office.streams.collector import MonitorCollector
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe

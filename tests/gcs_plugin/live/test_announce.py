@@ -72,7 +72,7 @@ def monitored(*, forward: bool = False, **speaking: Any) -> Iterator[tuple[LiveM
     sender = Sender(monitor.listener, speaking.get("sign"))
     if speaking.get("announce"):
         battery = bool(speaking.get("battery"))
-        monitor.subscribers.append(Announcer(sender, battery=battery))
+        monitor.outputs.append(Announcer(sender, battery=battery))
     monitor.start()
     air = Air(monitor.listener.links[0].transport.address[1])  # type: ignore[attr-defined]
     try:

@@ -20,23 +20,24 @@ from tests.gcs_plugin.peers.ports import free_udp_port
 from tests.waiting import PATIENCE, until
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.console import EventPrinter, status_lines, vehicle_cells
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import (
     Lateness,
     LiveMonitor,
     MonitorSettings,
     spacing,
 )
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
-from thrustmargin.gcs_plugin.view.live_heard import Heard
+from thrustmargin.gcs_plugin.view.live_view import HeardVehicles
 
 #: s here, to be quick; rotor speeds are missed a second earlier.
 SILENCE = 3.0
 TICK_US = 100_000
 
 
-class Blocked(Subscriber):
+class Blocked(Output):
     """Holds the compute thread up in its first row after `hold`, until `release`."""
 
     def __init__(self) -> None:
@@ -121,7 +122,7 @@ def flown(folder: Path) -> Iterator[tuple[LiveMonitor, Blocked, Sending]]:
     settings = MonitorSettings(urls=("udpin:127.0.0.1:0",), record=folder, watch=watch)
     ground = Ground()
     with ground.in_listeners():
-        monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
+        monitor = LiveMonitor(MODEL, settings, outputs=[seen])
     monitor.start()
     sending = Sending(monitor, ground, seen)
     try:
@@ -157,7 +158,7 @@ def test_a_blocked_analysis_is_said_and_is_no_lost_telemetry(tmp_path):
             f"this computer is {n} s behind: closing the 3D page helps" for n in range(3, 6)
         )
         for watch in monitor.fleet.vehicles.values():
-            assert watch.silent(monitor.now_us()) < SILENCE
+            assert watch.link.silent(monitor.now_us()) < SILENCE
             assert watch.stale(monitor.now_us()) == ""
         seen.release.set()
         released_us = monitor.now_us()
@@ -206,7 +207,7 @@ class BlockedBetween(Blocked):
 def test_its_end_waits_no_longer_than_asked_and_says_what_is_left_out(tmp_path):
     seen = BlockedBetween()
     settings = MonitorSettings(urls=("udpin:127.0.0.1:0",), record=tmp_path)
-    monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
+    monitor = LiveMonitor(MODEL, settings, outputs=[seen])
     monitor.start()
     sending = Sending(monitor, Ground(), seen)
     assert seen.held.wait(PATIENCE)
@@ -292,7 +293,7 @@ def test_rounds_are_rarer_where_they_take_long_and_rarest_with_many_aircraft(
 
 def test_a_row_is_not_old_while_the_next_one_is_not_overdue(tmp_path):
     fleet, vehicle = Fleet(MODEL), Vehicle(3)
-    view = Heard(threading.Event())
+    view = HeardVehicles(threading.Event())
     for _ in range(80):
         fleet.take(vehicle.tick(rpm=(1700,) * 4))
         for update in fleet.updates():

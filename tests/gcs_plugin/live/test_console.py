@@ -119,12 +119,12 @@ def test_a_vehicle_silent_on_the_ground_leaves_and_one_silent_in_flight_never_do
     watch = fleet.vehicles[3]
     later = vehicle.stamp_us + 600 * SECOND
     assert watch.flying
-    assert not watch.left(later)
+    assert not watch.has_left(later)
     fleet.take([as_frame(vehicle.landed(1), vehicle.stamp_us)])
     fleet.take(vehicle.tick(rpm=(0,) * 4))
     fleet.updates()
-    assert not watch.left(vehicle.stamp_us + 59 * SECOND)
-    assert watch.left(vehicle.stamp_us + 61 * SECOND)
+    assert not watch.has_left(vehicle.stamp_us + 59 * SECOND)
+    assert watch.has_left(vehicle.stamp_us + 61 * SECOND)
 
 
 def test_without_a_terminal_every_event_is_a_line_with_its_time(monitor):
@@ -149,7 +149,7 @@ def test_without_a_terminal_every_event_is_a_line_with_its_time(monitor):
     times, words = zip(*((line[:19], line[20:]) for line in said), strict=True)
     assert list(words) == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard", claim]
     local = [time.mktime(time.strptime(stamp, "%Y-%m-%d %H:%M:%S")) for stamp in times]
-    first_s, now_s = (int(us * 1e-6) for us in (fleet.vehicles[3].first_us, vehicle.stamp_us))
+    first_s, now_s = (int(us * 1e-6) for us in (fleet.vehicles[3].link.first_us, vehicle.stamp_us))
     assert local == [1e9, first_s, now_s]
     assert first_s < now_s
 

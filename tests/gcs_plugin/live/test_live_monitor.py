@@ -28,8 +28,9 @@ from tests.gcs_plugin.live.monitored import (
 from tests.gcs_plugin.peers.ports import free_udp_port
 from tests.waiting import until
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
@@ -39,7 +40,7 @@ from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model
 
 
-class Seen(Subscriber):
+class Seen(Output):
     """A subscriber that keeps all."""
 
     def __init__(self) -> None:
@@ -66,7 +67,7 @@ def run(path: Path, record: Path | None = None, **watch) -> tuple[LiveMonitor, S
     """A recording through the whole monitor, at full speed, with its own times."""
     seen = Seen()
     settings = MonitorSettings(urls=(str(path),), record=record, watch=WatchSettings(**watch))
-    monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
+    monitor = LiveMonitor(MODEL, settings, outputs=[seen])
     monitor.start()
     while not monitor.finished:
         time.sleep(0.02)
@@ -220,13 +221,13 @@ def test_doubled_and_overtaken_frames_change_nothing(tmp_path):
     run(write_log(tmp_path / "twice.tlog", twice), tmp_path / "b")
     one, other = (read_samples(recording_in(tmp_path / n), 1) for n in ("a", "b"))
     same(one, other, after=-1.0)
-    assert clean.fleet.vehicles[1].senders[1].doubled == 0
+    assert clean.fleet.vehicles[1].link.senders[1].doubled == 0
     swapped = list(frames)
     for at in range(30, len(frames) - 10, 50):
         swapped[at], swapped[at + 1] = swapped[at + 1], swapped[at]
     monitor, _ = run(write_log(tmp_path / "swapped.tlog", swapped), tmp_path / "c")
     mixed = read_samples(recording_in(tmp_path / "c"), 1)
-    assert monitor.fleet.vehicles[1].senders[1].late > 10
+    assert monitor.fleet.vehicles[1].link.senders[1].late > 10
     assert monitor.fleet.vehicles[1].problem == ""
     # An overtaken report of rotor speeds costs its row, and no row is out of order.
     assert 180 <= mixed.time_s.size <= 200
@@ -249,7 +250,7 @@ def test_noise_bad_checksums_and_cut_frames_cost_only_themselves(tmp_path):
         raw += data
     seen = Seen()
     settings = MonitorSettings(urls=("tcpin:127.0.0.1:0",), record=tmp_path)
-    monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
+    monitor = LiveMonitor(MODEL, settings, outputs=[seen])
     monitor.start()
     address = monitor.listener.links[0].transport.address  # type: ignore[attr-defined]
     with socket.create_connection(address) as client:
@@ -330,7 +331,7 @@ def test_predictions_with_effects_settle_to_those_of_the_file(sitl_logs, tmp_pat
     assert model.effects
     settings = MonitorSettings(urls=(str(path),), record=tmp_path / "out")
     seen = Seen()
-    monitor = LiveMonitor(model, settings, subscribers=[seen])
+    monitor = LiveMonitor(model, settings, outputs=[seen])
     monitor.start()
     while not monitor.finished:
         time.sleep(0.02)

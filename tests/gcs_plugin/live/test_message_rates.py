@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-from thrustmargin.gcs_plugin.live.message_rates import RateRequester, wanted
+from thrustmargin.gcs_plugin.live.message_rates import RateRequester, needed_messages
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -92,7 +92,7 @@ def test_a_vehicle_that_follows_is_asked_once_one_request_at_a_time():
         (511, 1, COMPONENT)
     }
     rates = {int(m.param1): 1e6 / m.param2 for m in commands}
-    assert rates == {n: pytest.approx(hz, rel=1e-3) for n, hz in wanted(3, 4).values()}
+    assert rates == {n: pytest.approx(hz, rel=1e-3) for n, hz in needed_messages(3, 4).values()}
     times = [at for at, m in aboard.heard if m.get_type() != "HEARTBEAT"]
     assert max(times.count(at) for at in times) <= 2  # a tenth of a second
 
@@ -189,7 +189,7 @@ def test_a_parameter_that_does_not_exist_is_given_up_once_all_are_known():
 
 
 def test_px4_is_asked_for_its_own_messages():
-    names = wanted(12, 4)
+    names = needed_messages(12, 4)
     assert names["ESC_STATUS"] == (291, 10.0)
     assert "ESC_TELEMETRY_1_TO_4" not in names
-    assert "ESC_TELEMETRY_5_TO_8" in wanted(3, 8)
+    assert "ESC_TELEMETRY_5_TO_8" in needed_messages(3, 8)

@@ -47,7 +47,7 @@ class Ground:
 def ground():
     made = Ground()
     yield made
-    made.bar.stop()
+    made.bar.close()
 
 
 def test_before_anything_is_heard_there_is_no_vehicle():
@@ -118,7 +118,7 @@ def test_the_widget_shows_the_bar_and_turns_grey_when_nothing_comes():
             " / document.querySelector('.bar').clientWidth"
         )
         assert share == pytest.approx(0.187, abs=0.01)
-        ground.bar.stop()  # the monitor's computer is gone
-        page.wait_for_selector(".stale")
+        ground.bar.close()  # the monitor's computer is gone
+        page.wait_for_selector(".stale", timeout=8000)
         assert "Margin unknown, was 18%" in page.inner_text(".one")
         assert page.locator(".fill").count() == 0

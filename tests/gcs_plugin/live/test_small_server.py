@@ -8,9 +8,9 @@ import pytest
 
 from tests.waiting import PATIENCE, until
 from thrustmargin.gcs_plugin.live import small_server
-from thrustmargin.gcs_plugin.live.collector import MetricsServer
 from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.live.small_server import SmallServer
+from thrustmargin.gcs_plugin.office.streams.collector import MetricsServer
 
 
 class Nothing:
@@ -26,7 +26,7 @@ def metrics():
 def bar():
     served = PilotBar(lambda: 0, limit=0.5, port=0, host="127.0.0.1")
     served.start()
-    return served.port, "/bar.json", served.stop
+    return served.port, "/bar.json", served.close
 
 
 def answered(port: int, path: str = "/", host: str = "") -> tuple[int, dict[str, str], bytes]:

@@ -102,7 +102,7 @@ def test_copies_up_to_a_quarter_second_late_change_no_row_and_are_counted():
     late = [frame._replace(stamp_us=frame.stamp_us + 250_000, link=1) for frame in frames]
     _, plain = watched(frames)
     fleet, doubled = watched(in_time(frames, late))
-    assert fleet.vehicles[1].doubled == len(frames)
+    assert fleet.vehicles[1].link.doubled == len(frames)
     one, two = (
         np.concatenate([u.analysis.track.rotor_speed_rpm[u.first :] for u in updates])
         for updates in (plain, doubled)

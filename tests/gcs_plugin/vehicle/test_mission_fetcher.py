@@ -47,7 +47,7 @@ class Ground:
         self.listener.start()
 
     def _on_frames(self, frames) -> None:
-        self.fetcher.feed(frames)
+        self.fetcher.on_frames(frames)
         self._frames.extend(frames)
 
     @property

@@ -28,8 +28,7 @@ class Live:
             status=lambda: status_lines(self.monitor.status()),
             clock=self.monitor.now_us,
         )
-        self.view.start()
-        self.monitor.subscribers.append(self.view)
+        self.monitor.outputs.append(self.view)
         self.monitor.start()
         self.address = self.monitor.listener.links[0].transport.address  # type: ignore[attr-defined]
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

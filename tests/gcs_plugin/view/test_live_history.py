@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view.figures.charts import Speeds
-from thrustmargin.gcs_plugin.view.live_heard import LiveHistory
+from thrustmargin.gcs_plugin.view.live_view import LiveHistory
 
 KEPT_S = 600.0  # s of rows that a page can show
 

@@ -22,7 +22,7 @@ SENTENCE = re.compile(r"[A-Za-z'°]+,? [a-z']+,? [A-Za-z']+")
 ALLOWED = {
     "gcs_plugin/reports/margin/csv_rows.py": "names of columns, which are the file's format",
     "gcs_plugin/mavproxy_worker.py": "lines of MAVProxy's console, in its own syntax",
-    "gcs_plugin/live/collector.py": "what each metric is, which is the format's",
+    "gcs_plugin/office/streams/collector.py": "what each metric is, which is the format's",
     "gcs_plugin/live/small_server.py": "refusals of strangers and of a port",
     "gcs_plugin/view/page/view_page.py": "where the page is, for who started it",
     "gcs_plugin/view/page/guard.py": "the door before the page, and refusals",

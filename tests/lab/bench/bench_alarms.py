@@ -43,8 +43,9 @@ from tests.gcs_plugin.live.live_vehicle import log_frames
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import RULES
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.model.analysis import analyse
@@ -100,7 +101,7 @@ def model_of(path: Path) -> RotorModel:
     return physics_model(own[0]) if own else shipped_model()
 
 
-class Kept(Subscriber):
+class Kept(Output):
     """A subscriber that keeps the events, each with the rows that it came with."""
 
     def __init__(self) -> None:
@@ -117,7 +118,7 @@ class Kept(Subscriber):
 
 def watched(path: Path) -> Kept:
     kept = Kept()
-    monitor = LiveMonitor(model_of(path), MonitorSettings(urls=(str(path),)), subscribers=[kept])
+    monitor = LiveMonitor(model_of(path), MonitorSettings(urls=(str(path),)), outputs=[kept])
     monitor.start()
     while not monitor.finished:
         time.sleep(0.02)

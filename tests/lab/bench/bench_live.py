@@ -19,8 +19,8 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
-from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.model_file import shipped_model
 
@@ -30,7 +30,7 @@ RUN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1
 SPEED = os.environ.get("THRUSTMARGIN_MEMORY_SPEED", "60")  # s of flight a second
 
 
-class Kept(Subscriber):
+class Kept(Output):
     """A subscriber that notes when each row was there, by the vehicle's clock."""
 
     def __init__(self) -> None:
@@ -212,7 +212,7 @@ def test_memory_over_hours_of_flight_at_many_times_speed(benchmark, sitl_logs, t
 def test_from_the_byte_on_the_socket_to_the_analysed_row(benchmark):
     kept = Kept()
     monitor = LiveMonitor(
-        shipped_model(), MonitorSettings(urls=("udpin:127.0.0.1:0",)), subscribers=[kept]
+        shipped_model(), MonitorSettings(urls=("udpin:127.0.0.1:0",)), outputs=[kept]
     )
     monitor.start()
     address = monitor.listener.links[0].transport.address  # type: ignore[attr-defined]
@@ -263,8 +263,7 @@ def test_from_the_byte_on_the_socket_to_the_colour_in_the_browser(benchmark):
     model = shipped_model()
     monitor = LiveMonitor(model, MonitorSettings(urls=("udpin:127.0.0.1:0",)))
     view = LiveView(model.airframe, port=0)
-    view.start()
-    monitor.subscribers.append(view)
+    monitor.outputs.append(view)
     monitor.start()
     address = monitor.listener.links[0].transport.address  # type: ignore[attr-defined]
     out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -286,7 +285,6 @@ def test_from_the_byte_on_the_socket_to_the_colour_in_the_browser(benchmark):
 
     benchmark.pedantic(measure, rounds=1)
     monitor.close()
-    view.stop()
     delays = []
     for at in sent:
         after = [s - at for s in seen if 0 <= s - at < 1000]

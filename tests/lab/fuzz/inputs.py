@@ -19,9 +19,9 @@ from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.logs.test_ulog import px4_log
 from tests.lab.fuzz.live_link import watched
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
+from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
-from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions
 from thrustmargin.gcs_plugin.link.signing import read_signing_key
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.bench_table import read_bench
@@ -58,7 +58,7 @@ ISOXML = (
     + "</LSG></PLN></PFD></ISO11783_TaskData>"
 )
 OPTIONS = json.dumps(
-    Chosen(
+    Inputs(
         airframe="topxgun-f16-sitl",
         max_utilisation=0.5,
         reading=ReadingOptions(vehicle=1, load=3.0, load_end=1.0, air_temperature_c=20.0),
@@ -121,7 +121,7 @@ def _options(path: Path) -> Any:
     with TemporaryDirectory() as folder:
         (Path(folder) / "options.json").write_bytes(path.read_bytes())
         (log := Path(folder) / "a.tlog").touch()
-        return with_recorded([log], Chosen(), Console(file=io.StringIO()))
+        return with_recorded(Inputs(logs=(log,)), Console(file=io.StringIO()))
 
 
 def _columns(path: Path) -> Any:

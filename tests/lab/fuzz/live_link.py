@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, checksum, frame_of
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.view.live_heard import Heard
+from thrustmargin.gcs_plugin.view.live_view import HeardVehicles
 from thrustmargin.models.model.rotor_model import RotorModel
 
 HEAD, SUM = 10, 2  # bytes of MAVLink 2 before and after the payload
@@ -54,7 +54,10 @@ class Unheard:
 def watched(path: Path, model: RotorModel, *, given: bool) -> None:
     """All that a monitor makes of such a link: rows, alarms, answers, texts, bar, page, table."""
     frames = list(whole_frames(path.read_bytes()))
-    fleet, heard = Fleet(model, WatchSettings(airframe_given=given)), Heard(threading.Event())
+    fleet, heard = (
+        Fleet(model, WatchSettings(airframe_given=given)),
+        HeardVehicles(threading.Event()),
+    )
     link: Any = Unheard()
     announcer, now_us = Announcer(Sender(link), battery=True), 0
     bar = PilotBar(lambda: now_us, limit=0.5, port=0, host="127.0.0.1")

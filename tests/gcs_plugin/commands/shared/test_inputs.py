@@ -10,6 +10,7 @@ from rich.console import Console
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.models.made_flights import F16, made_flight
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    Inputs,
     chosen_model,
     claimed,
     listed,
@@ -99,7 +100,8 @@ def test_what_follows_a_loss_of_control_is_not_learnt_from_and_that_is_said(tmp_
     write_csv(replace(track, attitude=attitude), tmp_path / "flight.csv")
     told, unused, model = io.StringIO(), [], physics_model(F16)
     console = Console(file=told, width=200)
-    read = read_logs([tmp_path / "flight.csv"], unused, console, model=model, given=True)
+    inputs = Inputs(logs=(tmp_path / "flight.csv",), airframe="topxgun-f16-sitl")
+    read = read_logs(inputs, unused, console, model=model)
     (log,) = claimed(read, unused, console)
     assert unused == []
     assert log.track.time_s[log.track.flying].max() == pytest.approx(58.9 if lost else 89.9)
@@ -115,9 +117,9 @@ def test_a_log_without_a_flight_says_so_and_asks_for_no_airframe(tmp_path, given
     still = replace(track, flying=np.zeros(track.time_s.size, dtype=bool))
     write_csv(still, tmp_path / "bench.csv")
     unused, console = [], Console(file=io.StringIO())
-    read = read_logs(
-        [tmp_path / "bench.csv"], unused, console, model=physics_model(F16), given=given
-    )
+    airframe = "topxgun-f16-sitl" if given else None
+    inputs = Inputs(logs=(tmp_path / "bench.csv",), airframe=airframe)
+    read = read_logs(inputs, unused, console, model=physics_model(F16))
     assert list(claimed(read, unused, console)) == []
     assert [one.reason for one in unused] == [
         "by this log it never left the ground: as the table says"

@@ -6,7 +6,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.options import (
-    Output,
+    OutputFile,
     check_outputs,
     check_utilisation,
     refuse_renamed,
@@ -50,15 +50,17 @@ def test_a_result_needs_a_place_that_harms_nothing(tmp_path: Path):
     there.touch()
     (tmp_path / "link.csv").symlink_to(log)
     html = (".html", ".htm")
-    check_outputs([Output("--out", tmp_path / "r.HTML", html), Output("--json", None)], inputs=[])
-    check_outputs([Output("--json", there)], inputs=[log])
+    check_outputs(
+        [OutputFile("--out", tmp_path / "r.HTML", html), OutputFile("--json", None)], inputs=[]
+    )
+    check_outputs([OutputFile("--json", there)], inputs=[log])
     for outputs, message in (
-        ([Output("--out", tmp_path / "r.pdf", html)], "end its name in .html or .htm"),
-        ([Output("--out", tmp_path / "none" / "r.html")], "no folder .*none; .* another --out"),
-        ([Output("--csv", log)], "would overwrite .*flight.csv.* another --csv"),
-        ([Output("--csv", tmp_path / "link.csv")], "would overwrite .*flight.csv"),
-        ([Output("--out", tmp_path / "a"), Output("--json", tmp_path / "a")], "twice"),
-        ([Output("--out", there, keep=True)], "already there; give another --out, or --force"),
+        ([OutputFile("--out", tmp_path / "r.pdf", html)], "end its name in .html or .htm"),
+        ([OutputFile("--out", tmp_path / "none" / "r.html")], "no folder .*none; .* another --out"),
+        ([OutputFile("--csv", log)], "would overwrite .*flight.csv.* another --csv"),
+        ([OutputFile("--csv", tmp_path / "link.csv")], "would overwrite .*flight.csv"),
+        ([OutputFile("--out", tmp_path / "a"), OutputFile("--json", tmp_path / "a")], "twice"),
+        ([OutputFile("--out", there, keep=True)], "already there; give another --out, or --force"),
     ):
         with pytest.raises(DataError, match=message):
             check_outputs(outputs, inputs=[log])

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions, reading_keywords
 from thrustmargin.models.errors import ThrustMarginError
 
 COMMANDS = ("identify", "inspect", "monitor", "replay", "report", "train")

@@ -9,8 +9,8 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import first_part
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.shared.analysed import Chosen, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
+from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError
 
@@ -49,11 +49,12 @@ def test_a_report_of_a_recording_takes_its_options_and_says_so(session, tmp_path
 
 def test_what_the_user_gives_is_never_replaced(session):
     said = io.StringIO()
-    user = Chosen(airframe="other", max_utilisation=0.5, reading=ReadingOptions(load=7.0))
-    log = session / "telemetry.tlog"
-    assert with_recorded([log], user, Terminal(file=said)) == user
+    logs = (session / "telemetry.tlog",)
+    stated = {"max_utilisation": 0.5, "reading": ReadingOptions(load=7.0)}
+    user = Inputs(logs=logs, airframe="other", **stated)
+    assert with_recorded(user, Terminal(file=said)) == user
     assert said.getvalue() == ""
-    mine = with_recorded([log], Chosen(max_utilisation=0.6), Terminal(file=said, width=500))
+    mine = with_recorded(Inputs(logs=logs, max_utilisation=0.6), Terminal(file=said, width=500))
     assert (mine.limit, mine.airframe, mine.reading.load) == (0.6, "topxgun-f16-sitl", 2.5)
     assert "--max-utilisation" not in said.getvalue()
 
@@ -68,7 +69,7 @@ def test_an_inspection_takes_them_too(session, capsys):
 def test_recordings_with_other_options_are_not_mixed_silently(session, tmp_path):
     bare = Path(shutil.copy(session / "telemetry.tlog", tmp_path / "bare.tlog"))
     with pytest.raises(DataError, match="one of these recordings at a time"):
-        with_recorded([session / "telemetry.tlog", bare], Chosen(), Terminal(file=io.StringIO()))
+        with_recorded(Inputs(logs=(session / "telemetry.tlog", bare)), Terminal(file=io.StringIO()))
 
 
 def options(**changed: object) -> str:
@@ -81,7 +82,7 @@ def options(**changed: object) -> str:
 def test_options_of_every_kind_are_taken(tmp_path):
     (tmp_path / "options.json").write_text(options(vehicle=3, load=2, air_temperature_c=20.5))
     log = Path(shutil.copy(LOG, tmp_path / "telemetry.tlog"))
-    taken = with_recorded([log], Chosen(), Terminal(file=io.StringIO()))
+    taken = with_recorded(Inputs(logs=(log,)), Terminal(file=io.StringIO()))
     assert (taken.reading.vehicle, taken.reading.load) == (3, 2.0)
     assert (taken.limit, taken.airframe) == (0.5, "topxgun-f16-sitl")
 
@@ -101,4 +102,4 @@ def test_options_that_cannot_be_read_are_named_and_not_passed_over(tmp_path, tex
     (tmp_path / "options.json").write_text(text)
     log = Path(shutil.copy(LOG, tmp_path / "telemetry.tlog"))
     with pytest.raises(DataError, match=r"options\.json does not hold"):
-        with_recorded([log], Chosen(), Terminal(file=io.StringIO()))
+        with_recorded(Inputs(logs=(log,)), Terminal(file=io.StringIO()))

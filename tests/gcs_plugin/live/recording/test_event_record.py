@@ -27,7 +27,7 @@ def watched(frames: list[Frame], folder: Path, **watch) -> tuple[list[tuple], li
         urls=(str(path),), record=folder / "out", watch=WatchSettings(**watch)
     )
     monitor = LiveMonitor(MODEL, settings)
-    monitor.subscribers.append(EventPrinter(monitor, printed.append))
+    monitor.outputs.append(EventPrinter(monitor, printed.append))
     with monitor:
         monitor.wait(100.0)
     lines = (recording_in(folder / "out") / "events.jsonl").read_text().splitlines()

@@ -59,9 +59,9 @@ def test_a_vehicle_is_gone_when_it_is_long_silent_on_the_ground_and_never_in_fli
         taken(watch, fly(vehicle, 5.0, rpm=0 if landed else 1700), 50)
         assert watch.flying is not landed
         now_us = vehicle.stamp_us
-        assert watch.silent(now_us + 7 * SECOND) == pytest.approx(7.0)
-        assert not watch.left(now_us + 5 * SECOND)
-        assert watch.left(now_us + 3600 * SECOND) is landed
+        assert watch.link.silent(now_us + 7 * SECOND) == pytest.approx(7.0)
+        assert not watch.has_left(now_us + 5 * SECOND)
+        assert watch.has_left(now_us + 3600 * SECOND) is landed
 
 
 def test_it_is_heard_as_soon_as_its_link_hears_it_though_nothing_is_taken_yet():
@@ -69,11 +69,11 @@ def test_it_is_heard_as_soon_as_its_link_hears_it_though_nothing_is_taken_yet():
     vehicle, watch = Vehicle(), watching(heard_us=heard_us)
     taken(watch, fly(vehicle, 5.0), 50)
     now_us = vehicle.stamp_us + 9 * SECOND
-    assert watch.silent(now_us) == pytest.approx(9.0)
+    assert watch.link.silent(now_us) == pytest.approx(9.0)
     heard_us[1] = now_us - 2 * SECOND
-    assert watch.silent(now_us) == pytest.approx(2.0)
+    assert watch.link.silent(now_us) == pytest.approx(2.0)
     heard_us.update({1: 0, 2: now_us})  # that of another says nothing of this one
-    assert watch.silent(now_us) == pytest.approx(9.0)
+    assert watch.link.silent(now_us) == pytest.approx(9.0)
 
 
 def test_a_radio_that_only_sends_is_no_vehicle_until_an_autopilot_is_heard():

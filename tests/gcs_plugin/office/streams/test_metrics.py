@@ -22,7 +22,10 @@ from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL, Ground
 from tests.gcs_plugin.peers.ports import free_port, free_udp_port
 from tests.waiting import until
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmSettings
-from thrustmargin.gcs_plugin.live.collector import (
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, MonitorStatus
+from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.office.streams.collector import (
     COUNTS,
     FIGURES,
     LEVELS,
@@ -30,9 +33,6 @@ from thrustmargin.gcs_plugin.live.collector import (
     MonitorCollector,
     part_of,
 )
-from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, MonitorStatus
-from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
-from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.analysis import analyse
 
@@ -258,7 +258,7 @@ def test_the_interval_of_a_margin_is_turned_round(watched, monkeypatch):
 
 def test_of_two_vehicles_with_one_id_there_are_no_figures(watched, monkeypatch):
     assert figures(watched, monkeypatch)["thrustmargin_margin_ratio"]
-    monkeypatch.setattr(watched.fleet.vehicles[1], "shared_until_us", 2**62)
+    monkeypatch.setattr(watched.fleet.vehicles[1].link, "shared_until_us", 2**62)
     found = figures(watched, monkeypatch)
     assert found["thrustmargin_margin_ratio"] == found["thrustmargin_flying"] == []
 
@@ -283,7 +283,7 @@ def test_of_an_aircraft_that_is_not_known_its_motor_outputs_are_shown(
 
 def test_a_vehicle_that_is_gone_on_the_ground_is_none(watched, monkeypatch):
     assert figures(watched, monkeypatch)["thrustmargin_vehicles"] == [({}, 1.0)]
-    monkeypatch.setattr(type(watched.fleet.vehicles[1]), "left", lambda *_: True)
+    monkeypatch.setattr(type(watched.fleet.vehicles[1]), "has_left", lambda *_: True)
     found = figures(watched, monkeypatch)
     assert found["thrustmargin_vehicles"] == [({}, 0.0)]
     assert found["thrustmargin_figures_age_seconds"] == found["thrustmargin_alarm"] == []

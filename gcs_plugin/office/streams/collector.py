@@ -65,7 +65,7 @@ TEXT = "text/plain; version=0.0.4; charset=utf-8"
 
 
 class MetricsServer(SmallServer):
-    """Serves one collector's metrics until `close`; `port` 0 takes any free one.
+    """A server of one collector's metrics until `close`; `port` 0 takes any free one.
 
     Raises LinkError when the port cannot be opened.
     """
@@ -81,24 +81,24 @@ class MetricsServer(SmallServer):
 
     @property
     def url(self) -> str:
-        """Where the metrics are."""
+        """Address of the metrics."""
         return f"http://{HOST}:{self.port}/metrics"
 
 
 class MonitorCollector(Collector):
-    """All metrics of one monitor, at the time of each request; asked from any thread."""
+    """The metrics of one monitor, computed at each request; called from any thread."""
 
     def __init__(self, monitor: LiveMonitor) -> None:
         self._monitor = monitor
 
     def describe(self) -> Iterable[Metric]:
-        """None: what there is depends on what is heard."""
+        """Return nothing: which metrics there are depends on what is heard."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        """The metrics now."""
+        """Yield the metrics of the present moment."""
         fleet, now_us = self._monitor.fleet, self._monitor.now_us()
-        watches = {str(n): w for n, w in fleet.vehicles.items() if not w.left(now_us)}
+        watches = {str(n): w for n, w in fleet.vehicles.items() if not w.has_left(now_us)}
         yield _gauge("vehicles", "Vehicles that are heard or missed", [((), float(len(watches)))])
         limit = 1.0 - fleet.max_utilisation
         yield _gauge("margin_least_ratio", "Margin below which an alarm is raised", [((), limit)])
@@ -115,7 +115,9 @@ class MonitorCollector(Collector):
 
 
 def part_of(alarm: Alarm) -> str:
-    """The label `part` of an alarm: `rotor 3`, `rotor 1 or 2`, or empty where it is of none."""
+    """Return the label `part` of an alarm: `rotor 3`, `rotor 1 or 2`, or empty where it is of no
+    rotor.
+    """
     rotors = alarm.rotors if alarm.rotor is None else (alarm.rotor,)
     return f"rotor {' or '.join(map(str, rotors))}" if rotors else ""
 
@@ -134,8 +136,8 @@ def _gauge(
 
 
 def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric]:
-    """How old everything is, and what is lost on the way."""
-    silent = [((n,), w.silent(now_us)) for n, w in watches.items()]
+    """Yield the age of everything, and the frames that were lost."""
+    silent = [((n,), w.link.silent(now_us)) for n, w in watches.items()]
     yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
     rows = [((n,), w.last.age_s(now_us)) for n, w in watches.items() if w.last is not None]
     words = "Age of the newest figures; old ones are left out"
@@ -153,17 +155,17 @@ def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric
         counted = [
             ((n, str(component)), float(getattr(sender, name)))
             for n, w in watches.items()
-            for component, sender in list(w.senders.items())
+            for component, sender in list(w.link.senders.items())
         ]
         yield _gauge(f"link_{name}_frames", words, counted, ("vehicle", "component"))
 
 
 def _figures(watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float) -> Iterator[Metric]:
-    """The figures of vehicles whose newest row is not old."""
+    """Yield the figures of vehicles whose newest row is not old."""
     samples: dict[str, list[tuple[tuple[str, ...], float]]] = {name: [] for name in FIGURES}
     for number, watch in watches.items():
         update = watch.last
-        if update is None or update.age_s(now_us) > old_s or watch.shared:
+        if update is None or update.age_s(now_us) > old_s or watch.link.shared:
             continue
         for name, value in _of_vehicle(update).items():
             samples[name].append(((number,), value))
@@ -200,7 +202,7 @@ def _of_vehicle(update: Update) -> dict[str, float]:
 
 
 def _of_rotors(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str, float]]]:
-    """(rotor, its name, what its figures rest on), figures; none on the ground."""
+    """Yield (rotor, name, source of its speed) and figures of each rotor; nothing on the ground."""
     analysis = update.analysis
     names = analysis.places
     if analysis.withheld or not analysis.track.flying[-1]:

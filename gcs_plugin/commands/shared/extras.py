@@ -1,0 +1,25 @@
+"""The extras of workshop and office, and what each registers in its `__init__`.
+
+`COMMANDS` names its subcommands, `OUTPUTS` its outputs of the monitor. An extra whose folder is
+deleted is not missed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+from types import ModuleType
+
+HERE = "thrustmargin.gcs_plugin"
+#: Folders of `gcs_plugin` whose folders are extras.
+DOORS = ("workshop", "office")
+
+
+def extras() -> Iterator[ModuleType]:
+    """Yield the package of each extra that is there."""
+    root = Path(__file__).parents[2]
+    for door in DOORS:
+        for extra in iter_modules([str(root / door)], f"{HERE}.{door}."):
+            yield import_module(extra.name)
