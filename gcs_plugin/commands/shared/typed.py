@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 #: In the wheel as in the project, beside `gcs_plugin`.
 BUNDLED = Path(__file__).resolve().parents[3] / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
 #: The field of `cover demo`, in the wheel too.
-BUNDLED_FIELD = Path(__file__).resolve().parents[3] / "mission" / "coverage" / "demo_field.kml"
+BUNDLED_FIELD = Path(__file__).resolve().parents[3] / "mission" / "demo_field.kml"
 #: In place of a log: the bundled flight.
 DEMO = "demo"
 #: Options whose value may be that word and is no log.
