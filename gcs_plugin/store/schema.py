@@ -170,7 +170,8 @@ lasting_above_limit_s | number | s | in flight with what lasts above the limit
 measured_share | number | 1 | of the flight with measured rotor speeds
 redundancy_min | number | 1 | least thrust that can be held without one rotor, over the weight
 not_survivable_s | number | s | in flight with that below 1
-fill_kg | number | kg | largest fill that keeps every limit on this battery
+fill_kg | number | kg | largest fill that is safe, as the action says it
+fill_limit_kg | number | kg | fill at which a limit is met on this battery
 fill_low_kg | number | kg | lower end of its 90 % interval
 margin_by_rotor | rotors | 1 | least margin of each rotor
 speed_ratio | rotors | 1 | median of measured over predicted speed of each rotor in flight

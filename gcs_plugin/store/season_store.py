@@ -126,6 +126,15 @@ CLOSED = {
 }
 
 
+#: Flights as SQL shows them. Versions before `fill_limit_kg` wrote that amount as `fill_kg`, which
+#: is not what may be filled: of their rows the safe fill is unknown.
+FLIGHTS = """
+create view flights as select * replace (
+  case when fill_limit_kg is null and fill_low_kg is not null then null else fill_kg end as fill_kg
+) from stored_flights
+"""
+
+
 def query(store: SeasonStore, sql: str) -> pa.Table:
     """The answer of one SELECT over `flights`, `rows`, `sums` and `rejected`.
 
@@ -137,7 +146,9 @@ def query(store: SeasonStore, sql: str) -> pa.Table:
 
     with duckdb.connect() as connection:
         for table in TABLES:
-            connection.register(table, store.dataset(table))
+            held = f"stored_{table}" if table == "flights" else table
+            connection.register(held, store.dataset(table))
+        connection.execute(FLIGHTS)
         for name, value in CLOSED.items():
             connection.execute(f"SET {name} = {value}")
         try:

@@ -85,11 +85,11 @@ class MarginVerdict:
     redundancy_yaw_free_low: float  # ends of its 90 % interval
     redundancy_yaw_free_high: float
     not_survivable_s: float  # airborne time with redundancy, yaw uncontrolled, below 1
-    fill_kg: float  # where a limit is met, battery at its lowest
-    fill_low_kg: float  # ends of its 90 % interval
+    fill_kg: float  # what may be filled, as the action says it: the safe end, rounded down
+    fill_limit_kg: float  # where a limit is met, battery at its lowest
+    fill_low_kg: float  # ends of the 90 % interval of `fill_limit_kg`
     fill_high_kg: float
-    fill_safe_kg: float  # what the action says
-    fill_start_kg: float  # the same with the battery as it was at the start
+    fill_start_kg: float  # `fill_limit_kg` with the battery as it was at the start
     tank_start_kg: float
     beyond_gauge_kg: float  # that hover thrust shows beyond gauge or statement; 0: they agree
     caveats: tuple[Caveat, ...]  # what the flight's own evidence leaves open

@@ -413,7 +413,8 @@ def answer_of(flight: Mapping[str, Any]) -> Answer:
     """Return what is compared of one flight in the JSON of a report."""
     verdict = flight["verdict"]
     numbers = {
-        **{k: verdict[k] for k in ("fill_kg", "fill_low_kg", "fill_high_kg")},
+        "fill_kg": verdict["fill_limit_kg"],
+        **{k: verdict[k] for k in ("fill_low_kg", "fill_high_kg")},
         "ratio": verdict["redundancy_yaw_free_min"],
         "ratio_low": verdict["redundancy_yaw_free_low"],
         "ratio_high": verdict["redundancy_yaw_free_high"],

@@ -246,6 +246,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         if np.isfinite(verdict.redundancy_yaw_free_min)
         else nan,
         "fill_kg": verdict.fill_kg,
+        "fill_limit_kg": verdict.fill_limit_kg,
         "fill_low_kg": verdict.fill_low_kg,
         "margin_by_rotor": [1.0 - known_most(u) for u in use.T],
         "speed_ratio": [known_median(r) for r in ratio.T],

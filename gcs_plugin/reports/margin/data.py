@@ -27,7 +27,7 @@ from thrustmargin.models.model.airframe_claim import AirframeBasis
 from thrustmargin.models.model.model_misfit import MarginCheck
 from thrustmargin.models.scores import Estimate
 
-SCHEMA = "thrustmargin.report/1"
+SCHEMA = "thrustmargin.report/2"
 
 JsonObject = Mapping[str, Any]
 

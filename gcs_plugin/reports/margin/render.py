@@ -52,7 +52,7 @@ def write_report(report: Report, out: Path) -> Written:
 
 
 def json_text(report: Report, csv_name: str) -> str:
-    """The report's numbers as JSON, schema "thrustmargin.report/1"; unknown numbers are null."""
+    """The report's numbers as JSON, schema "thrustmargin.report/2"; unknown numbers are null."""
     whole = {
         "schema": SCHEMA,
         "made_utc": report.made_utc,

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, unix_text, utc_text
 from thrustmargin.gcs_plugin.wording import margin_verdict
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
+from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.flight_words import loss_words, not_flown, too_short
 from thrustmargin.gcs_plugin.wording.report_words import (
     WITHOUT,
@@ -159,10 +160,10 @@ def _verdict(
         redundancy_yaw_free_low=advice.lost.least_low,
         redundancy_yaw_free_high=advice.lost.least_high,
         not_survivable_s=advice.lost.not_survivable_s,
-        fill_kg=fill.limit_kg,
+        fill_kg=safe_kg(fill),
+        fill_limit_kg=fill.limit_kg,
         fill_low_kg=fill.low_kg,
         fill_high_kg=fill.high_kg,
-        fill_safe_kg=fill.kg,
         fill_start_kg=fill.fresh_kg,
         tank_start_kg=fill.start_kg,
         beyond_gauge_kg=fill.beyond_gauge_kg,

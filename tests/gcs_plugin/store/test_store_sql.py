@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from tests.gcs_plugin.office.season.made_store import empty_store
@@ -17,6 +19,28 @@ def test_a_select_reads_the_tables(tmp_path: Path):
     store = empty_store(tmp_path / "season")
     assert query(store, "select count(*) as n from flights").to_pylist() == [{"n": 0}]
     assert "worst_margin" in query(store, "select * from flights").column_names
+
+
+def test_the_fill_of_an_older_version_is_not_shown_as_the_safe_one(tmp_path: Path):
+    """Older rows have the amount at the limit, 9.8 kg, as `fill_kg`, and no `fill_limit_kg`."""
+    store = empty_store(tmp_path / "season")
+    for month, row in (
+        ("2026-01", {"flight": ["old"], "fill_kg": [9.8], "fill_low_kg": [8.6]}),
+        (
+            "2026-02",
+            {"flight": ["new"], "fill_kg": [8.6], "fill_low_kg": [8.6], "fill_limit_kg": [9.8]},
+        ),
+        ("2026-03", {"flight": ["unknown"], "fill_kg": [0.0]}),
+    ):
+        folder = tmp_path / "season" / "flights" / "aircraft=a" / f"month={month}"
+        folder.mkdir(parents=True)
+        pq.write_table(pa.table(row), folder / "flights.parquet")
+    found = query(store, "select flight, fill_kg, fill_limit_kg from flights order by month")
+    assert found.to_pylist() == [
+        {"flight": "old", "fill_kg": None, "fill_limit_kg": None},
+        {"flight": "new", "fill_kg": 8.6, "fill_limit_kg": 9.8},
+        {"flight": "unknown", "fill_kg": 0.0, "fill_limit_kg": None},
+    ]
 
 
 @pytest.mark.parametrize(

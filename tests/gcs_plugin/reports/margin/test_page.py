@@ -106,7 +106,7 @@ def page(report, tmp_path_factory):
 
 def test_page_json_and_csv_say_the_same_numbers(report, page):
     made = json.loads(json_text(report, "r.csv"))
-    assert made["schema"] == "thrustmargin.report/1"
+    assert made["schema"] == "thrustmargin.report/2"
     one, of = made["flights"][0], report.flights[0]
     rows = list(csv.DictReader(io.StringIO(csv_bytes(report).decode())))
 
