@@ -139,7 +139,7 @@ def test_an_aircraft_that_was_switched_off_leaves_the_page_and_may_return(heard,
     heard.fly(1700, 1700)
     until(lambda: len(heard.view._aircraft) == 2)
     monkeypatch.setattr(
-        type(heard.fleet.vehicles[2]), "left", lambda self, _: self.system == 2, raising=True
+        type(heard.fleet.vehicles[2]), "has_left", lambda self, _: self.system == 2, raising=True
     )
     heard.later(0.1)
     until(lambda: not heard.node("/world/vehicle_2").visible)
