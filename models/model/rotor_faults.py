@@ -56,7 +56,13 @@ from thrustmargin.models.model.output_faults import (
     undecided,
 )
 from thrustmargin.models.model.rotor_fade import UNKNOWN_DRIFT, RotorFade
-from thrustmargin.models.model.rotor_model import RotorModel, model_channels, predict, table_of
+from thrustmargin.models.model.rotor_model import (
+    RotorModel,
+    model_channels,
+    predict,
+    table_of,
+    without_state,
+)
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import mixer
@@ -93,7 +99,9 @@ class RowLimit(IntEnum):
 
 @lru_cache(maxsize=8)
 def fault_model(model: RotorModel) -> RotorModel:
-    """Return the model that faults are sought against: without the effects of AS_INPUTS."""
+    """Return the model that faults are sought against: without the effects of AS_INPUTS, and
+    without the state of later flights, which may contain the fault."""
+    model = without_state(model)
     kept = tuple(effect for effect in model.effects if effect.name not in AS_INPUTS)
     return model if len(kept) == len(model.effects) else replace(model, effects=kept)
 

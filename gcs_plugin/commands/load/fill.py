@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import Share
+from thrustmargin.gcs_plugin.commands.shared.inputs import ANY_KNOWN, Known, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     OutputFile,
@@ -35,6 +35,7 @@ ALTITUDES = (0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0)  # m AMSL
 def fill(
     *,
     model: Path | None = None,
+    known: Known = ANY_KNOWN,
     airframe: str | None = None,
     air_temperature: float = USUAL_C,
     altitude: float = USUAL_ALTITUDE,
@@ -55,6 +56,7 @@ def fill(
 
     Args:
         model: Rotor speed model file of this aircraft.
+        known: The known aircraft; see `thrustmargin learn`.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
         air_temperature: °C of the air at the field.
         altitude: m of the field above the sea.
@@ -70,9 +72,9 @@ def fill(
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
 
-    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation)
+    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=known)
     if not inputs.given:
-        raise UsageError("no aircraft given; name one with --airframe or --model")
+        raise UsageError("no aircraft given; name one with --aircraft, --airframe or --model")
     check_utilisation(inputs.limit)
     check_range("--air-temperature", air_temperature, -60.0, 60.0, "°C")
     check_range("--altitude", altitude, -430.0, 9000.0, "m")

@@ -12,7 +12,13 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import analysed_flights
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    ANY_KNOWN,
+    AS_HEARD,
+    Inputs,
+    Known,
+    Reading,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import utc_text
@@ -105,6 +111,7 @@ def record(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
+    known: Known = ANY_KNOWN,
 ) -> int:
     """Write the record of a spraying job: what, where, how much, when, by whom.
 
@@ -128,6 +135,7 @@ def record(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the logs are read.
+        known: The known aircraft that flew; see `thrustmargin learn`.
     """
     from thrustmargin.gcs_plugin.office.record.applied import applied
     from thrustmargin.gcs_plugin.office.record.job_record import (
@@ -160,7 +168,7 @@ def record(
         raise DataError(f"{out} is a file; give a folder with --out")
     outline = None if field is None else read_field(field)
     console = Terminal(stderr=True, soft_wrap=True)
-    inputs = Inputs(logs=logs, model=model, airframe=airframe, reading=reading)
+    inputs = Inputs(logs=logs, model=model, airframe=airframe, reading=reading, known=known)
     flights, _, unread = analysed_flights(inputs, console)
     flights, left_out = counted_once(flights)
     sorties = [log for _, log in flights]

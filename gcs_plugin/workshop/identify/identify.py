@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    ANY_KNOWN,
+    AS_HEARD,
+    Inputs,
+    Known,
+    Reading,
+)
+from thrustmargin.gcs_plugin.commands.shared.known import with_recognised
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     OutputFile,
@@ -40,6 +47,7 @@ def identify(
     airframe: str | None = None,
     held_out: tuple[Path, ...] = (),
     reading: Reading = AS_HEARD,
+    known: Known = ANY_KNOWN,
     out_model: Path | None = None,
     json: Path | None = None,
     out: Path | None = None,
@@ -64,6 +72,7 @@ def identify(
             and thrust curve alone, without a model file.
         held_out: Flights that are not learnt from, on which the error is stated.
         reading: How the logs are read.
+        known: The known aircraft that flew, whose own model the search starts from.
         out_model: New model file to write, with the effects added; the old one stays (--out with
             .safetensors is an older name of it).
         json: Write the result as JSON to this file (.json); - is standard output, and nothing else.
@@ -84,7 +93,10 @@ def identify(
     from thrustmargin.models.identification.rows.usable_flights import require_distinct
 
     errors = Terminal(stderr=True, soft_wrap=True)
-    to_fit = Inputs(logs=require_logs(logs), model=model, airframe=airframe, reading=reading)
+    to_fit = Inputs(
+        logs=require_logs(logs), model=model, airframe=airframe, reading=reading, known=known
+    )
+    to_fit = with_recognised(to_fit, errors)
     to_check = replace(to_fit, logs=require_logs(held_out) if held_out else ())
     check_outputs(
         (
@@ -98,7 +110,7 @@ def identify(
     for option, given in (("--surrogates", surrogates), ("--seed", seed)):
         if given is not None:
             errors.print(f"{option} is not needed any more: chance is worked out, not drawn")
-    start, model_name = starting_model(model, airframe)
+    start, model_name = starting_model(to_fit)
     not_used: list[UnusedLog] = []
     with TemporaryDirectory(prefix="thrustmargin-") as folder:
         fit, new = (
