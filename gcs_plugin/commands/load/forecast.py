@@ -48,7 +48,7 @@ def forecast(
     *,
     fill: str,
     model: Path | None = None,
-    known: Known = ANY_KNOWN,
+    whose: Known = ANY_KNOWN,
     airframe: str | None = None,
     parameters: Path | None = None,
     air_temperature: float | None = None,
@@ -86,7 +86,7 @@ def forecast(
         plan: Plan (.plan, .waypoints, .mission) or a log that holds the mission.
         fill: In the tank at take-off: kg, or litres as 16L.
         model: Rotor speed model file of this aircraft.
-        known: The known aircraft; see `thrustmargin learn`.
+        whose: The known aircraft; see `thrustmargin learn`.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
         parameters: Parameter file of the autopilot (.param, .parm, .params); of a log, its own.
         air_temperature: °C at the field; without it that of the standard atmosphere.
@@ -152,7 +152,7 @@ def forecast(
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.mission.forecast import plan_forecast
 
-    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=known)
+    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=whose)
     rotor_model = inputs.rotor_model()
     craft = rotor_model.airframe
     liquid = craft.liquid_density
