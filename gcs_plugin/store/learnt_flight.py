@@ -120,7 +120,7 @@ def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | Non
         return NotTaught.FAULT
     if advice.losses or FlightLevel.LOST in advice.levels:
         return NotTaught.LOST
-    if advice.withheld:
+    if advice.withheld or advice.level is FlightLevel.UNKNOWN:
         return NotTaught.NO_VERDICT
     if FlightLevel.ORDER in advice.levels:
         return NotTaught.ORDER

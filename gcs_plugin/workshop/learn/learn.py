@@ -77,6 +77,7 @@ def learn(
     from thrustmargin.gcs_plugin.commands.shared.known import change_of, hangar_of, learn_logs
     from thrustmargin.gcs_plugin.commands.shared.options import check_range, require_logs
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+    from thrustmargin.gcs_plugin.store.hangar import NotTaught
 
     check_range("--seed", seed, 0, 2**32 - 1)
     check_numbers(owner)
@@ -107,6 +108,9 @@ def learn(
         learnt, known_one = learn_logs(known_one, paths, inputs, hangar, unread, progress)
         for flight, log in learnt:
             row = flight.row
+            if row.not_taught is NotTaught.NO_VERDICT:
+                console.print(escape(f"{log.name}: no verdict, nothing learnt"))
+                continue
             taught = "" if row.not_taught is None else f"; taught nothing: {row.not_taught}"
             console.print(
                 escape(
