@@ -308,7 +308,13 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
 
 
 def misread_words(misread: MisreadSpeed) -> str:
-    """That an ESC reads another speed than its rotor has, and what was done with it."""
+    """Return the clause that continues "ESC: " about a rotor whose reported speed is off by a
+    factor.
+
+    With `witnessed`, the motor output is normal: the report is wrong, and thrust is computed from
+    the corrected speed. Without motor outputs, the ESC may read low or the propeller be of another
+    kind.
+    """
     if not misread.witnessed:
         return say(
             "that of rotor {rotor} reads {factor} times the speed that its thrust takes: it reads "

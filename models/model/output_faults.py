@@ -55,11 +55,11 @@ LEAST_MISREAD = 0.04  # of thrust, 2 % of speed: less is no ESC that a pilot has
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MisreadSpeed:
-    """A rotor whose reported speed is off at an output as it should be."""
+    """A rotor whose reported speed is wrong by a factor, or, without motor outputs, may be."""
 
     rotor: int  # from 0
     factor: float  # the reported speed over the true one
-    #: False without outputs: it may turn so slowly, with a propeller that makes more.
+    #: False without outputs: the speed may be right, of a propeller with more thrust.
     witnessed: bool = True
 
 

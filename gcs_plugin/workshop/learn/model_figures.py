@@ -77,7 +77,11 @@ def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
 
 
 def _draw_ceilings(made: Figure, matching: Matching, *, top: float, right: float) -> None:
-    """A line for each ceiling, and the 50 % limit of the thrust curve's maximum."""
+    """Draw a horizontal line at each ceiling of thrust, kgf, and one at half of the second ceiling,
+    that of the thrust curve.
+
+    `top`, kgf, and `right`, rpm, are the ends of the axes. Needs at least two ceilings.
+    """
     heights: list[float] = []
     for limit in matching.ceilings:
         height = limit.max_thrust / G0
