@@ -1,4 +1,5 @@
-"""`thrustmargin train`: an aircraft's own rotor speed model from its flights."""
+"""The command `thrustmargin train`: learn the rotor speed model of one aircraft from its own
+flights."""
 
 from __future__ import annotations
 
@@ -115,7 +116,7 @@ def train(
     tracks = [log.track for log in claimed(read, unread, progress)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
-    tracks, unfit = _learnable(tracks, model)
+    tracks, unfit = _usable_flights(tracks, model)
     unread += unfit
     thermometer = learnt_thermometer(tracks, aircraft)
     tracks = [with_air_temperature(track, thermometer) for track in tracks]
@@ -153,20 +154,21 @@ def train(
     console = Terminal()
     for part in training_tables(made):
         console.print(part)
-    for one in (*unread, *_unused(tracks)):
+    for one in (*unread, *_logs_without_rows(tracks)):
         console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)
     for path in written:
         console.print(f"wrote {path}", soft_wrap=True)
     return 1 if unread else 0
 
 
-def _learnable(
+def _usable_flights(
     tracks: Sequence[FlightTrack], model: RotorModel
 ) -> tuple[list[FlightTrack], list[UnusedLog]]:
-    """Flights without those that have some rows to learn from but too few, or speeds of other
-    rotors or seconds, which are to be named.
+    """Return the usable flights, and the unusable ones with the reason.
 
-    Raises LogError when none is left.
+    Unusable are flights with too few rows for training, or with speeds of other rotors or times.
+    Flights without any such row stay: `_logs_without_rows` reports them. Raise LogError if no
+    flight is usable.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -187,7 +189,8 @@ def _learnable(
     return kept, unfit
 
 
-def _unused(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
+def _logs_without_rows(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
+    """Return the flights without a row for training, with the reason."""
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
     from thrustmargin.models.physics.flight_phases import training_rows

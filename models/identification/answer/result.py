@@ -326,7 +326,7 @@ class Identification:
         """Return the unexplained residual as JSON: share of variance, RMS in rpm, mode, channels,
         rotor (1-based), closest effects.
 
-        Without one, share and RMS are 0, mode, channel and rotor are None, and there are no channels.
+        Without one, share and RMS are 0, mode, channel and rotor None, and channels empty.
         """
         left = self.left
         return {
