@@ -102,7 +102,7 @@ class Deviations:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Shown:
-    """What outputs showed of a fault of one rotor when it had this `size`."""
+    """The motor outputs' evidence about a fault of one rotor, at its size then."""
 
     size: float
     misread: bool = False  # its ESC
