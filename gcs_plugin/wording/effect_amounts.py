@@ -1,7 +1,7 @@
-"""What each effect of the table says about the aircraft: the part, the amount and its interval.
+"""Write the sentence about each effect: the part, the amount and its interval.
 
-One `Amount` or function an effect, of an effect within the identification that found it. A sentence
-has no full stop, and no action.
+Each effect has an `Amount` or a function of a `DescribedEffect`. Sentences end without a full stop
+and contain no action.
 """
 
 from __future__ import annotations
@@ -22,54 +22,57 @@ MOST_LISTED = 4
 
 
 def rotor_words(rotor: int, names: tuple[str, ...]) -> str:
-    """`rotor 1 (front right)` of a 0-based rotor."""
+    """Return a 0-based rotor with its place: `rotor 1 (front right)`."""
     return f"rotor {rotor + 1} ({names[rotor]})"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedEffect:
-    """An effect found, within the identification that found it."""
+    """One effect, with the identification that found it."""
 
     found: Found
     whole: Identification
 
     def ends(self, name: str) -> tuple[float, float, float]:
-        """Value, lower and upper end of a parameter, as they stand for the effect."""
+        """Return value, lower and upper end of a parameter in the flight that represents the
+        effect."""
         found, row = self.found, self.found.flight
         k = [p.name for p in found.term.effect.parameters].index(name)
         return float(found.value[row, k]), float(found.lower[row, k]), float(found.upper[row, k])
 
     def of_sign(self, name: str, above: str, below: str) -> str:
-        """The word for a parameter above zero, or that for one below."""
+        """Return `below` if the parameter is negative, else `above`."""
         return below if self.ends(name)[0] < 0.0 else above
 
     def size(
         self, name: str, unit: str = "", *, factor: float = 1.0, most: int = 2
     ) -> tuple[str, str]:
-        """The amount without its sign, and its interval turned the same way."""
+        """Return the absolute amount of a parameter, and its interval with the same change of
+        sign."""
         sign = -1.0 if self.ends(name)[0] < 0.0 else 1.0
         return within(*self.ends(name), unit, factor=sign * factor, most=most)
 
     def text(self, name: str, unit: str = "", *, most: int = 2) -> str:
-        """The amount with its sign and its interval, in one."""
+        """Return a parameter with its sign and its interval as one text."""
         return joined(within(*self.ends(name), unit, most=most))
 
     @property
     def known(self) -> bool:
-        """True when the model has this effect already, so that this changes its size."""
+        """Return whether the model has this effect already, so that the amount is a change."""
         return self.found.term.effect.name in {e.name for e in self.whole.model.effects}
 
     @property
     def rotor(self) -> str:
+        """Return the effect's rotor with its place, capitalised; rotor 1 if it acts on none."""
         names = self.whole.model.airframe.rotor_names
         return rotor_words(self.found.term.rotor or 0, names).capitalize()
 
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """A sentence with the amount of one parameter where `{}` stands.
+    """A sentence with one parameter's amount in place of `{}`.
 
-    `{sign}` is the first of `signs` for an amount above zero, the second for one below.
+    `{sign}` is replaced by the first of `signs` for a positive amount, else by the second.
     """
 
     name: str
@@ -87,6 +90,7 @@ class Amount:
 
 
 def by_parameters(it: DescribedEffect) -> str:
+    """List all parameters of an effect that has no sentence of its own."""
     term = it.found.term
     where = "" if term.rotor is None else f" of {it.rotor.lower()}"
     values = ", ".join(
@@ -98,16 +102,18 @@ def by_parameters(it: DescribedEffect) -> str:
 
 
 def _sized(start: str, parts: tuple[str, str], end: str) -> str:
-    """`Rotor 1 makes 8 % less thrust (7.8 to 8.2)`."""
+    """Join start, amount, end and interval: `Rotor 1 makes 8 % less thrust (7.8 to 8.2)`."""
     amount, interval = parts
     return f"{start} {amount} {end} {interval}".rstrip()
 
 
 def _percent(it: DescribedEffect, name: str, factor: float = 1.0) -> tuple[str, str]:
+    """Return a parameter and its interval in per cent, without sign."""
     return it.size(name, "%", factor=100.0 * factor, most=1)
 
 
 def weak_rotor(it: DescribedEffect) -> str:
+    """Return the sentence about a rotor with less or more thrust than the model expects."""
     than = " than its share of the motor outputs" if it.whole.problem.of_outputs else ""
     if it.known:
         than = " than the model has it"
@@ -116,11 +122,14 @@ def weak_rotor(it: DescribedEffect) -> str:
 
 
 def _lost(it: DescribedEffect, lost: str = "lost", gained: str = "gained") -> str:
+    """Return the words about a rotor that lost or gained thrust, with the amount."""
     what = it.of_sign("loss", lost, gained)
     return _sized(f"{it.rotor} {what}", _percent(it, "loss"), "of its thrust")
 
 
 def weakened_in_flight(it: DescribedEffect) -> str:
+    """Return the sentence about a step change of a rotor's thrust: when, in which log, in how many
+    flights."""
     when = clock(it.ends("onset_time")[0])
     where = it.whole.problem.names[it.found.flight]
     clear = (it.found.lower[:, 0] > 0.0) | (it.found.upper[:, 0] < 0.0)
@@ -130,16 +139,20 @@ def weakened_in_flight(it: DescribedEffect) -> str:
 
 
 def weakened_for_a_while(it: DescribedEffect) -> str:
+    """Return the sentence about a transient loss of a rotor's thrust: its log, begin and end."""
     began, ended = (clock(it.ends(name)[0]) for name in ("onset_time", "end_time"))
     where = it.whole.problem.names[it.found.flight]
     return f"{_lost(it, gained='lost')} for a while, from {began} to {ended} of {where}"
 
 
 def weakens_each_flight(it: DescribedEffect) -> str:
+    """Return the sentence about a loss that begins equally late in every flight."""
     return f"{_lost(it, 'loses', 'gains')} {clock(it.ends('onset_time')[0])} into every flight"
 
 
 def weak_since_a_flight(it: DescribedEffect) -> str:
+    """Return the sentence about a loss that began at one moment of a series of flights and
+    stays."""
     problem, at = it.whole.problem, it.ends("onset_clock")[0]
     began = problem.flight_start_unix_s - problem.first_row_s
     flown = np.flatnonzero(began <= at)
@@ -155,7 +168,7 @@ def weak_since_a_flight(it: DescribedEffect) -> str:
 
 
 def weak_until_repaired(it: DescribedEffect) -> str:
-    """From which flight to which; after it the rotor is sound."""
+    """Return the sentence about a loss in several flights that later flights no longer show."""
     problem = it.whole.problem
     start = problem.flight_start_unix_s
     at, over = it.ends("onset_clock")[0], it.ends("end_clock")[0]
@@ -171,6 +184,7 @@ hidden_mass = Amount(
 
 
 def air_density(it: DescribedEffect) -> str:
+    """Return the sentence about air density as a difference of temperature."""
     than = it.of_sign("temperature_offset", "warmer", "colder")
     offset = it.size("temperature_offset", "K", most=1)
     if it.known:
@@ -182,17 +196,19 @@ def air_density(it: DescribedEffect) -> str:
 
 
 def wrong_gain(what: str, it: DescribedEffect) -> str:
-    """Of an instrument whose true value is gain times what it shows."""
+    """Return the sentence about an instrument whose true value is `gain` times the shown one."""
     value, *ends = (1.0 - 1.0 / gain for gain in it.ends("gain"))
     sign, much = (-1.0, "much") if value < 0.0 else (1.0, "little")
     shown = within(value, ends[0], ends[1], "%", factor=100.0 * sign, most=1)
     return _sized(f"The {what} shows", shown, f"too {much}")
 
 
-TOO = ("too little", "too much")  # of what is to be added to what an instrument shows
+#: An instrument with a positive correction shows too little.
+TOO = ("too little", "too much")
 
 
 def tank_zero(it: DescribedEffect) -> str:
+    """Return the sentence about the tank gauge's zero, in the flight where it is most off."""
     flight = it.whole.problem.names[it.found.flight]
     shown = Amount("offset", "kg", "The tank gauge shows {} {sign}", TOO)(it)
     flights = it.found.value.shape[0]
@@ -206,6 +222,7 @@ airspeed_bias = Amount("bias", "m/s", "The airspeed sensor shows {} {sign}", TOO
 
 
 def flow_moment(it: DescribedEffect) -> str:
+    """Return the sentence about the moments of level flight."""
     parts = [f"{axis} {it.text(axis, most=3)}" for axis in ("roll", "pitch")]
     return f"Flying level makes moments that the model lacks, with the gain {', '.join(parts)}"
 
@@ -221,6 +238,7 @@ weathervane = Amount(
 
 
 def drag_moment(it: DescribedEffect) -> str:
+    """Return the sentence about the moments of drag above the centre of gravity."""
     parts = [f"{axis} {it.text(axis, 'm', most=3)}" for axis in ("roll", "pitch")]
     return (
         "Leaning into wind makes moments that the model lacks, as drag that acts above the centre "
@@ -236,6 +254,8 @@ drag = Amount(
 
 
 def load_factor(it: DescribedEffect) -> str:
+    """Return the sentence about thrust in manoeuvres; `gain` is relative to Newton's law or to the
+    model."""
     what = "Thrust follows the load factor of turns, climbs and gusts"
     if it.known:
         more = it.of_sign("gain", "more", "less")
@@ -244,6 +264,7 @@ def load_factor(it: DescribedEffect) -> str:
 
 
 def slung_load(it: DescribedEffect) -> str:
+    """Return the sentence about a swinging load: its mass and its cable."""
     more = it.of_sign("mass", "heavier", "lighter")
     than = f", {more} than the model has it" if it.known else ""
     load = joined(it.size("mass", "kg"))
@@ -251,9 +272,11 @@ def slung_load(it: DescribedEffect) -> str:
 
 
 def balance(it: DescribedEffect) -> str:
+    """Return the sentence about the centre of gravity, as it is or as a full tank moves it."""
     full = "_full" if it.found.term.effect.variant else ""
 
     def part(axis: str, ways: tuple[str, str]) -> str:
+        """Return amount, direction and interval along one axis."""
         name = axis + full
         amount, interval = it.size(name, "mm", factor=1e3, most=1)
         return f"{amount} {it.of_sign(name, *ways)} {interval}".rstrip()
@@ -270,6 +293,7 @@ yaw_moment = Amount(
 
 
 def turning(it: DescribedEffect) -> str:
+    """Return the sentence about the yaw inertia and damping that the model lacks."""
     inertia, damping = it.text("inertia_yaw", "kg m²"), it.text("damping_yaw", "N m s")
     return (
         f"Turning takes moments that the model lacks, about yaw an inertia of {inertia} and a "
@@ -278,11 +302,13 @@ def turning(it: DescribedEffect) -> str:
 
 
 def inertia(it: DescribedEffect) -> str:
+    """Return the sentence about a different inertia."""
     more = it.of_sign("share", "larger", "smaller")
     return _sized("The aircraft turns as if its inertia were", _percent(it, "share"), more)
 
 
 def forward_lift(it: DescribedEffect) -> str:
+    """Return the sentence about lift, as thrust at the 90 % quantile of airspeed."""
     channels = it.whole.problem.channels
     speed = float(np.nanquantile(channels.airspeed, 0.9))
     hover = float(np.nanmedian(channels.hover_induced_velocity))
@@ -298,6 +324,7 @@ def forward_lift(it: DescribedEffect) -> str:
 
 
 def climb(it: DescribedEffect) -> str:
+    """Return the sentence about thrust in a climb at CLIMB_RATE."""
     hover_rpm = float(np.median(it.whole.problem.measured_rpm))
     ratio = CLIMB_RATE * 60.0 / (hover_rpm * it.whole.model.airframe.propeller_diameter)
     less = it.of_sign("slope", "less", "more")
@@ -306,6 +333,7 @@ def climb(it: DescribedEffect) -> str:
 
 
 def ground_effect(it: DescribedEffect) -> str:
+    """Return the sentence about thrust near the ground, at the flights' median height."""
     near = float(np.median(it.whole.problem.channels.radius_over_height))
     height = it.whole.model.airframe.propeller_diameter / 2 / near
     value, *ends = (1.0 / (1.0 - k * near**2) - 1.0 for k in it.ends("strength"))
@@ -327,15 +355,18 @@ thrust_drift = Amount(
 
 
 def voltage(it: DescribedEffect) -> str:
+    """Return the sentence about the exponent of battery voltage."""
     power = it.text("exponent")
     return f"Thrust at a rotor speed follows the battery voltage to the power {power}"
 
 
 def wind(it: DescribedEffect) -> str:
+    """Return the sentence about a wind that is missing in the airspeed."""
     return f"The airspeed lacks a wind: {_winds(it)}"
 
 
 def followed_wind(it: DescribedEffect) -> str:
+    """Return the sentence about a strong wind that the reported airspeed already includes."""
     found, domain = it.found, it.whole.model.training_domain
     known = "" if domain is None else number(domain.wind_speed[1], "m/s")
     return (
@@ -346,6 +377,7 @@ def followed_wind(it: DescribedEffect) -> str:
 
 
 def _winds(it: DescribedEffect) -> str:
+    """List the winds of up to MOST_LISTED flights, strongest first."""
     found, names = it.found, it.whole.problem.names
     order = np.argsort(-np.hypot(found.value[:, 0], found.value[:, 1]), kind="stable")
     winds = [f"{_wind_of(found, int(f))} in {names[f]}" for f in order[:MOST_LISTED]]
@@ -355,6 +387,7 @@ def _winds(it: DescribedEffect) -> str:
 
 
 def _wind_of(found: Found, flight: int) -> str:
+    """Return speed with interval, and direction, of the wind in one flight."""
     north, east = found.value[flight, :2]
     half = (found.upper[flight, :2] - found.lower[flight, :2]) / 2
     speed = float(np.hypot(north, east))

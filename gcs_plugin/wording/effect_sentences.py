@@ -1,9 +1,7 @@
-"""What each effect of the table is called, says about the aircraft, and asks of its owner.
+"""Describe effects found by `identify`: name in a list, sentence with the amount, requested action.
 
-A sentence names the part and the amount, with its interval behind it; the action follows a colon.
-An effect without words of its own is described by its parameters.
-
-What no effect explains, in words: what is left, and what of it goes into the new model.
+The action follows the amount after a colon. An effect without an entry in WORDS is described by its
+parameters.
 """
 
 from __future__ import annotations
@@ -30,15 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class EffectWords:
-    """What an effect is called in a list, what it says, and what its owner does next."""
+    """The name of an effect in a list, the function that writes its sentence, and its action."""
 
-    thing: str  # "{rotor}" stands for the rotor
+    thing: str  # with the placeholders {rotor} and {where}
     sentence: Callable[[DescribedEffect], str]
-    action: Action | None = actions.KEEP  # None where there is nothing to do
+    action: Action | None = actions.KEEP  # None if nothing is to be done
 
 
 def effect_sentence(found: Found, whole: Identification) -> str:
-    """Part, amount and action of one effect, without a full stop."""
+    """Return part, amount and action of one effect as a sentence without a full stop."""
     action = action_of(found, whole)
     asked = [action] if action else []
     if action is actions.INSPECT and whole.problem.of_outputs:
@@ -47,14 +45,15 @@ def effect_sentence(found: Found, whole: Identification) -> str:
 
 
 def amount_of(found: Found, whole: Identification) -> str:
-    """Part and amount of one effect."""
+    """Return the part and amount of one effect in words."""
     return words_of(found.term).sentence(DescribedEffect(found, whole))
 
 
 def action_of(found: Found, whole: Identification) -> Action | None:
-    """What is asked for an effect; a rotor that makes more than it should has another propeller.
+    """Return the action that an effect requests, or None.
 
-    A model that no flight has taught knows no drag: then it is no sign of what was mounted.
+    A rotor with more thrust than expected requests a propeller of the same kind. Extra drag
+    requests nothing if the model was not trained on flights, because such a model has no drag.
     """
     action = words_of(found.term).action
     if action is actions.LOOK_FOR_MOUNTED and not whole.model.taught:
@@ -64,14 +63,14 @@ def action_of(found: Found, whole: Identification) -> Action | None:
 
 
 def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:
-    """What an effect is called in a list: `a weak rotor 1 (front right)`."""
+    """Return the name of an effect in a list: `a weak rotor 1 (front right)`."""
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
     return words_of(term).thing.format(rotor=rotor, where=where)
 
 
 def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
-    """Where a cause without a name acts: `pitch along speed forward`, `yaw all along`."""
+    """Return where an unnamed cause acts: `pitch along speed forward`, `yaw all along`."""
     mode, channel = place_of(term.effect)
     if term.rotor is not None:
         mode = f"the loss of {rotor_words(term.rotor, tuple(rotor_names))}"
@@ -79,20 +78,20 @@ def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
 
 
 def effect_things(model: RotorModel) -> tuple[str, ...]:
-    """What the effects of a model are called, each once."""
+    """Return the names of the effects in a model, each once, in the model's order."""
     names = model.airframe.rotor_names
     things = (effect_thing(placed, names) for placed in model.placed)
     return tuple(dict.fromkeys(things))
 
 
 def words_of(term: Term | Placed) -> EffectWords:
-    """The words of an effect by its key, else by its name, else by its parameters."""
+    """Return the words of an effect by its key, else by its name, else by its parameters."""
     key, name = term.effect.key, term.effect.name
     spelt = name.replace("_", " ") + ("" if term.rotor is None else " of {rotor}")
     return WORDS.get(key) or WORDS.get(name) or EffectWords(spelt, amounts.by_parameters, None)
 
 
-#: What only causes without a name go along, beside the channels of the figures.
+#: Channels of figures and unnamed causes -> name, unit, factor to that unit.
 ALONG_WORDS = {
     **CHANNEL_WORDS,
     "forward_speed": ("speed forward", "m/s", 1.0),
@@ -103,7 +102,7 @@ ALONG_WORDS = {
 }
 
 WEAK = "a weak {rotor}"
-#: key of the effect, or its name where all variants are described alike -> its words
+#: Key of the effect, or its name if all variants are described alike -> its words.
 WORDS: Mapping[str, EffectWords] = {
     "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, actions.INSPECT),
     "rotor_degradation:onset": EffectWords(
@@ -165,7 +164,7 @@ WORDS: Mapping[str, EffectWords] = {
 }
 
 
-#: Part of an action -> whose costs it has.
+#: Part of an action -> key of its costs in COSTS.
 KIND_OF_PART = {
     "propeller": "rotor",
     "motor": "rotor",

@@ -1,4 +1,5 @@
-"""What `identify` asks a person to do, and what it leaves unexplained, in sentences."""
+"""Describe the actions that `identify` advises, and what no effect explains, for the aircraft's
+owner."""
 
 from __future__ import annotations
 
@@ -25,33 +26,40 @@ from thrustmargin.models.identification.rows.candidates import Term
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AskedAction:
-    """One action that a person is asked for."""
+class RequestedAction:
+    """One action that the answer asks a person to do."""
 
     part: str  # with the number of the rotor, from 1
     action: str
-    probability: float  # that it is right
-    expected_cost: float  # of asking, in times a look at a propeller
+    probability: float  # that the part is bad
+    expected_cost: float  # in inspections of a propeller
 
 
-def asked_of(found: Identification) -> tuple[AskedAction, ...]:
-    """The actions of the answer in its order; what only keeps something in the model is none."""
+def requested_actions(found: Identification) -> tuple[RequestedAction, ...]:
+    """Return the requested actions: those of effects, rotors first, then those of rotors not
+    cleared.
+
+    Effects that are only kept in the model request no action. A rotor with an unexplained loss
+    comes last.
+    """
     out = [
-        _asked(action, f.term.rotor, f.probability)
+        _request(action, f.term.rotor, f.probability)
         for f in sorted(found.found, key=lambda f: f.term.rotor is None)
         if (action := action_of(f, found)) and action.part != actions.KEEP.part
     ]
-    out += [_asked(actions.INSPECT, one.rotor, one.probability) for one in found.mentioned]
+    out += [_request(actions.INSPECT, one.rotor, one.probability) for one in found.mentioned]
     left = found.left
     if left is not None and left.rotor is not None:
-        out.append(_asked(actions.INSPECT, left.rotor, 1.0))
+        out.append(_request(actions.INSPECT, left.rotor, 1.0))
     return tuple(out)
 
 
-def _asked(action: Action, rotor: int | None, probability: float) -> AskedAction:
+def _request(action: Action, rotor: int | None, probability: float) -> RequestedAction:
+    """Return `action` as a request for `rotor` (0-based), with its probability and expected
+    cost."""
     kind = KIND_OF_PART.get(action.part, "aircraft")
     hands_on = action.when is When.BATTERY_OFF
-    return AskedAction(
+    return RequestedAction(
         part=f"rotor {rotor + 1}" if rotor is not None and hands_on else action.part,
         action=action.text,
         probability=probability,
@@ -59,8 +67,8 @@ def _asked(action: Action, rotor: int | None, probability: float) -> AskedAction
     )
 
 
-def unexplained(found: Identification) -> str:
-    """What is left that no effect explains; empty when nothing is."""
+def unexplained_words(found: Identification) -> str:
+    """Return the sentence about the unexplained residual; empty if there is none."""
     left = found.unexplained()
     if left["mode"] is None:
         return ""
@@ -83,7 +91,7 @@ def unexplained(found: Identification) -> str:
             f"that{'' if seen else ', so none was added'}; {actions.INSPECT.text}, "
             f"and {actions.UNSTEADY.text}"
         )
-    things = " or ".join(dict.fromkeys(_thing_of(w, names) for w in left.get("closest") or ()))
+    things = " or ".join(dict.fromkeys(_effect_name(w, names) for w in left.get("closest") or ()))
     close = f"; closest in the table: {things}" if things else ""
     return (
         f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"
@@ -91,8 +99,12 @@ def unexplained(found: Identification) -> str:
     )
 
 
-def unnamed_causes(found: Identification) -> str:
-    """What has no name and is in the new model: of a curve axis, channel, range and size."""
+def unnamed_causes_words(found: Identification) -> str:
+    """Return the sentence about the unnamed causes in the new model: where each acts, its channel,
+    range and size.
+
+    Needs at least one unnamed cause.
+    """
     each, names, curves = [], found.model.airframe.rotor_names, False
     for one in found.open_causes:
         size, rotor = f"({number(one.rms_rpm, 'rpm', 0)})", one.found.term.rotor
@@ -121,8 +133,9 @@ def unnamed_causes(found: Identification) -> str:
     return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond}"
 
 
-def _thing_of(words: str, names: Sequence[str]) -> str:
-    """What an effect is called, from `Term.words`: its name, and its rotor from 1."""
+def _effect_name(words: str, names: Sequence[str]) -> str:
+    """Return the name of the effect that `words` (`Term.words`) describes, in the words of the
+    answer."""
     name, _, rotor = words.partition(" of rotor ")
     if name not in BY_KEY:
         return words.replace("_", " ")

@@ -1,4 +1,4 @@
-"""The model of an aircraft from its own flights, and the match of load and power system."""
+"""Train the model of an aircraft from its own flights, and match its load with its power system."""
 
 #: Subcommand -> the first words of the docstring of its function.
 COMMANDS = {

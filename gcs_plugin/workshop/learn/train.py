@@ -1,4 +1,5 @@
-"""`thrustmargin train`: an aircraft's own rotor speed model from its flights."""
+"""The command `thrustmargin train`: learn the rotor speed model of one aircraft from its own
+flights."""
 
 from __future__ import annotations
 
@@ -121,7 +122,7 @@ def train(
     console = Terminal()
     for part in training_tables(made):
         console.print(part)
-    for one in (*unread, *_unused(tracks)):
+    for one in (*unread, *_logs_without_rows(tracks)):
         console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)
     for path in written:
         console.print(f"wrote {path}", soft_wrap=True)
@@ -155,7 +156,7 @@ def training_run(
     from thrustmargin.models.model.training import train as fit
     from thrustmargin.models.physics.flight_phases import training_rows
 
-    kept, unfit = _learnable(tracks, physics_model(aircraft))
+    kept, unfit = _usable_flights(tracks, physics_model(aircraft))
     thermometer = learnt_thermometer(kept, aircraft)
     kept = [with_air_temperature(track, thermometer) for track in kept]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
@@ -187,13 +188,14 @@ def training_run(
     return TrainingRun(model=model, trained=trained, tracks=kept, unfit=unfit)
 
 
-def _learnable(
+def _usable_flights(
     tracks: Sequence[FlightTrack], model: RotorModel
 ) -> tuple[list[FlightTrack], list[UnusedLog]]:
-    """Flights without those that have some rows to learn from but too few, or speeds of other
-    rotors or seconds, which are to be named.
+    """Return the usable flights, and the unusable ones with the reason.
 
-    Raises LogError when none is left.
+    Unusable are flights with too few rows for training, or with speeds of other rotors or times.
+    Flights without any such row stay: `_logs_without_rows` reports them. Raise LogError if no
+    flight is usable.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -214,7 +216,8 @@ def _learnable(
     return kept, unfit
 
 
-def _unused(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
+def _logs_without_rows(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
+    """Return the flights without a row for training, with the reason."""
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
     from thrustmargin.models.physics.flight_phases import training_rows
