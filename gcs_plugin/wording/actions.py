@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
 from functools import partial
 
 from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.models.model.fault_test import LEAST
 from thrustmargin.models.model.inferred.load_inference import THEN_CHECK
 
 
@@ -129,6 +130,10 @@ GROUND_BATTERY = next_flight(
     "less",
 )
 FILL_LESS = next_flight("load", "fill less: thrustmargin fill says how much")
+PROVE_REPAIR = next_flight(
+    "rotor",
+    "fly one tank gently and report that flight: the loss must be gone",
+)
 FLY_GENTLY = next_flight("vehicle", "fly turns and climbs more gently")
 SAME_PLACE = hands_on(
     "load", "put load and battery in the same place each flight, or leave out odd flights"
@@ -139,6 +144,45 @@ LEVEL_OR_LEAVE_OUT = hands_on(
 STATE_LOAD = disarmed(
     "load", "weigh the load (--load), state the --air-temperature, check the tank gauge"
 )
+
+
+class Phase(StrEnum):
+    """The time at which a finding is read."""
+
+    IN_FLIGHT = "in flight"
+    LANDED = "landed"  # the aircraft that was heard stands on the ground
+    RECORDED = "recorded"  # a log, a replay, a season: some time after the flight
+
+
+class Urgency(StrEnum):
+    """How soon a finding asks for something; each has one colour on every page."""
+
+    STOP = "stop"  # red: nobody flies before
+    BEFORE_NEXT = "before the next day of work"  # amber
+    NOTHING = "nothing"  # green
+
+
+@dataclass(frozen=True, slots=True)
+class RotorAnswer:
+    """What a bad rotor asks for in one phase, how soon, and how the repair is proved."""
+
+    urgency: Urgency
+    action: Action
+    proof: Action
+
+
+def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> RotorAnswer:
+    """Return the answer to rotors, from 1, that lose thrust or speed.
+
+    `loss_low` is the low end of the interval of the loss, as a share of thrust. From the least loss
+    that an alarm reports nobody flies with it; a smaller one is looked at before the next day of
+    work. In flight every alarm asks to land.
+    """
+    if phase is Phase.IN_FLIGHT:
+        return RotorAnswer(Urgency.STOP, LAND, PROVE_REPAIR)
+    if loss_low >= LEAST:
+        return RotorAnswer(Urgency.STOP, not_before_looked_at(rotors), PROVE_REPAIR)
+    return RotorAnswer(Urgency.BEFORE_NEXT, INSPECT, PROVE_REPAIR)
 
 
 def change_propeller(rotor: int) -> Action:

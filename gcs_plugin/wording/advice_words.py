@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.wording.language import (
     say,
 )
 from thrustmargin.models.model.advice import Advice, FlightLevel
-from thrustmargin.models.model.fault_test import MOST, RotorFault
+from thrustmargin.models.model.fault_test import LEAST, MOST, RotorFault
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -241,7 +241,7 @@ def action(advice: Advice) -> str:
     if FlightLevel.LOST in advice.levels:
         first.append(actions.GROUND_WRECK.text)
     if FlightLevel.DAMAGED in advice.levels:
-        first.append(actions.not_before_looked_at(suspects(advice)).text)
+        first.append(_bad_rotors(advice).action.text)
     elif advice.misread is not None:
         first.append(actions.check_esc(advice.misread.rotor + 1).text)
     elif FlightLevel.NO_THRUST in advice.levels and (rotor := _spent_alone(advice)):
@@ -283,11 +283,19 @@ def action(advice: Advice) -> str:
     return "; ".join([*first, then])
 
 
+def _bad_rotors(advice: Advice) -> actions.RotorAnswer:
+    """Return what the bad rotors of a flight ask for when it is over."""
+    low = max((episode.fault.lower for episode in advice.faults), default=0.0)
+    return actions.bad_rotor(suspects(advice), max(low, LEAST), actions.Phase.RECORDED)
+
+
 def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     """Return (label, words) of what stands below the first line: faults, thrust, battery, one rotor
     lost, fill."""
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
+    if advice.faults and not advice.in_progress:
+        found.append(("after the repair", _bad_rotors(advice).proof.text))
     found += [("model", sound_again(fault)) for fault in advice.repaired]
     if advice.misread is not None:
         found.append(("ESC", misread_words(advice.misread)))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from thrustmargin.gcs_plugin.wording.actions import LAND
+from thrustmargin.gcs_plugin.wording.actions import LAND, Phase
 from thrustmargin.gcs_plugin.wording.language import clock, duration, number, say
 from thrustmargin.models.checks.loss_of_control import LossKind
 from thrustmargin.models.model.fault_test import MOST, Evidence, Kind, RotorFault
@@ -33,6 +33,22 @@ _ONE_OF: Mapping[Kind, str] = {
     "motor": "A motor or ESC is slow, {rotors}: land",
     "stopped": "A rotor stands still, {rotors}: land",
 }
+#: The same for a flight that is over: nobody can land any more.
+_RECORDED_AT: Mapping[Kind, str] = {
+    "propeller": "Rotor {rotor} {place} {size} less thrust",
+    "motor": "Motor {rotor} {place} {size} slow, or ESC",
+    "stopped": "Rotor {rotor} {place} stands still",
+}
+_RECORDED: Mapping[Kind, str] = {
+    "propeller": "Rotor {rotor} makes {size} less thrust",
+    "motor": "Motor {rotor} or ESC {size} slow for output",
+    "stopped": "Rotor {rotor} stands still",
+}
+_RECORDED_ONE_OF: Mapping[Kind, str] = {
+    "propeller": "A rotor loses thrust, {rotors}",
+    "motor": "A motor or ESC is slow, {rotors}",
+    "stopped": "A rotor stands still, {rotors}",
+}
 #: Evidence, if not a sudden change of measured speeds -> words after the time.
 _EVIDENCE: Mapping[Evidence, str] = {
     "fade": "slowly: against the first minute of this flight",
@@ -41,23 +57,28 @@ _EVIDENCE: Mapping[Evidence, str] = {
 MOST_LETTERS = 50  # of a STATUSTEXT
 
 
-def fault_words(fault: RotorFault, names: Sequence[str] = ()) -> str:
+def fault_words(
+    fault: RotorFault, names: Sequence[str] = (), phase: Phase = Phase.IN_FLIGHT
+) -> str:
     """Return `Rotor 3 front left 12% (9-15) less thrust: land`, with the 95 % interval of the loss.
 
-    `names` are the places of the rotors; they are left out if empty or too long.
+    `names` are the places of the rotors; they are left out if empty or too long. Of a flight that
+    is over nobody is asked to land.
     """
+    flies = phase is Phase.IN_FLIGHT
     if fault.rotors:
         numbers = f" {say('or')} ".join(str(rotor + 1) for rotor in fault.rotors)
-        return say(_ONE_OF[fault.kind], rotors=numbers)
+        return say((_ONE_OF if flies else _RECORDED_ONE_OF)[fault.kind], rotors=numbers)
     size = f">{100 * fault.lower:.0f}%"
     if fault.upper < MOST:
         size = f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
     known = {"rotor": fault.rotor + 1, "size": size}
     if names and names[fault.rotor]:
-        words = say(_AT[fault.kind], place=place_words(names[fault.rotor]), **known)
+        at = (_AT if flies else _RECORDED_AT)[fault.kind]
+        words = say(at, place=place_words(names[fault.rotor]), **known)
         if len(words) <= MOST_LETTERS:
             return words
-    return say(_SENTENCES[fault.kind], **known)
+    return say((_SENTENCES if flies else _RECORDED)[fault.kind], **known)
 
 
 def place_words(name: str) -> str:
@@ -75,7 +96,8 @@ def fault_amount(fault: RotorFault) -> str:
 def episode_words(episode: FaultEpisode, names: Sequence[str] = ()) -> str:
     """Return the fault's words with the times when it was found and ended, and the kind of
     evidence."""
-    words, begin = fault_words(episode.fault, names), clock(episode.begin_s)
+    words = fault_words(episode.fault, names, Phase.RECORDED)
+    begin = clock(episode.begin_s)
     if episode.end_s is None:
         found = say("{fault} (found at {begin})", fault=words, begin=begin)
     else:

@@ -52,14 +52,20 @@ def amount_of(found: Found, whole: Identification) -> str:
 def action_of(found: Found, whole: Identification) -> Action | None:
     """Return the action that an effect requests, or None.
 
-    A rotor with more thrust than expected requests a propeller of the same kind. Extra drag
+    A rotor with more thrust than expected requests a propeller of the same kind, a weak one what a
+    report of the flight requests. Extra drag
     requests nothing if the model was not trained on flights, because such a model has no drag.
     """
     action = words_of(found.term).action
     if action is actions.LOOK_FOR_MOUNTED and not whole.model.taught:
         return actions.KEEP
-    gains = action is actions.INSPECT and found.value[found.flight, 0] < 0.0
-    return actions.SAME_KIND if gains else action
+    if action is not actions.INSPECT:
+        return action
+    loss, low = found.value[found.flight, 0], float(found.lower[found.flight, 0])
+    if loss < 0.0:
+        return actions.SAME_KIND
+    rotors = () if found.term.rotor is None else (found.term.rotor + 1,)
+    return actions.bad_rotor(rotors, low, actions.Phase.RECORDED).action if rotors else action
 
 
 def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, report_findings
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
 from thrustmargin.gcs_plugin.reports.shared.page_shell import unix_text
+from thrustmargin.gcs_plugin.wording.actions import Phase
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.flight_words import NAMES_WRONG
 from thrustmargin.gcs_plugin.wording.language import say
@@ -165,7 +166,7 @@ def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
         "size_low": fault.lower,
         "size_high": fault.upper,
         "witnessed_by_outputs": fault.witnessed,
-        "words": fault_words(fault, names),
+        "words": fault_words(fault, names, Phase.RECORDED),
     }
 
 

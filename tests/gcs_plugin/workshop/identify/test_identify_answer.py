@@ -85,7 +85,7 @@ def test_part_amount_and_action_come_first_then_the_error(worn):
     first, second = said(worn)
     assert first.startswith("Rotor 1 (front right) makes 8")
     assert first.endswith(
-        "): with the battery off, inspect its propeller or fit a new one of the same kind."
+        "): do not fly it before propeller, motor and ESC of rotor 1 were looked at, battery off."
     )
     before, after = worn.before.rmse_rpm, worn.after.rmse_rpm
     assert second.startswith(f"Rotor speed error (RMSE) {before:.0f} -> {after:.0f} rpm (")
