@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, rotor_words
-from thrustmargin.gcs_plugin.wording.language import CHANNEL_WORDS
+from thrustmargin.gcs_plugin.wording.language import CHANNEL_WORDS, say
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND
 from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
@@ -66,15 +66,18 @@ def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:
     """Return the name of an effect in a list: `a weak rotor 1 (front right)`."""
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
-    return words_of(term).thing.format(rotor=rotor, where=where)
+    return say(words_of(term).thing, rotor=rotor, where=where)
 
 
 def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
     """Return where an unnamed cause acts: `pitch along speed forward`, `yaw all along`."""
     mode, channel = place_of(term.effect)
+    mode = say(mode)
     if term.rotor is not None:
-        mode = f"the loss of {rotor_words(term.rotor, tuple(rotor_names))}"
-    return f"{mode} all along" if channel == CONSTANT else f"{mode} along {ALONG_WORDS[channel][0]}"
+        mode = say("the loss of {rotor}", rotor=rotor_words(term.rotor, tuple(rotor_names)))
+    if channel == CONSTANT:
+        return say("{mode} all along", mode=mode)
+    return say("{mode} along {channel}", mode=mode, channel=along_name(channel))
 
 
 def effect_things(model: RotorModel) -> tuple[str, ...]:
@@ -101,6 +104,12 @@ ALONG_WORDS = {
     "load": ("the thrust that all rotors make", "kg", 1.0),
 }
 
+
+def along_name(channel: str) -> str:
+    """Return the name of a channel of ALONG_WORDS."""
+    return say(ALONG_WORDS[channel][0])
+
+
 WEAK = "a weak {rotor}"
 #: Key of the effect, or its name if all variants are described alike -> its words.
 WORDS: Mapping[str, EffectWords] = {
@@ -123,7 +132,7 @@ WORDS: Mapping[str, EffectWords] = {
     "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
     "air_density": EffectWords("air density", amounts.air_density),
     "tank_scale": EffectWords(
-        "a wrong tank gauge", partial(amounts.wrong_gain, "tank gauge"), actions.SET_GAUGE
+        "a wrong tank gauge", partial(amounts.wrong_gain, *amounts.GAUGE_SHOWS), actions.SET_GAUGE
     ),
     "tank_zero": EffectWords("a tank gauge off its zero", amounts.tank_zero, actions.ZERO_GAUGE),
     "tank_drift": EffectWords("a tank gauge that drifts", amounts.tank_drift, actions.CHECK_GAUGE),
@@ -132,7 +141,7 @@ WORDS: Mapping[str, EffectWords] = {
     ),
     "airspeed_gain": EffectWords(
         "a wrong airspeed sensor",
-        partial(amounts.wrong_gain, "airspeed sensor"),
+        partial(amounts.wrong_gain, *amounts.AIRSPEED_SHOWS),
         actions.CHECK_AIRSPEED,
     ),
     "sensor_lag": EffectWords("a late airspeed", amounts.late_airspeed, actions.AIRSPEED_RATE),
