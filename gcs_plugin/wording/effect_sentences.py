@@ -110,24 +110,23 @@ def along_name(channel: str) -> str:
     return say(ALONG_WORDS[channel][0])
 
 
-WEAK = "a weak {rotor}"
 #: Key of the effect, or its name if all variants are described alike -> its words.
 WORDS: Mapping[str, EffectWords] = {
-    "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, actions.INSPECT),
+    "rotor_degradation": EffectWords("a weak {rotor}", amounts.weak_rotor, actions.INSPECT),
     "rotor_degradation:onset": EffectWords(
-        WEAK + " in flight", amounts.weakened_in_flight, actions.INSPECT
+        "a weak {rotor} in flight", amounts.weakened_in_flight, actions.INSPECT
     ),
     "rotor_degradation:for a while": EffectWords(
-        WEAK + " for a while", amounts.weakened_for_a_while, actions.LOOK_AT_MOTOR
+        "a weak {rotor} for a while", amounts.weakened_for_a_while, actions.LOOK_AT_MOTOR
     ),
     "rotor_degradation:in each flight": EffectWords(
         "{rotor} weakening in every flight", amounts.weakens_each_flight, actions.FEEL_HEAT
     ),
     "rotor_degradation:since": EffectWords(
-        WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
+        "a weak {rotor} since a flight", amounts.weak_since_a_flight, actions.INSPECT
     ),
     "rotor_degradation:until repaired": EffectWords(
-        WEAK + " until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
+        "a weak {rotor} until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
     ),
     "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
     "air_density": EffectWords("air density", amounts.air_density),

@@ -120,7 +120,7 @@ def _next_flight_json(result: Result) -> dict[str, Any]:
     assert following is not None
     return {
         "separates": [[term.words for term in terms] for terms in following.separates],
-        "manoeuvre": following.manoeuvre.words,
+        "manoeuvre": answers.manoeuvre_words(following.manoeuvre),
         "repeats": following.repeats,
         "minutes": following.minutes,
         "certainty": following.certainty,

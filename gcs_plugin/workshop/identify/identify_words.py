@@ -377,9 +377,31 @@ def next_flight_words(
     )
 
 
+#: Name of a manoeuvre -> instruction without a full stop, and format of its numbers.
+_MANOEUVRES = {
+    "hover": ("hover {low} s", ".0f"),
+    "legs": ("fly a leg into the wind and back at {low} and at {high} m/s", ".1f"),
+    "speed steps": ("change speed in steps between 0, {low} and {high} m/s", ".1f"),
+    "squares": ("fly a small square to the right, then one to the left, nose ahead", ""),
+    "climb and descent": ("climb from {low} to {high} m and descend, twice", ".0f"),
+}
+
+
 def manoeuvre_words(manoeuvre: Manoeuvre) -> str:
     """Return the instruction to fly a manoeuvre, with the fills that it needs."""
-    return manoeuvre.words
+    words, form = _MANOEUVRES[manoeuvre.name]
+    numbers = dict(zip(("low", "high"), (format(n, form) for n in manoeuvre.numbers), strict=False))
+    fills = manoeuvre.fills_kg
+    loads = {
+        "full": say(", with {kg} kg in the tank", kg=f"{fills[0]:.3g}"),
+        "nearly empty": say(", with {kg} kg in the tank", kg=f"{fills[-1]:.2g}"),
+        "both": say(
+            ", once with {full} and once with {low} kg in the tank",
+            full=f"{fills[0]:.3g}",
+            low=f"{fills[-1]:.2g}",
+        ),
+    }
+    return f"{say(words, **numbers)}{loads.get(manoeuvre.load, '')}"
 
 
 def error_words(found: Identification, margin: MarginChange) -> str:
