@@ -200,7 +200,9 @@ def change_propeller(rotor: int) -> Action:
 def inspect_rotors(rotors: Sequence[int]) -> Action:
     """Return the action for `rotors` (1-based) that may be bad, before a flight that would show
     it."""
-    return hands_on("rotor", f"inspect propeller and motor of {rotors_words(rotors)}")
+    return hands_on(
+        "rotor", say("inspect propeller and motor of {rotors}", rotors=rotors_words(rotors))
+    )
 
 
 def not_before_looked_at(rotors: Sequence[int]) -> Action:

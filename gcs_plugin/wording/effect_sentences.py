@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, rotor_words
-from thrustmargin.gcs_plugin.wording.language import CHANNEL_WORDS
+from thrustmargin.gcs_plugin.wording.language import CHANNEL_WORDS, say
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND
 from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
@@ -72,15 +72,18 @@ def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:
     """Return the name of an effect in a list: `a weak rotor 1 (front right)`."""
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
-    return words_of(term).thing.format(rotor=rotor, where=where)
+    return say(words_of(term).thing, rotor=rotor, where=where)
 
 
 def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
     """Return where an unnamed cause acts: `pitch along speed forward`, `yaw all along`."""
     mode, channel = place_of(term.effect)
+    mode = say(mode)
     if term.rotor is not None:
-        mode = f"the loss of {rotor_words(term.rotor, tuple(rotor_names))}"
-    return f"{mode} all along" if channel == CONSTANT else f"{mode} along {ALONG_WORDS[channel][0]}"
+        mode = say("the loss of {rotor}", rotor=rotor_words(term.rotor, tuple(rotor_names)))
+    if channel == CONSTANT:
+        return say("{mode} all along", mode=mode)
+    return say("{mode} along {channel}", mode=mode, channel=along_name(channel))
 
 
 def effect_things(model: RotorModel) -> tuple[str, ...]:
@@ -107,29 +110,34 @@ ALONG_WORDS = {
     "load": ("the thrust that all rotors make", "kg", 1.0),
 }
 
-WEAK = "a weak {rotor}"
+
+def along_name(channel: str) -> str:
+    """Return the name of a channel of ALONG_WORDS."""
+    return say(ALONG_WORDS[channel][0])
+
+
 #: Key of the effect, or its name if all variants are described alike -> its words.
 WORDS: Mapping[str, EffectWords] = {
-    "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, actions.INSPECT),
+    "rotor_degradation": EffectWords("a weak {rotor}", amounts.weak_rotor, actions.INSPECT),
     "rotor_degradation:onset": EffectWords(
-        WEAK + " in flight", amounts.weakened_in_flight, actions.INSPECT
+        "a weak {rotor} in flight", amounts.weakened_in_flight, actions.INSPECT
     ),
     "rotor_degradation:for a while": EffectWords(
-        WEAK + " for a while", amounts.weakened_for_a_while, actions.LOOK_AT_MOTOR
+        "a weak {rotor} for a while", amounts.weakened_for_a_while, actions.LOOK_AT_MOTOR
     ),
     "rotor_degradation:in each flight": EffectWords(
         "{rotor} weakening in every flight", amounts.weakens_each_flight, actions.FEEL_HEAT
     ),
     "rotor_degradation:since": EffectWords(
-        WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
+        "a weak {rotor} since a flight", amounts.weak_since_a_flight, actions.INSPECT
     ),
     "rotor_degradation:until repaired": EffectWords(
-        WEAK + " until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
+        "a weak {rotor} until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
     ),
     "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
     "air_density": EffectWords("air density", amounts.air_density),
     "tank_scale": EffectWords(
-        "a wrong tank gauge", partial(amounts.wrong_gain, "tank gauge"), actions.SET_GAUGE
+        "a wrong tank gauge", partial(amounts.wrong_gain, *amounts.GAUGE_SHOWS), actions.SET_GAUGE
     ),
     "tank_zero": EffectWords("a tank gauge off its zero", amounts.tank_zero, actions.ZERO_GAUGE),
     "tank_drift": EffectWords("a tank gauge that drifts", amounts.tank_drift, actions.CHECK_GAUGE),
@@ -138,7 +146,7 @@ WORDS: Mapping[str, EffectWords] = {
     ),
     "airspeed_gain": EffectWords(
         "a wrong airspeed sensor",
-        partial(amounts.wrong_gain, "airspeed sensor"),
+        partial(amounts.wrong_gain, *amounts.AIRSPEED_SHOWS),
         actions.CHECK_AIRSPEED,
     ),
     "sensor_lag": EffectWords("a late airspeed", amounts.late_airspeed, actions.AIRSPEED_RATE),

@@ -67,6 +67,10 @@ def say(english: str, /, *listed: object, **values: object) -> str:
     return text.format(*map(_comma, listed), **named)
 
 
+class Verbatim(str):
+    """A text that `say` fills in unchanged: a name of a file, or a text in the language already."""
+
+
 def sentence(capitals: str) -> str:
     """Return a line of capitals in small letters if the language is English; else return it
     unchanged."""
@@ -83,7 +87,7 @@ def decimal(text: str) -> str:
 def _comma(value: object) -> object:
     """Return a text with the decimal sign and the `to` of intervals in the language; other values
     unchanged."""
-    if not isinstance(value, str):
+    if not isinstance(value, str) or isinstance(value, Verbatim):
         return value
     text = re.sub(r"(?<=\d)\.(?=\d)", ",", value)
     return re.sub(r"(?<=\d) to (?=\d)", f" {say('to')} ", text)
@@ -200,7 +204,7 @@ def shown_unit(unit: str, name: str = "") -> tuple[float, str]:
     """
     if unit == "1" and "exponent" in name:
         return 1.0, ""
-    people = {"1": (100.0, "%"), "m": (1000.0, "mm"), "1/s": (6000.0, "% a minute")}
+    people = {"1": (100.0, "%"), "m": (1000.0, "mm"), "1/s": (6000.0, say("% a minute"))}
     return people.get(unit, (1.0, unit.replace("^2", "²")))
 
 
@@ -293,7 +297,9 @@ CHANNEL_WORDS: Mapping[str, tuple[str, str, float]] = {
 
 def channel_name(channel: str) -> str:
     """Return the usual name of a channel; without one, the channel's own name with spaces."""
-    return CHANNEL_WORDS[channel][0] if channel in CHANNEL_WORDS else channel.replace("_", " ")
+    if channel not in CHANNEL_WORDS:
+        return channel.replace("_", " ")
+    return say(CHANNEL_WORDS[channel][0])
 
 
 def channel_title(channel: str) -> str:
@@ -305,7 +311,10 @@ def channel_title(channel: str) -> str:
 def chance(probability: float, flights: int = 0) -> str:
     """Return a probability as `60 %`, never as 0 or 100 %; with `by 3 flights` if `flights` is
     given."""
-    by = f" by {flights} flight{'s' if flights > 1 else ''}" if flights else ""
+    share = say("over 99 %" if probability > 0.5 else "under 1 %")
     if 0.01 <= probability <= 0.99:
-        return percent(probability) + by
-    return ("over 99 %" if probability > 0.5 else "under 1 %") + by
+        share = percent(probability)
+    if not flights:
+        return share
+    words = "{share} by {count} flights" if flights > 1 else "{share} by {count} flight"
+    return say(words, share=share, count=flights)

@@ -13,11 +13,12 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import (
     ALONG_WORDS,
     KIND_OF_PART,
     action_of,
+    along_name,
     amount_of,
     effect_thing,
     unnamed_place,
 )
-from thrustmargin.gcs_plugin.wording.language import chance, number
+from thrustmargin.gcs_plugin.wording.language import Verbatim, chance, number, say
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
 from thrustmargin.models.identification.answer.result import Identification
@@ -73,30 +74,44 @@ def unexplained_words(found: Identification) -> str:
     if left["mode"] is None:
         return ""
     share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
-    along = f"goes with {' or '.join(ALONG_WORDS[one][0] for one in left['channels'])}"
+    channels = f" {say('or')} ".join(along_name(one) for one in left["channels"])
+    along = say("goes with {channels}", channels=channels)
     action = actions.COMPARE_SOUND.text
     if not found.open_causes:
-        action = f"nothing was added for it; {action}"
+        action = say("nothing was added for it; {action}", action=action)
     if left["wanders"]:
-        along = "comes and goes within flights more than in good ones, and goes with no channel"
+        along = say(
+            "comes and goes within flights more than in good ones, and goes with no channel"
+        )
         action = f"{actions.LOOK_FOR_ICE.text}; {actions.COMPARE_WIND.text}"
     names = found.model.airframe.rotor_names
     if left.get("rotor"):
-        goes = "goes with its own thrust" if left["channel"] in ONLY_ROTORS else along
+        goes = say("goes with its own thrust") if left["channel"] in ONLY_ROTORS else along
         rotor = left["rotor"] - 1
-        seen = any(one.found.term.rotor == rotor for one in found.open_causes)
-        return (
-            f"{rotor_words(rotor, names).capitalize()} does not lose the same share of "
-            f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
-            f"that{'' if seen else ', so none was added'}; {actions.INSPECT.text}, "
-            f"and {actions.UNSTEADY.text}"
+        words = (
+            "{rotor} does not lose the same share of its thrust all along: the loss {goes} "
+            "({rms}), and no effect of the table does that, so none was added; {action}, and {look}"
         )
-    things = " or ".join(dict.fromkeys(_effect_name(w, names) for w in left.get("closest") or ()))
-    close = f"; closest in the table: {things}" if things else ""
-    return (
-        f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"
-        f": {action}"
-    )
+        if any(one.found.term.rotor == rotor for one in found.open_causes):
+            words = (
+                "{rotor} does not lose the same share of its thrust all along: the loss {goes} "
+                "({rms}), and no effect of the table does that; {action}, and {look}"
+            )
+        return say(
+            words,
+            rotor=rotor_words(rotor, names).capitalize(),
+            goes=goes,
+            rms=rms,
+            action=actions.INSPECT.text,
+            look=actions.UNSTEADY.text,
+        )
+    closest = dict.fromkeys(_effect_name(w, names) for w in left.get("closest") or ())
+    close = ""
+    if closest:
+        close = say("; closest in the table: {effects}", effects=f" {say('or')} ".join(closest))
+    words = "No effect explains {rms} in {mode}, {share} of what is left, that {goes}"
+    line = say(words, rms=rms, mode=say(left["mode"]), share=share, goes=along)
+    return f"{line}{close}: {action}"
 
 
 def unnamed_causes_words(found: Identification) -> str:
@@ -108,12 +123,11 @@ def unnamed_causes_words(found: Identification) -> str:
     each, names, curves = [], found.model.airframe.rotor_names, False
     for one in found.open_causes:
         size, rotor = f"({number(one.rms_rpm, 'rpm', 0)})", one.found.term.rotor
-        until = "" if rotor is None else ", an alarm until it is repaired"
+        until = "" if rotor is None else say(", an alarm until it is repaired")
         if one.place is None:
             words = amount_of(one.found, found)
-            each.append(
-                f"{words[0].lower()}{words[1:]}, {chance(one.found.probability)} likely{until}"
-            )
+            likely = say("{chance} likely", chance=chance(one.found.probability))
+            each.append(f"{words[0].lower()}{words[1:]}, {likely}{until}")
             continue
         where = unnamed_place(one.found.term, names)
         if one.range is None:
@@ -121,16 +135,16 @@ def unnamed_causes_words(found: Identification) -> str:
             continue
         _, unit, factor = ALONG_WORDS[one.place[1]]
         low, high = (end * factor for end in one.range)
-        span = f"{number(low, '', 1)} to {number(high, unit, 1)}"
-        as_well = [ALONG_WORDS[other][0] for other in one.alike if other != CONSTANT]
-        others = f" (or {', '.join(as_well)})" if as_well else ""
+        span = f"{number(low, '', 1)} {say('to')} {number(high, unit, 1)}"
+        as_well = [along_name(other) for other in one.alike if other != CONSTANT]
+        others = f" ({say('or')} {', '.join(as_well)})" if as_well else ""
         each.append(f"{where}{others}, {span} {size}{until}")
         curves = True
-    seen = f"Without a name, as it was seen: {'; '.join(each)}"
+    seen = say("Without a name, as it was seen: {causes}", causes=Verbatim("; ".join(each)))
     if not found.found and found.after.rmse_rpm > found.before.rmse_rpm:
         return f"{seen}; {actions.LEAVE_OUT.text}"
-    beyond = ", held at its edge beyond that range, with twice the interval" if curves else ""
-    return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond}"
+    beyond = say(", held at its edge beyond that range, with twice the interval")
+    return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond if curves else ''}"
 
 
 def _effect_name(words: str, names: Sequence[str]) -> str:

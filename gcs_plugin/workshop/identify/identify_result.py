@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog, page_shell
+from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_thing
-from thrustmargin.gcs_plugin.wording.language import chance, number, shown_unit, within
+from thrustmargin.gcs_plugin.wording.language import chance, number, say, shown_unit, within
 from thrustmargin.gcs_plugin.workshop.identify import identify_words as answers
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import requested_actions
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import answer
@@ -119,7 +120,7 @@ def _next_flight_json(result: Result) -> dict[str, Any]:
     assert following is not None
     return {
         "separates": [[term.words for term in terms] for terms in following.separates],
-        "manoeuvre": following.manoeuvre.words,
+        "manoeuvre": answers.manoeuvre_words(following.manoeuvre),
         "repeats": following.repeats,
         "minutes": following.minutes,
         "certainty": following.certainty,
@@ -171,7 +172,7 @@ def _parameter_rows(
     largest = np.argsort(-size, kind="stable")[:MOST_FLIGHTS]
     rows = []
     for k, p in enumerate(parameters):
-        name = p.name.replace("_", " ")
+        name = say(p.name.replace("_", " "))
         factor, unit = shown_unit(p.unit, p.name)
         for f in largest if p.per_flight else [one.flight]:
             value, low, high = (float(v[f, k]) for v in (one.value, one.lower, one.upper))
@@ -197,7 +198,7 @@ def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
     names = result.found.model.airframe.rotor_names
     return [
         (
-            "all" if e.rotor is None else f"{e.rotor + 1} {names[e.rotor]}",
+            say("all") if e.rotor is None else f"{e.rotor + 1} {place_words(names[e.rotor])}",
             answers.rmse_words(e.before, ""),
             answers.rmse_words(e.after, ""),
             number(e.after.bias_rpm, "", 1),
@@ -210,17 +211,21 @@ def printed_tables(result: Result) -> list[Table]:
     """Return the tables that the console prints below the answer; each fits 80 columns."""
     found = result.found
     flights = found.problem.flights
-    by = f"by {flights} flight{'s' if flights > 1 else ''}"
+    by = say("by {count} flights" if flights > 1 else "by {count} flight", count=flights)
     made = []
     if found.found:
         rows = [("  " * (not sure) + name, *row, sure) for name, *row, sure in effect_rows(found)]
-        made.append(page_shell.grid(("found", "value", "95 %", f"sure {by}"), rows))
+        made.append(
+            page_shell.grid((say("found"), say("value"), "95 %", f"{say('sure')} {by}"), rows)
+        )
     if len(found.alternatives) > 1:
         sets = [(words, chance(p)) for words, p in set_rows(found)]
-        made.append(page_shell.grid(("explanations", f"probability {by}"), sets))
+        made.append(page_shell.grid((say("explanations"), f"{say('probability')} {by}"), sets))
     if found.excluded:
-        made.append(page_shell.grid(("not seen", "excluded at 95 %"), answers.excluded_rows(found)))
-    title = f"Measured minus predicted rotor speed, rpm, on {answers.error_rows_words(found)}"
-    heads = ("rotor", "RMSE before", "RMSE after", "mean after")
-    made.append(page_shell.grid(heads, error_rows(result), title=title))
+        heads = map(say, ("not seen", "excluded at 95 %"))
+        made.append(page_shell.grid(tuple(heads), answers.excluded_rows(found)))
+    words = "Measured minus predicted rotor speed, rpm, on {flights}"
+    title = say(words, flights=answers.error_rows_words(found))
+    heads = map(say, ("rotor", "RMSE before", "RMSE after", "mean after"))
+    made.append(page_shell.grid(tuple(heads), error_rows(result), title=title))
     return made

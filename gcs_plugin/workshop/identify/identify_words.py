@@ -15,12 +15,14 @@ from thrustmargin.gcs_plugin.wording.alarm_words import fault_amount
 from thrustmargin.gcs_plugin.wording.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_sentence, effect_thing
 from thrustmargin.gcs_plugin.wording.language import (
+    Verbatim,
     chance,
     duration,
     joined,
     number,
     percent,
     percent_within,
+    say,
     shown_unit,
     within,
 )
@@ -39,6 +41,7 @@ from thrustmargin.models.identification.answer.result import (
 )
 from thrustmargin.models.identification.answer.standing_shares import StandingCause, StandingShares
 from thrustmargin.models.identification.certainty import CHOICE, SURE
+from thrustmargin.models.identification.next_flight.manoeuvres import Manoeuvre
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import lacks_sound_flights
@@ -78,7 +81,7 @@ def answer(
     lines += [open_mode] if open_mode else []
     lines += [unnamed_causes_words(found)] if found.open_causes else []
     if only_open and (cleared := excluded_losses(found)):
-        lines.append(f"A loss {cleared}")
+        lines.append(say("A loss {cleared}", cleared=cleared))
     lines += [effect_sentence(f, found) for f in found.followed]
     if following is not None:
         lines.append(next_flight_words(following, names, mission, suspects))
@@ -102,7 +105,8 @@ def inspection_words(rotors: Sequence[int]) -> str:
     rotors."""
     if not rotors:
         return ""
-    return f"first, {actions.inspect_rotors(rotors).text}; only if sound, "
+    action = actions.inspect_rotors(rotors).text
+    return say("first, {action}; only if sound, ", action=action)
 
 
 def one_of_words(one: OneOf, names: Sequence[str], flights: int) -> str:
@@ -112,22 +116,30 @@ def one_of_words(one: OneOf, names: Sequence[str], flights: int) -> str:
         f"{effect_thing(term, names)} ({chance(share)})"
         for term, share in zip(one.terms, one.probabilities, strict=True)
     ]
-    by = f"{flights} flights do" if flights > 1 else "one flight does"
-    return f"Either {' or '.join(shares)}: {by} not tell which"
+    words = "Either {effects}: one flight does not tell which"
+    if flights > 1:
+        words = "Either {effects}: {count} flights do not tell which"
+    return say(words, effects=f" {say('or')} ".join(shares), count=flights)
 
 
 def mentioned_words(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
     """Return the sentence about a rotor that is not reported and that the flights do not clear."""
-    sign, more = (1.0, "less") if one.loss >= 0.0 else (-1.0, "more")
+    sign, words = 1.0, "it may make {amount} less thrust {interval}"
+    if one.loss < 0.0:
+        sign, words = -1.0, "it may make {amount} more thrust {interval}"
     low, high = sorted(sign * end for end in one.ci95)
     amount, interval = within(sign * one.loss, low, high, "%", factor=100.0, most=1)
-    thrust = f"it may make {amount} {more} thrust {interval}"
+    thrust = say(words, amount=amount, interval=interval)
     if low < 0.0 < high:
         most, least = (upper_limit(end, "1") for end in (one.ci95[1], -one.ci95[0]))
-        thrust = f"it may make up to {most} less or {least} more thrust"
-    return (
-        f"{rotor_words(one.rotor, names).capitalize()} cannot be ruled out "
-        f"({chance(one.probability, flights)}): {thrust}, so {actions.INSPECT.text}"
+        words = "it may make up to {most} less or {least} more thrust"
+        thrust = say(words, most=most, least=least)
+    return say(
+        "{rotor} cannot be ruled out ({chance}): {thrust}, so {action}",
+        rotor=rotor_words(one.rotor, names).capitalize(),
+        chance=chance(one.probability, flights),
+        thrust=thrust,
+        action=actions.INSPECT.text,
     )
 
 
@@ -139,33 +151,55 @@ def standing_words(
     The first has its size and two ways to find the cause, the second lists possible causes. `names`
     are the places of the rotors, `flights` the names of the logs.
     """
-    when = "all along" if shares.flight is None else f"most in {flights[shares.flight]}"
+    when = say("all along")
+    if shares.flight is not None:
+        when = say("most in {log}", log=Verbatim(flights[shares.flight]))
     off = ", ".join(number(rpm, "", 0) for rpm in shares.rotor_rpm)
     causes = [*filter(None, [shares.trim]), *shares.weak_rotors]
-    sizes = "".join(f", or {_standing_cause(one, names)}" for one in causes)
-    return [
+    sizes = "".join(f", {say('or')} {_standing_cause(one, names)}" for one in causes)
+    words = (
         "Motor outputs alone cannot tell a weak rotor from a shifted centre of gravity or trim; "
-        f"{when} they differ from the model by {off} rpm on rotors 1 to {len(names)}: learn a "
-        "model from sound flights of this aircraft (thrustmargin train GOOD... --out-model FILE) "
-        f"and give it with --model, or, {actions.SWAP_ALIKE.text}",
-        f"It may be motors or ESCs that differ{sizes}",
+        "{when} they differ from the model by {off} rpm on rotors 1 to {count}: learn a model from "
+        "sound flights of this aircraft (thrustmargin train GOOD... --out-model FILE) and give it "
+        "with --model, or, {action}"
+    )
+    action = actions.SWAP_ALIKE.text
+    return [
+        say(words, when=Verbatim(when), off=off, count=len(names), action=action),
+        say("It may be motors or ESCs that differ{sizes}", sizes=sizes),
     ]
 
 
 def _standing_cause(one: StandingCause, names: tuple[str, ...]) -> str:
     """Return the size of one possible cause, in words: a trim, or a weak rotor with the trim beside
     it."""
-    shift = (
-        f"{_millimetres(one.cg_x)} {'aft' if one.cg_x < 0.0 else 'forward'} and "
-        f"{_millimetres(one.cg_y)} to the {'left' if one.cg_y < 0.0 else 'right'}"
+    along, across = (
+        say(
+            "{amount} aft" if one.cg_x < 0.0 else "{amount} forward", amount=_millimetres(one.cg_x)
+        ),
+        say(
+            "{amount} to the left" if one.cg_y < 0.0 else "{amount} to the right",
+            amount=_millimetres(one.cg_y),
+        ),
     )
     if one.rotor is None:
+        words = (
+            "a centre of gravity {along} and {across} with a steady yaw moment of {moment} to the "
+            "right"
+        )
+        if one.yaw_moment < 0.0:
+            words = (
+                "a centre of gravity {along} and {across} with a steady yaw moment of {moment} to "
+                "the left"
+            )
         moment = within(abs(one.yaw_moment), math.nan, math.nan, "N m", most=1)[0]
-        side = "left" if one.yaw_moment < 0.0 else "right"
-        return f"a centre of gravity {shift} with a steady yaw moment of {moment} to the {side}"
-    return (
-        f"{percent_within(one.loss, *one.loss_range)} less thrust of "
-        f"{rotor_words(one.rotor, names)} with a centre of gravity {shift}"
+        return say(words, along=along, across=across, moment=moment)
+    return say(
+        "{loss} less thrust of {rotor} with a centre of gravity {along} and {across}",
+        loss=percent_within(one.loss, *one.loss_range),
+        rotor=rotor_words(one.rotor, names),
+        along=along,
+        across=across,
     )
 
 
@@ -177,9 +211,12 @@ def _millimetres(metres: float) -> str:
 def damage_in_model_words(fault: RotorFault, names: tuple[str, ...]) -> str:
     """Return the sentence about a weak rotor that the model already contains: it may be repaired or
     not."""
-    return (
-        f"The model already holds {rotor_words(fault.rotor, names)} at {fault_amount(fault)} less "
-        f"thrust: unless that was repaired, {actions.INSPECT.text}"
+    return say(
+        "The model already holds {rotor} at {amount} less thrust: unless that was repaired, "
+        "{action}",
+        rotor=rotor_words(fault.rotor, names),
+        amount=fault_amount(fault),
+        action=actions.INSPECT.text,
     )
 
 
@@ -187,11 +224,12 @@ def nothing_missing_words(found: Identification) -> str:
     """Return the sentence for flights without a reported effect, with the rotor loss that is
     excluded."""
     if found.problem.of_outputs:
-        return "Motor outputs show nothing that is missing, but they cannot clear a rotor"
+        return say("Motor outputs show nothing that is missing, but they cannot clear a rotor")
     if unusual := excess_error_words(found):
         return unusual
     verdict, cleared = _missing_words(found), excluded_losses(found)
-    return f"{verdict}: a loss {cleared}" if cleared else verdict
+    words = "{verdict}: a loss {cleared}"
+    return say(words, verdict=verdict, cleared=cleared) if cleared else verdict
 
 
 def excluded_losses(found: Identification) -> str:
@@ -205,12 +243,13 @@ def excluded_losses(found: Identification) -> str:
     if not of_rotors or found.problem.of_outputs:
         return ""
     most = upper_limit(max(of_rotors.values()), "1")
-    where = "any rotor"
-    if len(of_rotors) < found.model.airframe.rotor_count:
-        where = (
-            f"rotor {', '.join(str(r + 1) for r in sorted(r for r in of_rotors if r is not None))}"
-        )
-    return f"above {most} on {where} is excluded, a smaller one is not"
+    if len(of_rotors) >= found.model.airframe.rotor_count:
+        return say("above {limit} on any rotor is excluded, a smaller one is not", limit=most)
+    return say(
+        "above {limit} on rotor {rotors} is excluded, a smaller one is not",
+        limit=most,
+        rotors=", ".join(str(r + 1) for r in sorted(r for r in of_rotors if r is not None)),
+    )
 
 
 def _missing_words(found: Identification) -> str:
@@ -219,22 +258,24 @@ def _missing_words(found: Identification) -> str:
 
     An effect that cross-validation did not confirm is named, but requests no action.
     """
-    none = found.nothing_probability
+    none, flights = found.nothing_probability, found.problem.flights
+    nothing = say("Nothing is found missing")
     if none >= SURE:
-        return "Nothing is found missing"
+        return nothing
     if none >= CHOICE:
-        return f"Nothing is found missing ({chance(none, found.problem.flights)})"
+        return f"{nothing} ({chance(none, flights)})"
     if found.likeliest is not None:
         term, likely = found.likeliest
-        what = effect_thing(term, found.model.airframe.rotor_names)
-        return (
-            f"Something small may be missing, likeliest {what} "
-            f"({chance(likely, found.problem.flights)}): nothing to repair"
+        return say(
+            "Something small may be missing, likeliest {effect} ({chance}): nothing to repair",
+            effect=effect_thing(term, found.model.airframe.rotor_names),
+            chance=chance(likely, flights),
         )
     some = 1.0 - none if none else sum(one.probability for one in found.alternatives)
-    return (
-        f"Something small may be missing ({chance(some, found.problem.flights)}), and these "
-        "flights do not show what: nothing to repair"
+    return say(
+        "Something small may be missing ({chance}), and these flights do not show what: nothing "
+        "to repair",
+        chance=chance(some, flights),
     )
 
 
@@ -252,14 +293,17 @@ def excess_error_words(found: Identification) -> str:
         return ""
     *others, worst = sorted(error.per_rotor_rmse_rpm)
     rotor = error.per_rotor_rmse_rpm.index(worst)
-    where = "and no rotor stands out"
+    where = say("and no rotor stands out")
     if worst**2 - float(np.mean(np.square(others))) > most**2:  # that it has beyond the others
         names = found.model.airframe.rotor_names
-        where = f"most on {rotor_words(rotor, names)}: {actions.LOOK_FIRST.text}"
-    return (
-        f"These flights are not like sound ones, and no effect explains it: off by "
-        f"{number(error.rmse_rpm, 'rpm', 0)}, sound flights by up to {number(most, 'rpm', 0)} "
-        f"(95 %), {where}"
+        action = actions.LOOK_FIRST.text
+        where = say("most on {rotor}: {action}", rotor=rotor_words(rotor, names), action=action)
+    return say(
+        "These flights are not like sound ones, and no effect explains it: off by {error}, sound "
+        "flights by up to {most} (95 %), {where}",
+        error=number(error.rmse_rpm, "rpm", 0),
+        most=number(most, "rpm", 0),
+        where=where,
     )
 
 
@@ -281,17 +325,17 @@ def excluded_rows(found: Identification) -> list[tuple[str, str]]:
     """
     largest: dict[str, Excluded] = {}
     spoken_of = {m.rotor for m in found.mentioned} | {f.term.rotor for f in found.found}
-    another = "any other weak rotor" if spoken_of - {None} else "any weak rotor"
+    another = say("any other weak rotor" if spoken_of - {None} else "any weak rotor")
     for one in found.excluded:
         thing = effect_thing(one.term, found.model.airframe.rotor_names)
         if one.term.rotor is not None:
             thing = another
         if len([p for p in one.term.effect.parameters if not p.detail]) > 1:
-            thing += f", {one.parameter.replace('_', ' ')}"
+            thing += f", {say(one.parameter.replace('_', ' '))}"
         if thing not in largest or one.above > largest[thing].above:
             largest[thing] = one
     return [
-        (thing, f"above {upper_limit(e.above, e.unit, e.parameter)}")
+        (thing, say("above {limit}", limit=upper_limit(e.above, e.unit, e.parameter)))
         for thing, e in largest.items()
     ]
 
@@ -299,8 +343,8 @@ def excluded_rows(found: Identification) -> list[tuple[str, str]]:
 def set_words(terms: Sequence[Term], names: Sequence[str]) -> str:
     """Return a set of effects in words: `hidden mass and a weak rotor 1 (front right)`; `nothing`
     if empty."""
-    things = [effect_thing(term, names) for term in terms] or ["nothing"]
-    return " and ".join(filter(None, (", ".join(things[:-1]), things[-1])))
+    things = [effect_thing(term, names) for term in terms] or [say("nothing")]
+    return f" {say('and')} ".join(filter(None, (", ".join(things[:-1]), things[-1])))
 
 
 def next_flight_words(
@@ -311,17 +355,53 @@ def next_flight_words(
     ours, theirs = following.separates
     both = {t.key for t in ours} & {t.key for t in theirs}
     sides = [[t for t in side if t.key not in both] for side in (ours, theirs)]
-    asked = " from ".join(set_words(side, names) for side in sides if side)
-    question = asked if all(sides) else f"whether the cause is {asked}"
-    times = f", {following.repeats} times" if following.repeats > 1 else ""
-    sure = ""
+    words = [set_words(side, names) for side in sides if side]
+    question = say("whether the cause is {cause}", cause=words[0])
+    if all(sides):
+        question = say("{one} from {other}", one=words[0], other=words[1])
+    flight = manoeuvre_words(following.manoeuvre)
+    if following.repeats > 1:
+        flight += f", {say('{count} times', count=following.repeats)}"
+    flight += f" ({duration(60.0 * following.minutes)})"
     if following.certainty < SURE:
-        sure = f"; even that is right in only {chance(following.certainty)} of cases"
-    return (
-        f"To tell {question}, {inspection_words(suspects)}{following.manoeuvre.words}{times} "
-        f"({duration(60.0 * following.minutes)}){sure}; "
-        + (f"{mission} is its mission" if mission else "--next-flight FILE.plan writes its mission")
+        sure = "; even that is right in only {chance} of cases"
+        flight += say(sure, chance=chance(following.certainty))
+    plan = say("--next-flight FILE.plan writes its mission")
+    if mission:
+        plan = say("{file} is its mission", file=Verbatim(mission))
+    return say(
+        "To tell {question}, {flight}; {mission}",
+        question=question,
+        flight=Verbatim(f"{inspection_words(suspects)}{flight}"),
+        mission=Verbatim(plan),
     )
+
+
+#: Name of a manoeuvre -> instruction without a full stop, and format of its numbers.
+_MANOEUVRES = {
+    "hover": ("hover {low} s", ".0f"),
+    "legs": ("fly a leg into the wind and back at {low} and at {high} m/s", ".1f"),
+    "speed steps": ("change speed in steps between 0, {low} and {high} m/s", ".1f"),
+    "squares": ("fly a small square to the right, then one to the left, nose ahead", ""),
+    "climb and descent": ("climb from {low} to {high} m and descend, twice", ".0f"),
+}
+
+
+def manoeuvre_words(manoeuvre: Manoeuvre) -> str:
+    """Return the instruction to fly a manoeuvre, with the fills that it needs."""
+    words, form = _MANOEUVRES[manoeuvre.name]
+    numbers = dict(zip(("low", "high"), (format(n, form) for n in manoeuvre.numbers), strict=False))
+    fills = manoeuvre.fills_kg
+    loads = {
+        "full": say(", with {kg} kg in the tank", kg=f"{fills[0]:.3g}"),
+        "nearly empty": say(", with {kg} kg in the tank", kg=f"{fills[-1]:.2g}"),
+        "both": say(
+            ", once with {full} and once with {low} kg in the tank",
+            full=f"{fills[0]:.3g}",
+            low=f"{fills[-1]:.2g}",
+        ),
+    }
+    return f"{say(words, **numbers)}{loads.get(manoeuvre.load, '')}"
 
 
 def error_words(found: Identification, margin: MarginChange) -> str:
@@ -331,9 +411,14 @@ def error_words(found: Identification, margin: MarginChange) -> str:
     changed = found.found or found.open_causes
     if changed:
         error = f"{number(found.before.rmse_rpm, '', 0)} -> {error}"
-    floor = f"at best {number(found.floor_rpm, 'rpm', 0)} with these channels"
     moved = f"; {margin_words(margin, found.model.airframe.rotor_names)}" if changed else ""
-    return f"Rotor speed error (RMSE) {error} on {error_rows_words(found)}, {floor}{moved}"
+    words = say(
+        "Rotor speed error (RMSE) {error} on {flights}, at best {floor} with these channels",
+        error=error,
+        flights=error_rows_words(found),
+        floor=number(found.floor_rpm, "rpm", 0),
+    )
+    return f"{words}{moved}"
 
 
 def rmse_words(errors: Errors, unit: str = "rpm") -> str:
@@ -345,10 +430,12 @@ def error_rows_words(found: Identification) -> str:
     """Return the words for the flights whose rows the errors before and after are computed on."""
     if found.held_out is not None:
         count = found.held_out.flights
-        return f"{count} flight{'s' if count > 1 else ''} not used"
+        words = "{count} flights not used" if count > 1 else "{count} flight not used"
+        return say(words, count=count)
     if found.problem.flights > 1:
-        return f"{found.problem.flights} flights, each predicted without itself"
-    return "one flight, each fifth predicted without itself"
+        words = "{count} flights, each predicted without itself"
+        return say(words, count=found.problem.flights)
+    return say("one flight, each fifth predicted without itself")
 
 
 def margin_words(change: MarginChange, names: tuple[str, ...]) -> str:
@@ -356,22 +443,30 @@ def margin_words(change: MarginChange, names: tuple[str, ...]) -> str:
 
     The worst ones are reported if their margin changes by more than NOTICED and twice as much.
     """
-    who = "the worst rotor" if change.rotor is None else rotor_words(change.rotor, names)
+    who = say("the worst rotor")
+    if change.rotor is not None:
+        who = rotor_words(change.rotor, names)
     typical = change.typical_after - change.typical_before
     worst = change.worst_after - change.worst_before
     if abs(worst) > 2.0 * abs(typical) and abs(worst) >= NOTICED:
-        when = f"at the worst moments ({percent(WORST_SHARE)} of the time) "
-        return f"{when}margin of {who} {_change_words(change.worst_before, change.worst_after)}"
+        return say(
+            "at the worst moments ({share} of the time) margin of {rotor} {change}",
+            share=percent(WORST_SHARE),
+            rotor=who,
+            change=_change_words(change.worst_before, change.worst_after),
+        )
     if abs(typical) < NOTICED:
-        return f"margin of {who} stays at {percent(change.typical_after)}"
-    return f"margin of {who} {_change_words(change.typical_before, change.typical_after)}"
+        words = "margin of {rotor} stays at {share}"
+        return say(words, rotor=who, share=percent(change.typical_after))
+    moved = _change_words(change.typical_before, change.typical_after)
+    return say("margin of {rotor} {change}", rotor=who, change=moved)
 
 
 def _change_words(before: float, after: float) -> str:
     """Return `falls from 56 % to 53 %`; with a decimal if both would read the same."""
     decimals = 0 if round(before * 100) != round(after * 100) else 1
-    way = "falls" if after < before else "rises"
-    return f"{way} from {percent(before, decimals)} to {percent(after, decimals)}"
+    words = "falls from {before} to {after}" if after < before else "rises from {before} to {after}"
+    return say(words, before=percent(before, decimals), after=percent(after, decimals))
 
 
 def open_questions(found: Identification) -> list[str]:
@@ -380,32 +475,40 @@ def open_questions(found: Identification) -> list[str]:
     lines = []
     if found.problem.of_outputs:
         lines.append(
-            "From motor outputs: only each rotor's share of the thrust was looked at, for battery, "
-            "air and load move all outputs together"
+            say(
+                "From motor outputs: only each rotor's share of the thrust was looked at, for "
+                "battery, air and load move all outputs together"
+            )
         )
         if lacks_sound_flights(found.model) and found.standing is None:
             lines.append(
-                "Outputs alone do not show by how much sound flights of this aircraft differ, so "
-                "no rotor is named: give --model with a file learnt from good flights "
-                "(thrustmargin train GOOD... --out-model FILE)"
+                say(
+                    "Outputs alone do not show by how much sound flights of this aircraft differ, "
+                    "so no rotor is named: give --model with a file learnt from good flights "
+                    "(thrustmargin train GOOD... --out-model FILE)"
+                )
             )
     elif any("airspeed" in lacking for lacking in found.untried.values()):
-        lines.append("No airspeed is measured, so drag, lift and an unknown wind were not tried")
+        lines.append(
+            say("No airspeed is measured, so drag, lift and an unknown wind were not tried")
+        )
     return lines
 
 
 def few_flights_words(found: Identification) -> tuple[str, ...]:
     """Return the sentence about what one or two flights cannot show; empty for three or more."""
     if found.problem.flights == 1:
-        return (
+        words = (
             "One flight only: that this holds on another flight cannot be claimed, and effects "
             "that differ from flight to flight (air, battery, fill, wind) cannot be distinguished "
             "from each other; the intervals are of this flight alone. Give two flights or more, at "
-            "different tank levels, and one more with --held-out",
+            "different tank levels, and one more with --held-out"
         )
+        return (say(words),)
     if found.problem.flights == 2:
-        return (
+        words = (
             "Two flights only: the intervals show how stretches of these flights differ, not how "
-            "flights do. Three or more would show it",
+            "flights do. Three or more would show it"
         )
+        return (say(words),)
     return ()
