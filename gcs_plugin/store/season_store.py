@@ -126,12 +126,26 @@ CLOSED = {
 }
 
 
-#: Flights as SQL shows them. Versions before `fill_limit_kg` wrote that amount as `fill_kg`, which
-#: is not what may be filled: of their rows the safe fill is unknown.
+#: Columns that `safe_fill` reads, in its order.
+FILL_COLUMNS = ("fill_kg", "fill_limit_kg", "fill_low_kg")
+
+
+def safe_fill(fill_kg: Any, fill_limit_kg: Any, fill_low_kg: Any) -> Any:
+    """Return the safe fills (F,) kg of stored flights, null where only an older number is stored.
+
+    Versions before `fill_limit_kg` stored the fill at the limit as `fill_kg`. Such a row has a
+    `fill_low_kg` and no `fill_limit_kg`; its safe fill is unknown.
+    """
+    import pyarrow.compute as pc
+
+    older = pc.and_(pc.is_null(fill_limit_kg), pc.is_valid(fill_low_kg))
+    return pc.if_else(older, None, fill_kg)
+
+
+#: Flights as SQL shows them: a query that does not name `fill_kg` computes none.
 FLIGHTS = """
-create view flights as select * replace (
-  case when fill_limit_kg is null and fill_low_kg is not null then null else fill_kg end as fill_kg
-) from stored_flights
+create view flights as
+select * replace (safe_fill(fill_kg, fill_limit_kg, fill_low_kg) as fill_kg) from stored_flights
 """
 
 
@@ -148,6 +162,11 @@ def query(store: SeasonStore, sql: str) -> pa.Table:
         for table in TABLES:
             held = f"stored_{table}" if table == "flights" else table
             connection.register(held, store.dataset(table))
+        connection.create_function(
+            *("safe_fill", safe_fill, ["DOUBLE"] * len(FILL_COLUMNS), "DOUBLE"),
+            type="arrow",  # pyright: ignore[reportArgumentType]
+            null_handling="special",  # pyright: ignore[reportArgumentType]
+        )
         connection.execute(FLIGHTS)
         for name, value in CLOSED.items():
             connection.execute(f"SET {name} = {value}")
@@ -289,21 +308,34 @@ class SeasonStore:
     def table(
         self, name: str, aircraft: str | None = None, *, columns: list[str] | None = None
     ) -> pa.Table:
-        """`flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row.
+        """Read `flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row.
 
-        Raises DataError for a store of another version whose columns cannot be read as these.
+        `fill_kg` is the safe fill in every row, as `safe_fill` returns it. Raises DataError for a
+        store of another version whose columns do not fit the schema.
         """
         import pyarrow as pa
 
+        read, masked = columns, name == "flights" and (columns is None or "fill_kg" in columns)
+        if masked and columns is not None:
+            read = list(dict.fromkeys((*columns, *FILL_COLUMNS)))
         try:
-            return self.dataset(name, aircraft).to_table(columns=columns)
+            found = self.dataset(name, aircraft).to_table(columns=read)
+            if not masked:
+                return found
+            place = found.column_names.index("fill_kg")
+            fills = safe_fill(*(found[column] for column in FILL_COLUMNS))
+            found = found.set_column(place, "fill_kg", fills)
+            return found if columns is None else found.select(columns)
         except (pa.ArrowException, TypeError) as error:
             raise DataError(other_layout(f"{self.url}/{name}", error)) from error
         except (OSError, UnicodeDecodeError) as error:  # as pyarrow calls a damaged file, too
             raise DataError(damaged_table(f"{self.url}/{name}", error)) from error
 
     def dataset(self, name: str, aircraft: str | None = None) -> pa_dataset.Dataset:
-        """The same, not read yet."""
+        """Return a table as its files contain it, without reading rows.
+
+        `fill_kg` of rows by older versions is still the fill at the limit.
+        """
         import pyarrow as pa
         import pyarrow.dataset as ds
 
