@@ -109,7 +109,11 @@ ROTORS = 12
 
 @dataclass(frozen=True, slots=True)
 class StoredColumn:
-    """One column: `kind` is number, whole, text, words (a list of text) or rotors (of numbers)."""
+    """One column: its name, unit, meaning, and the kind of its values.
+
+    `kind` is "number", "whole", "text", or a list: "words" (of text), "wholes" or "rotors" (of
+    numbers).
+    """
 
     name: str
     unit: str
@@ -151,19 +155,19 @@ litres | number | L | that left the tank
 tank_start_kg | number | kg | at the start of the flight
 tank_end_kg | number | kg | at its end
 tank_error_kg | number | kg | standard error where the load was inferred
-tank_source | text | | where the load is known from
+tank_source | text | | where the load is known from; of `answer`
 takeoff_mass_kg | number | kg | of the aircraft with its liquid
-speed_source | text | | where rotor speeds are known from
-airspeed_source | text | | where the airspeed is known from
+speed_source | text | | where rotor speeds are known from; of `answer`
+airspeed_source | text | | where the airspeed is known from; of `answer`
 verdict | text | | damaged, lost, battery, no_thrust, critical, over, order, near, under, unknown
-verdict_reason | text | | the verdict in words, or why there is none
-action | text | | what to do next, as the report says it
+verdict_reason | text | | the verdict in words, or why there is none; of `answer`
+action | text | | what to do next, as the report says it; of `answer`
 limit | number | 1 | largest thrust utilisation that is allowed
 worst_margin | number | 1 | least thrust margin of a rotor; null where a prediction alone is good
 worst_margin_low | number | 1 | lower end of its 90 % interval
 worst_rotor | whole | | which rotor, from 1
 worst_time_s | number | s | when, from the first row
-worst_doing | text | | what the aircraft was doing then
+worst_doing | text | | what the aircraft was doing then; of `answer`
 mean_margin | number | 1 | mean of the worst rotor's margin in flight
 rows_above_limit_s | number | s | in flight above the limit, turns and gusts with it
 lasting_above_limit_s | number | s | in flight with what lasts above the limit
@@ -190,17 +194,27 @@ height_agl_max | number | m | above ground
 density_median | number | kg/m³ | of the air
 latitude_deg | number | deg | where the flight's north and east are 0
 longitude_deg | number | deg | where the flight's north and east are 0
-alarms | words | | what the live alarms of rotors and motors would have said
-notes | words | | what had to be assumed in reading
+alarms | words | | what the live alarms of rotors and motors would have said; of `answer`
+notes | words | | what had to be assumed in reading, in English
 missing_channels | words | | channels that the log lacks
-unmeasured | words | | rotor speed readings that are none, and why
+unmeasured | words | | rotor speed readings that are none, and why, in English
 bytes_skipped | whole | B | of damaged places
 damaged_places | whole | | in the log
 frames_missing | whole | | by MAVLink's sequence numbers
 silences | whole | | pauses over 1 s without a message
 longest_silence_s | number | s | the longest of them
 clock_jumps | whole | | restarts while recording
-sums_reason | text | | why the flight has no sums; null where it has
+sums_reason | text | | why the flight has no sums: no_verdict, no_evidence; null where it has
+row_version | whole | | 2: words are made when they are read; null in older rows
+answer | text | | JSON of the verdict, of which words are made: levels, faults, fill, sources
+levels | words | | all verdicts that apply, the gravest first
+action_kinds | words | | what to do next, by kind: look_at_rotors, fill_at_most, do_not_fly
+fault_kinds | words | | of each bad rotor or motor: propeller, motor, stopped
+suspects | wholes | | rotors, from 1, that were found bad or of which one was
+reason_kinds | words | | why there is no verdict, by kind: aircraft_not_known, predicted_alone
+doing_kinds | words | | what the aircraft was doing at the worst moment, by kind
+findings | text | | JSON of what spoils names or numbers: check, level, time_s, values
+no_flight_of | wholes | | other vehicles in the log, of which no flight was made
 """)
 SUMS = _columns("""
 flight | text | | as in flights
@@ -233,6 +247,7 @@ def arrow_schema(columns: tuple[StoredColumn, ...]) -> pa.Schema:
         "whole": pa.int64(),
         "text": pa.string(),
         "words": pa.list_(pa.string()),
+        "wholes": pa.list_(pa.int64()),
         "rotors": pa.list_(pa.float64()),
         "arrays": pa.list_(array),
         "single": pa.float32(),

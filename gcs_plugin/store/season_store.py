@@ -29,11 +29,12 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.store.schema import table_schema
+from thrustmargin.gcs_plugin.store.schema import FLIGHTS, table_schema
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
@@ -142,18 +143,41 @@ def safe_fill(fill_kg: Any, fill_limit_kg: Any, fill_low_kg: Any) -> Any:
     return pc.if_else(older, None, fill_kg)
 
 
-#: Flights as SQL shows them: a query that does not name `fill_kg` computes none.
-FLIGHTS = """
-create view flights as
-select * replace (safe_fill(fill_kg, fill_limit_kg, fill_low_kg) as fill_kg) from stored_flights
-"""
+NO_WORDS: Mapping[str, Callable[[str], Any]] = MappingProxyType({})
 
 
-def query(store: SeasonStore, sql: str) -> pa.Table:
-    """The answer of one SELECT over `flights`, `rows`, `sums` and `rejected`.
+def _create_flights(
+    connection: duckdb.DuckDBPyConnection, words: Mapping[str, Callable[[str], Any]]
+) -> None:
+    """Create the view `flights` of `stored_flights`, with safe fills and words.
 
-    Raises DataError with duckdb's reason where it is none, or where it has more than MOST_ROWS.
-    Ctrl-C ends a query that does not.
+    duckdb calls these functions only for columns that a query names.
+    """
+    connection.create_function(
+        *("safe_fill", safe_fill, ["DOUBLE"] * len(FILL_COLUMNS), "DOUBLE"),
+        type="arrow",  # pyright: ignore[reportArgumentType]
+        null_handling="special",  # pyright: ignore[reportArgumentType]
+    )
+    made = ["safe_fill(fill_kg, fill_limit_kg, fill_low_kg) as fill_kg"]
+    kinds = {"text": "VARCHAR", "words": "VARCHAR[]"}
+    for column in (c for c in FLIGHTS if c.name in words):
+        function, result = words[column.name], kinds[column.kind]
+        connection.create_function(f"words_of_{column.name}", function, ["VARCHAR"], result)
+        made.append(f"coalesce(words_of_{column.name}(answer), {column.name}) as {column.name}")
+    connection.execute(
+        f"create view flights as select * replace ({', '.join(made)}) from stored_flights"
+    )
+
+
+def query(
+    store: SeasonStore, sql: str, words: Mapping[str, Callable[[str], Any]] = NO_WORDS
+) -> pa.Table:
+    """Return the answer of one SELECT over `flights`, `rows`, `sums` and `rejected`.
+
+    `words` maps columns of `flights` to functions that make them of the column `answer`; where
+    those return None, or there is no `answer`, the stored text is shown. Raises DataError
+    with duckdb's reason where `sql` is no SELECT, and for an answer of more than MOST_ROWS rows.
+    Ctrl-C ends a query that runs too long.
     """
     require("--sql", "duckdb")
     import duckdb
@@ -162,12 +186,7 @@ def query(store: SeasonStore, sql: str) -> pa.Table:
         for table in TABLES:
             held = f"stored_{table}" if table == "flights" else table
             connection.register(held, store.dataset(table))
-        connection.create_function(
-            *("safe_fill", safe_fill, ["DOUBLE"] * len(FILL_COLUMNS), "DOUBLE"),
-            type="arrow",  # pyright: ignore[reportArgumentType]
-            null_handling="special",  # pyright: ignore[reportArgumentType]
-        )
-        connection.execute(FLIGHTS)
+        _create_flights(connection, words)
         for name, value in CLOSED.items():
             connection.execute(f"SET {name} = {value}")
         try:

@@ -10,6 +10,7 @@ from typing import Any
 from thrustmargin.gcs_plugin.office.season import fleet_words as words
 from thrustmargin.gcs_plugin.office.season.parts import Part, PartHistory
 from thrustmargin.gcs_plugin.office.season.same_aircraft import at_once, boards_in_turns, each_once
+from thrustmargin.gcs_plugin.office.season.stored_words import flight_action, flight_alarms
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.language import known as finite
 from thrustmargin.gcs_plugin.wording.language import say
@@ -234,7 +235,7 @@ def _swapped(
 def reported_then(season: AircraftSeason, at: int) -> str:
     """The alarms around one of its flights."""
     near = season.flights[max(at - 1, 0) : at + 2]
-    texts = dict.fromkeys(text for f in near for text in f["alarms"] or ())
+    texts = dict.fromkeys(text for f in near for text in flight_alarms(f))
     return "; ".join(list(texts)[:3]) or say(words.SILENT)
 
 
@@ -270,7 +271,7 @@ def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 level=FIRST,
                 weight=GRAVE - gravity,
                 sentence=words.grounding_sentence(verdict, len(bad), len(recent), bad[-1]),
-                action=bad[-1]["action"] or action.text,
+                action=flight_action(bad[-1]) or action.text,
                 verdict=verdict,
             )
     for gravity, verdict in enumerate(("critical", "over", "near"), start=1):
@@ -281,7 +282,7 @@ def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 level=LOAD,
                 weight=GRAVE / gravity + len(heavy),
                 sentence=words.margin_sentence(verdict, len(heavy), len(recent), worst),
-                action=worst["action"] or actions.FILL_LESS.text,
+                action=flight_action(worst) or actions.FILL_LESS.text,
                 verdict=verdict,
             )
     if season.without_verdict and len(season.without_verdict) * 2 > count:

@@ -82,9 +82,10 @@ def fleet(
     if not opened.keys("flights"):
         raise DataError(f"no flights in {store}; take logs in with: thrustmargin ingest")
     if sql is not None:
+        from thrustmargin.gcs_plugin.office.season.stored_words import SQL_WORDS
         from thrustmargin.gcs_plugin.store.season_store import query
 
-        answer = query(opened, sql)
+        answer = query(opened, sql, SQL_WORDS)
         _print_rows(answer.column_names, [list(r.values()) for r in answer.to_pylist()], csv)
         return
     if compare is not None:

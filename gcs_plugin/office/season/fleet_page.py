@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.office.season import aircraft_season as seasons
 from thrustmargin.gcs_plugin.office.season import fleet_words as words
+from thrustmargin.gcs_plugin.office.season.stored_words import flight_doing, flight_reason
 from thrustmargin.gcs_plugin.reports.shared.page_shell import (
     csv_text,
     json_text,
@@ -81,7 +82,7 @@ class FleetSeason:
     def reasons(self) -> list[tuple[str, int]]:
         """Why flights have no verdict, the usual reason first."""
         without = [f for a in self.aircraft for f in a.without_verdict]
-        return Counter(str(f["verdict_reason"] or "unknown") for f in without).most_common()
+        return Counter(flight_reason(f) for f in without).most_common()
 
     @property
     def above_limit(self) -> list[tuple[str, Any]]:
@@ -140,6 +141,7 @@ def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
         "least_loss": words.least_loss,
         "listed": listed,
         "finite": finite,
+        "flight_doing": flight_doing,
     }
     return page_text("thrustmargin.gcs_plugin.office.season", context, draws=False)
 

@@ -7,6 +7,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+from thrustmargin.gcs_plugin.office.season.stored_words import (
+    flight_alarms,
+    flight_doing,
+    flight_reason,
+)
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
@@ -191,7 +196,7 @@ def of_battery(name: str, elsewhere: str) -> str:
 
 def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
     """Why a flight has no verdict, and what helps."""
-    reason = str(flight["verdict_reason"] or say("not known why"))
+    reason = flight_reason(flight)
     if flight["airframe_basis"] == "not known":
         return reason, say(SET_AIRFRAME)
     if flight["airframe_basis"] is not None and flight["airframe"] is None:
@@ -224,7 +229,7 @@ _FLOWN: Mapping[str, str] = {
 
 def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
     """Flights after which nobody flies before it is known why, and the words of the last."""
-    cause = "; ".join(last["alarms"] or ()) if verdict == "damaged" else ""
+    cause = "; ".join(flight_alarms(last)) if verdict == "damaged" else ""
     if verdict == "no_thrust" and known(last["worst_margin"]):
         cause = _least(last)
     tail = f": {cause}" if cause else ""
@@ -244,8 +249,8 @@ def _least(flight: Mapping[str, Any]) -> str:
 
 def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
     """Flights that were too heavy, or may have been."""
-    doing = f", {worst['worst_doing']}" if worst["worst_doing"] else ""
-    return f"{_counted(verdict, bad, recent)}; {_least(worst)}{doing}"
+    parts = filter(None, (_least(worst), flight_doing(worst)))
+    return f"{_counted(verdict, bad, recent)}; {', '.join(parts)}"
 
 
 def without_verdict(without: int, flights: int, reason: str) -> str:
