@@ -69,6 +69,7 @@ class AircraftSeason:
     flights: tuple[Mapping[str, Any], ...]  # rows of the store
     twice: int  # more logs of the same flights, left out
     several: str  # why it is more than one aircraft; empty where nothing says so
+    mixed: bool  # it is certainly several aircraft, so that no change over time is followed
     counted: tuple[int, ...]  # places among them of the flights that `changes` is about
     changes: SeasonChanges | None
     no_changes: str  # why there are none
@@ -137,26 +138,30 @@ def aircraft_season(
     readable = [(s, evidence) for s in sums if (evidence := _evidence(s)) is not None]
     digest = readable[-1][0]["model_digest"] if readable else None
     kept = [one for one in readable if one[0]["model_digest"] == digest]
-    found, missing = None, words.NO_SUMS
-    if kept:
+    together = 0 if len(frames) > 1 else at_once(flights)
+    # Logs of one flight that are not recognised as such can make half of them at most.
+    mixed = 2 * together > len(flights)
+    found, missing = None, words.MIXED if mixed else words.NO_SUMS
+    if kept and not mixed:
         try:
             found, missing = season_changes(season_sums([evidence for _, evidence in kept])), ""
         except DataError as error:
             missing = str(error)
-    if len(kept) < len(sums):
+    if len(kept) < len(sums) and not mixed:
         missing = words.older_model(len(sums) - len(kept))
     several = ""
     if len(frames) > 1:
         several = words.one_name(frames)
     elif boards := boards_in_turns(flights):
         several = words.several_boards(boards)
-    elif together := at_once(flights):
+    elif together:
         several = words.several_aircraft(together, len(flights))
     season = AircraftSeason(
         name=name,
         flights=tuple(flights),
         twice=given - len(flights),
         several=several,
+        mixed=mixed,
         counted=tuple(order[s["flight"]] for s, _ in kept),
         changes=found,
         no_changes=say(missing),

@@ -73,10 +73,13 @@ class FleetSeason:
 
     @property
     def days(self) -> str:
-        """First and last day of flying."""
+        """Return the first and the last day of flying; one day alone where they are equal."""
         known = [f["started_unix_s"] for a in self.aircraft for f in a.flights]
         known = [s for s in known if finite(s)]
-        return f"{words.day(min(known))} to {words.day(max(known))}" if known else say("no dates")
+        if not known:
+            return say("no dates")
+        first, last = words.day(min(known)), words.day(max(known))
+        return first if first == last else f"{first} {say('to')} {last}"
 
     @property
     def reasons(self) -> list[tuple[str, int]]:
@@ -139,6 +142,7 @@ def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
         "title": lambda trend: words.value_words(trend.name).title,
         "now": now,
         "least_loss": words.least_loss,
+        "second_recordings": words.second_recordings,
         "listed": listed,
         "finite": finite,
         "flight_doing": flight_doing,

@@ -8,14 +8,14 @@ from datetime import UTC, datetime
 from typing import Any
 
 from thrustmargin.gcs_plugin.office.season.stored_words import (
-    flight_alarms,
+    flight_damage,
     flight_doing,
     flight_reason,
 )
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
-from thrustmargin.gcs_plugin.wording.language import known, number, say, within
+from thrustmargin.gcs_plugin.wording.language import known, number, say, shown_unit, within
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
@@ -31,9 +31,17 @@ class ValueWords:
     decimals: int
     action: Action
 
-    def amount(self, value: float) -> str:
-        """`3.1 %`."""
-        return number(value * self.factor, self.unit, self.decimals)
+    def amount(self, value: float, decimals: int = 0) -> str:
+        """Return `3.1 %` of 0.031, with at least so many decimals."""
+        return number(value * self.factor, self.unit, max(decimals, self.decimals))
+
+    def amounts(self, before: float, after: float) -> tuple[str, str]:
+        """Return two amounts with as many decimals, up to four, as make them differ."""
+        for decimals in range(self.decimals, 5):
+            made = self.amount(before, decimals), self.amount(after, decimals)
+            if made[0] != made[1]:
+                break
+        return made
 
 
 BATTERY = "battery resistance"
@@ -41,6 +49,12 @@ VALUES: Mapping[str, ValueWords] = {
     "yaw_trim.moment": ValueWords("yaw moment", "N m", 1.0, 2, actions.LEVEL_MOTORS),
     "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, actions.BALANCE),
     "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, actions.BALANCE),
+    "cg_offset:tank.x_full": ValueWords(
+        "centre of gravity forward with a full tank", "mm", 1e3, 0, actions.BALANCE
+    ),
+    "cg_offset:tank.y_full": ValueWords(
+        "centre of gravity to the right with a full tank", "mm", 1e3, 0, actions.BALANCE
+    ),
     "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, actions.WEIGH),
     "tank_scale.gain": ValueWords("load above the tank gauge", "%", 100.0, 1, actions.SET_GAUGE),
     BATTERY: ValueWords(BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, actions.TEST_BATTERY),
@@ -50,6 +64,11 @@ SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
 NAME_EACH = "take its logs in with ingest --again --aircraft, a name for each aircraft"
+MIXED = (
+    "no change is followed: most flights are at the time of another one, so several aircraft have "
+    "this name"
+)
+BETTER_BATTERY = "nothing: a newer battery or a warmer day"
 NO_SUMS = "no flight has sums: they need measured rotor speeds and a model"
 SET_AIRFRAME = (
     "set the airframe: thrustmargin airframe new --from one of its logs, then "
@@ -79,12 +98,16 @@ def value_words(name: str) -> ValueWords:
     words = WORDS.get(effect) or WORDS.get(effect.partition(":")[0])
     table = BY_KEY.get(effect)
     if words is None or table is None:
-        return ValueWords(f"{effect} {value}".replace("_", " "), "", 1.0, 3, actions.IDENTIFY)
+        title = f"{effect} {value}".replace("_", " ").replace(":", ", ")
+        return ValueWords(title, "", 1.0, 3, actions.IDENTIFY)
     unit = next((p.unit for p in table.parameters if p.name == value), "1")
     of_the_model = (None, actions.KEEP, actions.ARMS_CARRY)
     action = actions.IDENTIFY if words.action in of_the_model else words.action
     title = f"{words.thing}, {value.replace('_', ' ')}"
-    return ValueWords(title, "" if unit == "1" else unit, 1.0, 3 if unit == "1" else 1, action)
+    if unit == "1":
+        return ValueWords(title, "", 1.0, 3, action)
+    factor, shown = shown_unit(unit)
+    return ValueWords(title, shown, factor, 0 if shown == "mm" else 1, action)
 
 
 def day(unix_s: float | None) -> str:
@@ -109,7 +132,7 @@ def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str
         since += say(
             ", between {first} and {last}", first=entry.earliest + 1, last=entry.latest + 1
         )
-    start, end = words.amount(entry.before), words.amount(entry.after)
+    start, end = words.amounts(entry.before, entry.after)
     if entry.ramp:
         each = number(entry.per_flight * words.factor, words.unit, words.decimals + 1)
         until = say("still going on")
@@ -214,6 +237,14 @@ def least_loss(least: float) -> str:
     return say(words, loss=number(100 * least, "%", 2))
 
 
+def second_recordings(count: int) -> str:
+    """Return how many logs, one or more, record flights that other logs record too."""
+    if count == 1:
+        return say("One log is a second recording of the same flight and is left out.")
+    words = "{count} logs are second recordings of the same flights and are left out."
+    return say(words, count=count)
+
+
 #: What a verdict is called where its flights are counted.
 _FLOWN: Mapping[str, str] = {
     "damaged": "a rotor or motor was bad",
@@ -229,7 +260,7 @@ _FLOWN: Mapping[str, str] = {
 
 def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
     """Flights after which nobody flies before it is known why, and the words of the last."""
-    cause = "; ".join(flight_alarms(last)) if verdict == "damaged" else ""
+    cause = flight_damage(last) if verdict == "damaged" else ""
     if verdict == "no_thrust" and known(last["worst_margin"]):
         cause = _least(last)
     tail = f": {cause}" if cause else ""

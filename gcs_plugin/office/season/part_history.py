@@ -17,6 +17,7 @@ from thrustmargin.gcs_plugin.office.season import aircraft_season
 from thrustmargin.gcs_plugin.office.season import fleet_words as words
 from thrustmargin.gcs_plugin.office.season.parts import NAN, Part, PartHistory
 from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season import change_points
 from thrustmargin.models.identification.season.season_changes import Trend
@@ -54,7 +55,8 @@ def with_parts(
             continue
         last = flown[-1]
         battery = last.position.startswith("battery")
-        trend = resistance([f.row for f in flown]) if battery else None
+        followed = battery and (name or not last.season.mixed)
+        trend = resistance([f.row for f in flown]) if followed else None
         if not name and trend is None:
             continue
         loss, error = (NAN, NAN) if battery else _loss(flown)
@@ -158,11 +160,15 @@ def _battery_findings(
             at.number if not history.name else entry.flight, at.row["started_unix_s"]
         )
         whose = words.of_battery(history.name, "" if here else at.season.name)
+        # A smaller resistance than before is a newer battery or a warmer day, and no reason to act.
+        worn = ratio >= RESISTANCE[0] or entry.after > entry.before
+        level = aircraft_season.level_of(ratio, *RESISTANCE) if last and worn else None
+        action = words.value_words(trend.name).action.text if worn else say(words.BETTER_BATTERY)
         yield aircraft_season.SeasonFinding(
-            level=aircraft_season.level_of(ratio, *RESISTANCE) if last else aircraft_season.FINE,
+            level=level or aircraft_season.FINE,
             weight=ratio,
             sentence=whose + words.entry_sentence(trend.name, entry, when, ended),
-            action=words.value_words(trend.name).action.text,
+            action=action,
             flight=at.number if here else None,
             then=aircraft_season.reported_then(at.season, at.number),
         )

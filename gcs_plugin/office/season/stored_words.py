@@ -22,13 +22,14 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     PREDICTED_ALONE,
     action,
     action_steps,
+    damage_words,
     headline,
     misfit_words,
     suspects,
 )
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.flight_words import too_short
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.language import say, sentence
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, FlightLevel
@@ -204,6 +205,12 @@ def flight_alarms(flight: Mapping[str, Any]) -> list[str]:
     """Return the words of each live alarm of rotors and motors in a flight of the store."""
     answer = _stored(flight)
     return answer.alarms if answer else [dated(text) for text in flight["alarms"] or ()]
+
+
+def flight_damage(flight: Mapping[str, Any]) -> str:
+    """Return which rotors or motors were bad and by how much; an alarm would also say "land"."""
+    answer = _stored(flight)
+    return sentence(damage_words(answer.advice)) if answer else "; ".join(flight_alarms(flight))
 
 
 def flight_reason(flight: Mapping[str, Any]) -> str:

@@ -166,3 +166,15 @@ def test_an_answer_comes_back_whole(taken_in: dict[str, list[SeasonFlight]]):
         assert read is not None
         kept = answer_columns(read)
         assert kept == {name: one.summary[name] for name in kept}
+
+
+def test_weeks_later_a_bad_rotor_is_named_and_nobody_is_asked_to_land(
+    taken_in: dict[str, list[SeasonFlight]],
+):
+    """The alarm of the flight ended in "land"; the page is read at a desk."""
+    row = flight_row(0, verdict="damaged", answer=taken_in["en"][0].summary["answer"])
+    (found,) = (f for f in aircraft_season.aircraft_season("A", [row], []).findings if f.verdict)
+    assert found.sentence == (
+        "a rotor or motor was bad in 1 of the last 1 flights: rotor 3, front left: 12 % less thrust"
+    )
+    assert flight_alarms(row) == ["Rotor 3 front left 12% (11-13) less thrust: land"]
