@@ -34,7 +34,7 @@ def fleet_season(
             step(many[-1].name, float(min(len(done), len(chosen))))
     done.sort(key=lambda one: one.name)
     rejected = store.table("rejected", columns=["log_name"]).num_rows
-    where = store.url if store.names() is None else "anonymised"  # a path may name people
+    where = store.url if store.naming_key() is None else "anonymised"  # a path may name people
     return ranked(where, with_parts(done, parts), rejected)
 
 

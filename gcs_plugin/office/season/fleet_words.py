@@ -115,7 +115,7 @@ def day(unix_s: float | None) -> str:
     if not known(unix_s):
         return ""
     when = datetime.fromtimestamp(unix_s, tz=UTC)
-    return f"{when.day} {when:%b %Y}"
+    return f"{when.day} {say(f'{when:%b}')} {when.year}"
 
 
 def flight_words(index: int, unix_s: float | None) -> str:

@@ -127,7 +127,7 @@ def ingest(
         else:
             client = stack.enter_context(_client(cluster))
             make, at_once = partial(client.get_executor, pure=False, retries=3), 4 * _cores(client)
-        still_held = stack.enter_context(writer_lock(target))
+        check_lock = stack.enter_context(writer_lock(target))
         _check_kind(target, None if settings.key is None else pseudonym(settings.key, "store"))
         announce, show = stack.enter_context(transfer_bar())
 
@@ -141,7 +141,7 @@ def ingest(
             partial(stage_log, settings=settings),
             executor=make,
             at_once=at_once,
-            still_held=still_held,
+            check_lock=check_lock,
             show=progress,
             refused=refused,
             again=again,
@@ -167,7 +167,7 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
     """
     from thrustmargin.gcs_plugin.store.season_store import NAMES
 
-    held = store.names()
+    held = store.naming_key()
     if held is None and not store.keys("flights") and not store.files.exists(store.path(NAMES)):
         names_text = json_module.dumps({"names": names})
         store.put(NAMES, lambda draft: draft.write_text(names_text, "utf-8"))
