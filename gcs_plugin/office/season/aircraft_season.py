@@ -9,7 +9,11 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.office.season import fleet_words as words
 from thrustmargin.gcs_plugin.office.season.parts import Part, PartHistory
-from thrustmargin.gcs_plugin.office.season.same_aircraft import at_once, boards_in_turns, each_once
+from thrustmargin.gcs_plugin.office.season.same_aircraft import (
+    alternating_boards,
+    overlap_count,
+    unique_flights,
+)
 from thrustmargin.gcs_plugin.office.season.stored_words import flight_action, flight_alarms
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.language import known as finite
@@ -82,7 +86,7 @@ class AircraftSeason:
 
     @property
     def hours(self) -> float:
-        return sum_of(self.flights, "flying_s") / 3600.0
+        return known_sum(self.flights, "flying_s") / 3600.0
 
     @property
     def worst(self) -> Mapping[str, Any] | None:
@@ -116,7 +120,7 @@ class AircraftSeason:
         return self.flights[self.counted[min(counted, len(self.counted) - 1)]]["started_unix_s"]
 
 
-def sum_of(flights: Iterable[Mapping[str, Any]], name: str) -> float:
+def known_sum(flights: Iterable[Mapping[str, Any]], name: str) -> float:
     return float(sum(f[name] for f in flights if finite(f[name])))
 
 
@@ -132,13 +136,13 @@ def aircraft_season(
     `frames` are the flights of each aircraft that has this name; what parts do by themselves is
     added by `with_parts`.
     """
-    flights, given = each_once(flights), len(flights)
+    flights, given = unique_flights(flights), len(flights)
     order = {f["flight"]: k for k, f in enumerate(flights)}
     sums = [s for s in sums if s["flight"] in order]
-    readable = [(s, evidence) for s in sums if (evidence := _evidence(s)) is not None]
+    readable = [(s, evidence) for s in sums if (evidence := _read_evidence(s)) is not None]
     digest = readable[-1][0]["model_digest"] if readable else None
     kept = [one for one in readable if one[0]["model_digest"] == digest]
-    together = 0 if len(frames) > 1 else at_once(flights)
+    together = 0 if len(frames) > 1 else overlap_count(flights)
     # Logs of one flight that are not recognised as such can make half of them at most.
     mixed = 2 * together > len(flights)
     found, missing = None, words.MIXED if mixed else words.NO_SUMS
@@ -152,7 +156,7 @@ def aircraft_season(
     several = ""
     if len(frames) > 1:
         several = words.one_name(frames)
-    elif boards := boards_in_turns(flights):
+    elif boards := alternating_boards(flights):
         several = words.several_boards(boards)
     elif together:
         several = words.several_aircraft(together, len(flights))
@@ -168,14 +172,18 @@ def aircraft_season(
         findings=(),
     )
     mine = [p for p in parts if p.aircraft == name]
-    findings = [*_changed(season, mine), *_shared(season), *_margins(season)]
+    findings = [
+        *_change_findings(season, mine),
+        *_shared_findings(season),
+        *_verdict_findings(season),
+    ]
     if several:
         first, do = float("inf"), say(words.NAME_EACH)
         findings.append(SeasonFinding(level=ACT, weight=first, sentence=several, action=do))
-    return replace(season, findings=in_order(findings))
+    return replace(season, findings=sort_findings(findings))
 
 
-def _evidence(sums: Mapping[str, Any]) -> FlightEvidence | None:
+def _read_evidence(sums: Mapping[str, Any]) -> FlightEvidence | None:
     """None of sums that another version laid out."""
     try:
         return from_arrays(sums["arrays"])
@@ -183,19 +191,21 @@ def _evidence(sums: Mapping[str, Any]) -> FlightEvidence | None:
         return None
 
 
-def in_order(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...]:
+def sort_findings(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...]:
     """The first one first."""
     return tuple(sorted(findings, key=lambda f: (LEVELS.index(f.level), -f.weight)))
 
 
-def level_of(ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = "") -> str:
+def change_level(
+    ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = ""
+) -> str:
     """By how many times what sound aircraft differ by; `part` is what is to be looked at."""
     if ratio >= acts and part in INSTRUMENTS:
         return CHECK
     return FIRST if ratio >= firsts else ACT if ratio >= acts else WATCH
 
 
-def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
+def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
     count = len(season.counted)
     for trend in season.changes.trends if season.changes else ():
         for entry in trend.changes:
@@ -214,16 +224,16 @@ def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFi
                 action = f"{say('it has stopped')}; {action}"
             when = words.flight_words(at, season.flights[at]["started_unix_s"])
             yield SeasonFinding(
-                level=level_of(ratio, part=advised.part) if counts else FINE,
+                level=change_level(ratio, part=advised.part) if counts else FINE,
                 weight=ratio,
                 sentence=words.entry_sentence(trend.name, entry, when, ended),
-                action=_swapped(season, trend, entry, parts) if swap else action,
+                action=_swap_words(season, trend, entry, parts) if swap else action,
                 flight=at,
                 then=reported_then(season, at),
             )
 
 
-def _swapped(
+def _swap_words(
     season: AircraftSeason, trend: Trend, entry: SeasonEntry, parts: Sequence[Part]
 ) -> str:
     rotor = words.rotor_of(trend.name)
@@ -244,14 +254,14 @@ def reported_then(season: AircraftSeason, at: int) -> str:
     return "; ".join(list(texts)[:3]) or say(words.SILENT)
 
 
-def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
+def _shared_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
     for one in season.changes.shared if season.changes else ():
         trend = season.changes.trend(one.name) if season.changes else None
         ratio = abs(one.value) / trend.usual if trend else 0.0
         words_of = words.value_words(one.name)
         also = [say(words.value_words(n).title) for n in one.instead[:3]]
         yield SeasonFinding(
-            level=level_of(ratio, part=words_of.action.part),
+            level=change_level(ratio, part=words_of.action.part),
             weight=ratio,
             sentence=words.shared_sentence(one.name, one.value, one.error),
             action=words_of.action.text
@@ -259,18 +269,18 @@ def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
         )
 
 
-def _verdict_of(flight: Mapping[str, Any]) -> str | None:
+def _season_verdict(flight: Mapping[str, Any]) -> str | None:
     """Its verdict; one that shows a margin of 0 % has no thrust left."""
     verdict, margin = flight["verdict"], flight["worst_margin"]
     none_left = verdict in ("critical", "over") and finite(margin) and margin < 0.005
     return "no_thrust" if none_left else verdict
 
 
-def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
+def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
     count = len(season.flights)
     recent = season.flights[-RECENT:]
     for gravity, (verdict, action) in enumerate(GROUNDING.items()):
-        bad = [f for f in recent if _verdict_of(f) == verdict]
+        bad = [f for f in recent if _season_verdict(f) == verdict]
         if bad:
             yield SeasonFinding(
                 level=FIRST,
@@ -280,7 +290,7 @@ def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 verdict=verdict,
             )
     for gravity, verdict in enumerate(("critical", "over", "near"), start=1):
-        heavy = [f for f in recent if _verdict_of(f) == verdict]
+        heavy = [f for f in recent if _season_verdict(f) == verdict]
         if heavy:
             worst = min(heavy, key=lambda f: f["worst_margin"])
             yield SeasonFinding(

@@ -1,4 +1,4 @@
-"""`thrustmargin fleet`: which aircraft of a season to look at first, and why."""
+"""`thrustmargin fleet`: show which aircraft of a season to look at first, and why."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 PARTS = "parts.csv"
-#: Columns that --compare sets side by side, by their medians.
+#: Columns whose medians --compare shows side by side.
 COMPARED = (
     *("worst_margin", "mean_margin", "rows_above_limit_s", "prediction_rmse_rpm", "fill_kg"),
     *("battery_ohm", "voltage_min", "flying_s", "litres", "hectares"),
@@ -116,6 +116,7 @@ def fleet(
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a text to a file in one step, or to standard output."""
     if path == STDOUT:
         sys.stdout.write(text)
         return
@@ -124,6 +125,10 @@ def _write(path: Path, text: str) -> None:
 
 
 def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
+    """Read parts from `file`, else from the store's parts.csv; empty without either.
+
+    Raises DataError for a file that cannot be read.
+    """
     from thrustmargin.gcs_plugin.office.season.parts import read_parts
 
     if file is not None:
@@ -139,6 +144,11 @@ def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
 
 
 def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]:
+    """Return a row for each figure of COMPARED: its name, and its median for each of two names.
+
+    A name is that of an aircraft, a flight or a model's digest. The first row is the number of
+    flights. Raises DataError for a name that no flight has.
+    """
     from statistics import median
 
     keys = ["aircraft", "flight", "model_digest"]
@@ -157,6 +167,7 @@ def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]
 
 
 def _print_rows(heads: Sequence[str], rows: Sequence[Sequence[Any]], file: Path | None) -> None:
+    """Print a table, or write it to a CSV file if one is given."""
     if file is not None:
         _write(file, csv_text(heads, rows))
         return
@@ -168,6 +179,7 @@ def _print_rows(heads: Sequence[str], rows: Sequence[Sequence[Any]], file: Path 
 
 
 def _table(season: FleetSeason) -> Table:
+    """Return the terminal's table of all aircraft: the first six columns of the page."""
     from thrustmargin.gcs_plugin.office.season.fleet_page import HEADS, cells
 
     return grid([*map(say, HEADS[:6])], [cells(one)[:6] for one in season.aircraft], left=(0, 1))

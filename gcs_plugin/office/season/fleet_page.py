@@ -99,7 +99,7 @@ class FleetSeason:
         return sorted(found, key=margin)[:MOST_LISTED]
 
 
-def ranked(
+def rank_aircraft(
     store: str, aircraft: Sequence[seasons.AircraftSeason], rejected: int = 0
 ) -> FleetSeason:
     """The aircraft in the order in which to look at them."""
@@ -224,7 +224,7 @@ def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
         "flights": len(one.flights),
         "hours": one.hours,
         **_hectares(one.flights),
-        "litres": seasons.sum_of(one.flights, "litres"),
+        "litres": seasons.known_sum(one.flights, "litres"),
         "worst_margin": one.worst["worst_margin"] if one.worst else None,
         "above_limit": len(one.above_limit),
         "without_verdict": len(one.without_verdict),
@@ -263,7 +263,7 @@ def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
 def _hectares(flights: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """What all flights sprayed; `hectares_at_least` in its place where it is known of a part."""
     whole = all(finite(f["hectares"]) or f["spraying_s"] == 0.0 for f in flights)
-    known = sum(seasons.sum_of(flights, name) for name in ("hectares", "hectares_at_least"))
+    known = sum(seasons.known_sum(flights, name) for name in ("hectares", "hectares_at_least"))
     nan = float("nan")
     return {"hectares": known if whole else nan, "hectares_at_least": nan if whole else known}
 

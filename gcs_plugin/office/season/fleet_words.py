@@ -165,17 +165,17 @@ def shared_sentence(name: str, value: float, error: float) -> str:
     return f"{say(words.title)}: {amount} {say('in all flights')} {interval}".rstrip()
 
 
-def several_aircraft(at_once: int, flights: int) -> str:
+def several_aircraft(overlap_count: int, flights: int) -> str:
     """Flights at the same time under one name."""
     return say(
         "{count} of {all} flights are at the time of another one: more than one aircraft has this "
         "name, so its figures may mix them",
-        count=at_once,
+        count=overlap_count,
         all=flights,
     )
 
 
-def frame(rotors: int | None, layout: str | None) -> str:
+def frame_words(rotors: int | None, layout: str | None) -> str:
     """`6 rotors, hexa-x`."""
     counted = say("rotors not known") if rotors is None else say("{count} rotors", count=rotors)
     return f"{counted}, {layout}" if layout else counted
@@ -211,7 +211,7 @@ def older_model(flights: int) -> str:
     )
 
 
-def of_battery(name: str, elsewhere: str) -> str:
+def battery_prefix(name: str, elsewhere: str) -> str:
     """Whose resistance it is: `battery B-3 (then on sprayer-2): `."""
     then = say(" (then on {aircraft})", aircraft=elsewhere) if elsewhere else ""
     return f"{name}{then}, " if name else ""
@@ -246,7 +246,7 @@ def second_recordings(count: int) -> str:
 
 
 #: What a verdict is called where its flights are counted.
-_FLOWN: Mapping[str, str] = {
+_VERDICTS: Mapping[str, str] = {
     "damaged": "a rotor or motor was bad",
     "lost": "lost control",
     "battery": "the battery collapsed",
@@ -262,17 +262,17 @@ def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str,
     """Flights after which nobody flies before it is known why, and the words of the last."""
     cause = flight_damage(last) if verdict == "damaged" else ""
     if verdict == "no_thrust" and known(last["worst_margin"]):
-        cause = _least(last)
+        cause = _least_margin_words(last)
     tail = f": {cause}" if cause else ""
-    return _counted(verdict, count, recent) + tail
+    return _count_words(verdict, count, recent) + tail
 
 
-def _counted(verdict: str, count: int, recent: int) -> str:
+def _count_words(verdict: str, count: int, recent: int) -> str:
     words = "{what} in {count} of the last {recent} flights"
-    return say(words, what=say(_FLOWN[verdict]), count=count, recent=recent)
+    return say(words, what=say(_VERDICTS[verdict]), count=count, recent=recent)
 
 
-def _least(flight: Mapping[str, Any]) -> str:
+def _least_margin_words(flight: Mapping[str, Any]) -> str:
     words = "least thrust margin {margin}, rotor {rotor}"
     margin = number(100.0 * flight["worst_margin"], "%", 0)
     return say(words, margin=margin, rotor=flight["worst_rotor"])
@@ -280,8 +280,8 @@ def _least(flight: Mapping[str, Any]) -> str:
 
 def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
     """Flights that were too heavy, or may have been."""
-    parts = filter(None, (_least(worst), flight_doing(worst)))
-    return f"{_counted(verdict, bad, recent)}; {', '.join(parts)}"
+    parts = filter(None, (_least_margin_words(worst), flight_doing(worst)))
+    return f"{_count_words(verdict, bad, recent)}; {', '.join(parts)}"
 
 
 def without_verdict(without: int, flights: int, reason: str) -> str:

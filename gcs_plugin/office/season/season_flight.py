@@ -99,20 +99,20 @@ def season_flights(
 
     Raises ThrustMarginError when there is none.
     """
-    found, log = _sorties(path, content, settings, settings.reading, name=name)
+    found, log = _sortie_flights(path, content, settings, settings.reading, name=name)
     first = found[0]
     alone = settings.reading.vehicle is not None
     for other in () if alone else (v for v in log.vehicles if v != log.vehicle):
         reading = replace(settings.reading, vehicle=other)
         try:
-            found += _sorties(path, f"{content}-{other}", settings, reading, name=name)[0]
+            found += _sortie_flights(path, f"{content}-{other}", settings, reading, name=name)[0]
         except ThrustMarginError as error:  # often a camera or an antenna tracker
             del error  # its words would be those of one language
             first.summary["no_flight_of"].append(other)
     return found
 
 
-def _sorties(
+def _sortie_flights(
     path: Path, content: str, settings: IngestSettings, reading: ReadingOptions, *, name: str
 ) -> tuple[list[SeasonFlight], FlightLog]:
     """The sorties of one vehicle, and the log of the first.

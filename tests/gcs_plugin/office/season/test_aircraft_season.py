@@ -16,12 +16,12 @@ from thrustmargin.gcs_plugin.office.season.aircraft_season import (
     LOAD,
     WATCH,
     aircraft_season,
-    level_of,
+    change_level,
 )
-from thrustmargin.gcs_plugin.office.season.fleet_page import ranked
+from thrustmargin.gcs_plugin.office.season.fleet_page import rank_aircraft
 from thrustmargin.gcs_plugin.office.season.part_history import with_parts
 from thrustmargin.gcs_plugin.office.season.parts import Part
-from thrustmargin.gcs_plugin.office.season.same_aircraft import by_frame
+from thrustmargin.gcs_plugin.office.season.same_aircraft import group_by_frame
 from thrustmargin.gcs_plugin.wording import actions
 
 RNG = np.random.default_rng
@@ -104,7 +104,7 @@ def test_a_swap_is_named_by_its_part_and_is_no_reason_to_look():
     ],
 )
 def test_3_times_what_sound_aircraft_differ_by_is_acted_on_and_10_times_first(ratio, part, level):
-    assert level_of(ratio, part=part) == level
+    assert change_level(ratio, part=part) == level
 
 
 def test_an_ageing_battery_is_dated_and_a_steady_one_is_silent():
@@ -205,12 +205,12 @@ def test_flights_of_a_quad_and_of_a_hexacopter_with_one_name_are_two_aircraft():
     hexa = rows_of(3, rotor_count=6, layout="hexa-x")
     blind = rows_of(1, rotor_count=6)  # says its rotors and no layout: there is one it can be of
     silent = rows_of(1)
-    assert {w: len(own) for w, own in by_frame([*quad, *hexa, *blind]).items()} == {
+    assert {w: len(own) for w, own in group_by_frame([*quad, *hexa, *blind]).items()} == {
         "4 rotors, quad-x": 4,
         "6 rotors, hexa-x": 4,
     }
-    assert [len(own) for own in by_frame([*quad, *hexa, *silent]).values()] == [4, 3, 1]
-    assert [len(own) for own in by_frame([*quad, *silent]).values()] == [5]
+    assert [len(own) for own in group_by_frame([*quad, *hexa, *silent]).values()] == [4, 3, 1]
+    assert [len(own) for own in group_by_frame([*quad, *silent]).values()] == [5]
     frames = {"4 rotors, quad-x": 4, "6 rotors, hexa-x": 3}
     found = aircraft_season("sysid-1 (4 rotors, quad-x)", quad, [], (), frames)
     assert found.findings[0].level == ACT
@@ -240,7 +240,7 @@ def test_aircraft_are_in_the_order_of_what_is_wrong_with_what_their_reports_say(
         aircraft_season(name, rows_of(3, verdict=name, action=f"do {name}", **margin), [])
         for name in sorted((*grave_first, "under"))
     ]
-    order = ranked("season", made).aircraft
+    order = rank_aircraft("season", made).aircraft
     assert [one.name for one in order] == [*grave_first, "under"]
     day = "(in the words of the day it was taken in)"
     asked = [one.findings[0].action for one in order[:7]]

@@ -106,8 +106,8 @@ def test_a_good_flight_that_is_predicted_alone_has_no_margin_and_no_good_rank(
     assert flight_reason(stored).startswith("predicted: for most of the flight")
     capsys.readouterr()
     assert run(["fleet", store, "--json", str(tmp_path / "fleet.json")]) == 0
-    (ranked,) = json.loads((tmp_path / "fleet.json").read_text())["aircraft"]
-    assert (ranked["level"], ranked["worst_margin"]) == ("no verdict", None)
+    (rank_aircraft,) = json.loads((tmp_path / "fleet.json").read_text())["aircraft"]
+    assert (rank_aircraft["level"], rank_aircraft["worst_margin"]) == ("no verdict", None)
     said = capsys.readouterr().out
     assert "none measured" in said
     assert "1 of 1 flights have no verdict: predicted: for most of" in said
