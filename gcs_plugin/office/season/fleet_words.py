@@ -1,4 +1,4 @@
-"""What a season says of an aircraft, in words: what changed, when, and what to do."""
+"""Word the findings of a season: what changed on an aircraft, when, and what to do."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
 
 @dataclass(frozen=True, slots=True)
 class ValueWords:
-    """How one value of a season is called and written; its numbers are times `factor`."""
+    """The title, unit and action of one value of a season; shown numbers are times `factor`."""
 
     title: str
     unit: str
@@ -81,12 +81,15 @@ OTHER_AIRFRAME = (
 
 
 def rotor_of(name: str) -> int | None:
-    """The rotor, from 1, of the name of a rotor's loss."""
+    """Return the rotor, from 1, whose loss has this name; None for another value."""
     return int(name.removeprefix(LOSS_NAME)) if name.startswith(LOSS_NAME) else None
 
 
 def value_words(name: str) -> ValueWords:
-    """The words of a value by its name in the sums of flights."""
+    """Return title, unit, scale factor, decimals and action of a value of a season, by its name.
+
+    An unknown name becomes the title itself, without a unit, and the action is IDENTIFY.
+    """
     rotor = rotor_of(name)
     if rotor is not None:
         action = actions.change_propeller(rotor)
@@ -111,7 +114,7 @@ def value_words(name: str) -> ValueWords:
 
 
 def day(unix_s: float | None) -> str:
-    """`12 Jun 2026`; empty where the log does not tell."""
+    """Return a date such as `12 Jun 2026` in the chosen language; empty for an unknown time."""
     if not known(unix_s):
         return ""
     when = datetime.fromtimestamp(unix_s, tz=UTC)
@@ -119,13 +122,16 @@ def day(unix_s: float | None) -> str:
 
 
 def flight_words(index: int, unix_s: float | None) -> str:
-    """`flight 61 (12 Jun 2026)` of a flight counted from 0."""
+    """Return `flight 61 (12 Jun 2026)` for the flight of index 60."""
     date = day(unix_s)
     return f"{say('flight')} {index + 1}" + (f" ({date})" if date else "")
 
 
 def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str:
-    """What changed and when, with the interval of the flight: 95 %."""
+    """Return which value changed, by how much and at which flight, with its 95 % interval.
+
+    `when` names the flight. `ended`: a ramp stopped before the last flight.
+    """
     words = value_words(name)
     since = when
     if entry.latest > entry.earliest:
@@ -153,12 +159,12 @@ def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str
 
 
 def back_to_sound(entry: SeasonEntry) -> bool:
-    """True for a step after which a rotor lacks less than before it."""
+    """Return whether an entry is a step to a smaller value, such as a new propeller."""
     return not entry.ramp and entry.size < 0.0 and abs(entry.after) < abs(entry.before)
 
 
 def shared_sentence(name: str, value: float, error: float) -> str:
-    """What all flights have in common that the model does not."""
+    """Return the model error that all flights share, with its 95 % interval."""
     words = value_words(name)
     ends = (value - 1.96 * error, value + 1.96 * error)
     amount, interval = within(value, *ends, words.unit, factor=words.factor)
@@ -166,7 +172,7 @@ def shared_sentence(name: str, value: float, error: float) -> str:
 
 
 def several_aircraft(overlap_count: int, flights: int) -> str:
-    """Flights at the same time under one name."""
+    """Return the finding that flights of one name overlap in time."""
     return say(
         "{count} of {all} flights are at the time of another one: more than one aircraft has this "
         "name, so its figures may mix them",
@@ -176,13 +182,13 @@ def several_aircraft(overlap_count: int, flights: int) -> str:
 
 
 def frame_words(rotors: int | None, layout: str | None) -> str:
-    """`6 rotors, hexa-x`."""
+    """Return number and layout of rotors, such as `6 rotors, hexa-x`."""
     counted = say("rotors not known") if rotors is None else say("{count} rotors", count=rotors)
     return f"{counted}, {layout}" if layout else counted
 
 
 def one_name(frames: Mapping[str, int]) -> str:
-    """Aircraft that share a name, with the flights of each."""
+    """Return the finding that several aircraft share a name, with the flights of each."""
     each = "; ".join(
         f"{words}: {say('{count} flights', count=count)}" for words, count in frames.items()
     )
@@ -194,7 +200,7 @@ def one_name(frames: Mapping[str, int]) -> str:
 
 
 def several_boards(boards: int) -> str:
-    """Flights of several autopilots in turns."""
+    """Return the finding that several autopilots flew alternately under one name."""
     return say(
         "{count} autopilots flew in turns under this name: more than one aircraft has it, so its "
         "figures may mix them",
@@ -203,7 +209,7 @@ def several_boards(boards: int) -> str:
 
 
 def older_model(flights: int) -> str:
-    """Sums that cannot be read or compared with the newest."""
+    """Return the remark that sums of older models or versions are left out, and the remedy."""
     return say(
         "{count} flights are about an older model, or of an older version, and are left out; "
         "ingest --again takes them in",
@@ -212,13 +218,16 @@ def older_model(flights: int) -> str:
 
 
 def battery_prefix(name: str, elsewhere: str) -> str:
-    """Whose resistance it is: `battery B-3 (then on sprayer-2): `."""
+    """Return the start of a battery's sentence, such as `B-3 (then on sprayer-2), `.
+
+    Empty for an unnamed battery. `elsewhere` is the aircraft of the time of the change, if another.
+    """
     then = say(" (then on {aircraft})", aircraft=elsewhere) if elsewhere else ""
     return f"{name}{then}, " if name else ""
 
 
 def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
-    """Why a flight has no verdict, and what helps."""
+    """Return why a flight has no verdict, and the action that helps."""
     reason = flight_reason(flight)
     if flight["airframe_basis"] == "not known":
         return reason, say(SET_AIRFRAME)
@@ -232,7 +241,7 @@ def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def least_loss(least: float) -> str:
-    """The sensitivity of a season."""
+    """Return the smallest loss, a share of thrust, that the season would have shown, in words."""
     words = "a loss of {loss} in the last 10 flights would have been seen"
     return say(words, loss=number(100 * least, "%", 2))
 
@@ -245,7 +254,7 @@ def second_recordings(count: int) -> str:
     return say(words, count=count)
 
 
-#: What a verdict is called where its flights are counted.
+#: Verdict -> its words in a count of flights.
 _VERDICTS: Mapping[str, str] = {
     "damaged": "a rotor or motor was bad",
     "lost": "lost control",
@@ -259,7 +268,7 @@ _VERDICTS: Mapping[str, str] = {
 
 
 def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
-    """Flights after which nobody flies before it is known why, and the words of the last."""
+    """Return how many recent flights ended with a grounding verdict, and the cause of the last."""
     cause = flight_damage(last) if verdict == "damaged" else ""
     if verdict == "no_thrust" and known(last["worst_margin"]):
         cause = _least_margin_words(last)
@@ -268,23 +277,25 @@ def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str,
 
 
 def _count_words(verdict: str, count: int, recent: int) -> str:
+    """Return how many of the `recent` flights had a verdict."""
     words = "{what} in {count} of the last {recent} flights"
     return say(words, what=say(_VERDICTS[verdict]), count=count, recent=recent)
 
 
 def _least_margin_words(flight: Mapping[str, Any]) -> str:
+    """Return a flight's smallest margin and its rotor."""
     words = "least thrust margin {margin}, rotor {rotor}"
     margin = number(100.0 * flight["worst_margin"], "%", 0)
     return say(words, margin=margin, rotor=flight["worst_rotor"])
 
 
 def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
-    """Flights that were too heavy, or may have been."""
+    """Return how many recent flights were too heavy or may have been, and the worst moment."""
     parts = filter(None, (_least_margin_words(worst), flight_doing(worst)))
     return f"{_count_words(verdict, bad, recent)}; {', '.join(parts)}"
 
 
 def without_verdict(without: int, flights: int, reason: str) -> str:
-    """Flights of which nothing can be said, and why the last has none."""
+    """Return how many flights have no verdict, and why the last one has none."""
     words = "{count} of {all} flights have no verdict: {reason}"
     return say(words, count=without, all=flights, reason=reason)

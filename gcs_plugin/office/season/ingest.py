@@ -1,4 +1,4 @@
-"""`thrustmargin ingest`: logs of a season into its store, with all cores or a cluster."""
+"""`thrustmargin ingest`: read the logs of a season into its store, on all cores or a cluster."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 SCHEMA = "thrustmargin.ingest/1"
-#: A file of a live recording that changed so many seconds ago may still grow.
+#: Seconds after its last change up to which a file of a live recording may still grow.
 STILL_RECORDED_S = 60.0
 NO_FILE = "it is no file: a link to nothing, a pipe or a device"
 LIVE_LOG = "telemetry.tlog"
@@ -161,9 +161,10 @@ def ingest(
 
 
 def _check_kind(store: SeasonStore, names: str | None) -> None:
-    """Raise DataError unless flights are named in this store as they are to be in this run.
+    """Raise DataError if the store names flights in another way than this run does.
 
-    A log would else be another flight in each way. `names` is None, or known by its key.
+    Otherwise a log would be stored twice, under two names. `names` is the name of the key of this
+    run's pseudonyms; None without pseudonyms. An empty store takes over the run's way.
     """
     from thrustmargin.gcs_plugin.store.season_store import NAMES
 
@@ -181,22 +182,22 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
 
 
 def own_cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def _absolute(airframe: str | None) -> str | None:
-    """A file by its whole path, so that every process finds it; a name as it is."""
+    """Return the absolute path of an airframe file, which every process finds; else the name."""
     return str(Path(airframe).absolute()) if airframe and Path(airframe).is_file() else airframe
 
 
 def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, str]]]:
-    """The logs that files, folders, patterns and addresses name, each once, by their paths; and
-    (name, reason) of those that may not be read yet.
+    """Return the logs that files, folders, patterns and addresses name, each once and sorted.
 
-    Raises DataError when a word names nothing.
+    Also return name and reason of logs that cannot be read, or not yet. Raises DataError if one of
+    `words` names no log.
     """
     import glob
 
@@ -238,6 +239,7 @@ def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, 
 
 
 def _at_address(word: str, endings: set[str]) -> dict[str, int]:
+    """Return the size in bytes of each log at an address or pattern of fsspec, by its address."""
     from fsspec.core import url_to_fs
 
     try:
@@ -256,7 +258,7 @@ def _at_address(word: str, endings: set[str]) -> dict[str, int]:
 
 
 def local_processes(cores: int) -> tuple[Callable[[], Executor], int]:
-    """Processes of this machine, and how many logs to give them at once."""
+    """Return a function that starts `cores` processes, and the number of logs to submit at once."""
 
     def make() -> Executor:
         fresh = multiprocessing.get_context("spawn")  # no lock or socket of this process in them
@@ -266,7 +268,10 @@ def local_processes(cores: int) -> tuple[Callable[[], Executor], int]:
 
 
 def _begin_worker() -> None:
-    """Ctrl-C is for the process that gives out the work; when that is gone, this one goes too."""
+    """Ignore Ctrl-C in a worker process, and end the worker when its parent has ended.
+
+    The parent receives Ctrl-C and ends its workers.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent: Any = multiprocessing.parent_process()
 
@@ -278,7 +283,10 @@ def _begin_worker() -> None:
 
 
 def _client(scheduler: str) -> Any:
-    """Of a Dask cluster, to be closed. Raises InstallError or DataError where there is none."""
+    """Return a client of the Dask cluster at `scheduler`, to be closed.
+
+    Raises InstallError without Dask, DataError if no scheduler answers.
+    """
     require("--cluster", "distributed")
     from distributed import Client
 
@@ -289,10 +297,12 @@ def _client(scheduler: str) -> Any:
 
 
 def _cores(client: Any) -> int:
+    """Return the number of threads of all workers of a cluster, at least 2."""
     return max(sum(client.nthreads().values()), 2)
 
 
 def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:
+    """Print how many flights were stored, and each rejected log with its reason."""
     words = [f"flights taken into {store}: {len(outcome.flights)}"]
     words += [f"logs there already: {outcome.already}"] if outcome.already else []
     words += [f"logs not taken: {len(outcome.rejected)}"] if outcome.rejected else []
@@ -303,6 +313,7 @@ def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:
 
 
 def _as_json(outcome: IngestOutcome, store: str) -> dict[str, Any]:
+    """Return the outcome as JSON values, schema thrustmargin.ingest/1."""
     return {
         "schema": SCHEMA,
         "store": store,

@@ -1,4 +1,4 @@
-"""One log to what the season's store keeps of it: in a process of `ingest`, here or elsewhere."""
+"""Turn one log into the flights that the season's store keeps, in a process of `ingest`."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ from thrustmargin.models.physics.smoothing import known_mean, known_median, know
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IngestSettings:
-    """How every log of a run is read, in words that another machine understands too."""
+    """The settings of one run of `ingest`, with values that another machine can use too."""
 
     store: str
     model: str | None = None
@@ -65,26 +65,27 @@ class IngestSettings:
     aircraft: str | None = None
     reading: ReadingOptions = AS_HEARD
     max_utilisation: float = 0.5
-    key: str | None = None  # of pseudonyms, to strip who and where
+    key: str | None = None  # secret of the pseudonyms; None: names and places are kept
 
 
 @lru_cache(maxsize=4)
 def season_model(model: str | None, airframe: str | None) -> tuple[RotorModel, str]:
-    """The model of a run and its digest."""
+    """Return the rotor speed model of a run and its digest."""
     chosen = chosen_model(None if model is None else Path(model), airframe)
     return chosen, model_digest(chosen)
 
 
 def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list[str]:
-    """Read a log whose digest is `content` and stage its flights; returns their names.
+    """Read a log whose digest is `content`, stage its flights and return their names.
 
-    A log holds a flight of each vehicle and sortie. The one that bears the content alone is staged
-    last: it says that the log is in the store. Raises ThrustMarginError when there is none.
+    A log has a flight for each vehicle and sortie. The flight whose name is the digest alone is
+    staged last, because it marks the log as stored. Raises ThrustMarginError for a log without a
+    flight.
     """
     from threadpoolctl import threadpool_limits
 
     store = SeasonStore.open(settings.store)
-    # One thread: the cores have a log each, and sums come out the same on any machine of a kind.
+    # One thread: each core reads a log of its own, and sums are reproducible on other machines.
     with threadpool_limits(1), local_file(log.path) as path:
         flights = season_flights(path, content, settings, name=log.name)
     for flight in reversed(flights):
@@ -95,9 +96,9 @@ def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list
 def season_flights(
     path: Path, content: str, settings: IngestSettings, *, name: str
 ) -> list[SeasonFlight]:
-    """Every vehicle's sorties in a log of that `name`, each a flight of the store.
+    """Return a flight for each sortie of each vehicle in a log, whose name in the store is `name`.
 
-    Raises ThrustMarginError when there is none.
+    Raises ThrustMarginError if the first vehicle has no flight.
     """
     found, log = _sortie_flights(path, content, settings, settings.reading, name=name)
     first = found[0]
@@ -115,9 +116,9 @@ def season_flights(
 def _sortie_flights(
     path: Path, content: str, settings: IngestSettings, reading: ReadingOptions, *, name: str
 ) -> tuple[list[SeasonFlight], FlightLog]:
-    """The sorties of one vehicle, and the log of the first.
+    """Return the flights of one vehicle's sorties, and the log of the first sortie.
 
-    The first bears the name that a log of one flight has: so it is found again in a store.
+    The first flight's name is `content` alone, by which a store knows the log.
     """
     model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
@@ -135,7 +136,10 @@ def _sortie_flights(
 def flight_of_log(
     log: FlightLog, claim: AirframeClaim, name: str, settings: IngestSettings
 ) -> SeasonFlight:
-    """What the store keeps of a log that was read from a file. Raises DataError when it is none."""
+    """Return the flight of one sortie, under `name`, for the store.
+
+    Raises DataError if it has no row in flight, or more rotors than the store has columns for.
+    """
     model, digest = season_model(settings.model, settings.airframe)
     if log.track.rotor_count > ROTORS:
         raise DataError(f"{log.track.rotor_count} rotors; the store has columns for {ROTORS}")
@@ -198,9 +202,12 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
 
 
 def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> dict[str, Any]:
-    """The columns of `schema.FLIGHTS` that the report or the log knows."""
+    """Return the columns of `schema.FLIGHTS` that come from the report and the log.
+
+    `analysis` is that of the whole flight, `report` that of its verdict.
+    """
     track, verdict, flight = log.track, report.verdict, report.flight
-    # What a prediction alone calls good is no margin of this flight; what it calls bad counts.
+    # A good margin that only a prediction supports is not stored; a bad one is.
     no_ground = verdict.predicted_alone and verdict.level is FlightLevel.UNKNOWN
     worst, quality = None if no_ground else verdict.worst, report.quality
     withheld, airframe = bool(report.withheld), analysis.model.airframe
@@ -277,7 +284,7 @@ def _findings_json(report: FlightReport) -> str:
     return json.dumps([to_json_values({k: getattr(f, k) for k in kept}) for f in found])
 
 
-#: Keys of the report that are columns of the store under the same name.
+#: Keys of the report that are columns of the store by the same names.
 REPORT_COLUMNS = (
     *("voltage_start", "voltage_end", "voltage_min", "current_median"),
     *("airspeed_median", "ground_speed_median", "wind_speed_median"),
@@ -287,14 +294,14 @@ QUALITY_COLUMNS = (
     *("bytes_skipped", "damaged_places", "frames_missing"),
     *("silences", "longest_silence_s", "clock_jumps"),
 )
-#: Seconds over which voltage and current are means: a flight has that many independent ones.
+#: s over which voltage and current are averaged, and the fewest such means in flight.
 _MEAN_S, _LEAST_MEANS = 5.0, 12
 
 
 def battery_resistance(
     time_s: np.ndarray, voltage: np.ndarray, current: np.ndarray, flying: np.ndarray
 ) -> tuple[float, float]:
-    """Ohm, and its standard error, by which the voltage (T,) falls with the current (T,).
+    """Return the battery's resistance, ohm, and its standard error, from voltage and current (T,).
 
     Least squares of 5 s means from the rest before take-off on, with the drain (charge drawn, to
     the second power) removed. In flight alone current falls as the tank empties and the battery
