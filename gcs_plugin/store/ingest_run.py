@@ -61,7 +61,7 @@ class _Task:
     alone: int = 0
 
 
-def address(path: str) -> bool:
+def is_address(path: str) -> bool:
     """Return whether `path` is an address of fsspec, such as s3://season/logs, and no file path."""
     return "://" in path
 
@@ -69,7 +69,7 @@ def address(path: str) -> bool:
 @contextmanager
 def local_file(path: str) -> Iterator[Path]:
     """Yield the path of a log; one at an address is fetched into a temporary folder first."""
-    if not address(path):
+    if not is_address(path):
         yield Path(path)
         return
     from fsspec.core import url_to_fs

@@ -111,7 +111,7 @@ class StoredColumn:
     """One column: its name, unit, meaning, and the kind of its values.
 
     `kind` is "number", "whole", "text", or a list: "words" (of text), "wholes" or "rotors" (of
-    numbers).
+    numbers). Rows also have "single", "small" (8 bits) and "bool", sums "arrays".
     """
 
     name: str

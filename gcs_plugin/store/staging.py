@@ -269,7 +269,8 @@ def _merge_table(
 ) -> None:
     """Write to `draft` the table at `target` with the staged flights `keys`, replacing old ones.
 
-    The file has one row group, sorted by start time. `member` is the table's name in the archives.
+    `target` and `keys` are keys of objects in the store, `member` is the table's name within the
+    staged archives. The file has one row group, sorted by start time.
     """
     import pyarrow as pa
 
@@ -305,7 +306,8 @@ def _cast_to_schema(old: pa.Table, new: pa.Table, where: str) -> pa.Table:
 def _merge_rows(store: SeasonStore, draft: Path, target: str, member: str, keys: list[str]) -> None:
     """Write to `draft` the rows at `target` with the staged flights `keys`, replacing old ones.
 
-    The file has one row group per flight, sorted by name; one flight is in memory at a time.
+    The arguments are those of `_merge_table`. The file has one row group per flight, sorted by
+    name; one flight is in memory at a time.
     """
     new = {Path(key).stem: key for key in keys}
     with _open_table(store, target) as file:

@@ -105,8 +105,9 @@ def _turned(points: Floats, heading_deg: float, *, back: bool = False) -> Floats
 
 
 def _count(width: float, swath: float) -> int:
-    """Return the number of lines over a strip `width` m wide: the nearest, one more if they
-    would leave gaps.
+    """Return the number of lines over a strip `width` m wide, at least 1.
+
+    It is the rounded number of swaths; one more if lines would be over LOOSE wider apart than one.
     """
     exact = width / swath
     near = max(round(min(exact, 1e9)), 1)

@@ -258,7 +258,10 @@ def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[
 def _swap_words(
     season: AircraftSeason, trend: Trend, entry: SeasonEntry, parts: Sequence[Part]
 ) -> str:
-    """Return the part of the rotor that was installed when its loss went back, or ask for it."""
+    """Return, in words, the part that was installed on a rotor when its loss became smaller.
+
+    Without one in `parts` return the request to enter it into parts.csv.
+    """
     rotor = words.rotor_of(trend.name)
     before = season.started(max(entry.earliest - 1, 0))
     after = season.started(entry.latest)

@@ -51,7 +51,7 @@ def fleet(
     """Show which aircraft of a season to look at first, and why.
 
     Every rotor's thrust, the balance, the gauge and the battery are followed over all flights, and
-    what changed is dated. What all aircraft are is in the store that `ingest` made.
+    what changed is mark_old_text. What all aircraft are is in the store that `ingest` made.
 
     Example: thrustmargin fleet season --out fleet.html
 

@@ -276,9 +276,9 @@ def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
 
 
 def _hectares(flights: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Return the area sprayed by all flights, ha, as `hectares`, the other value NaN.
+    """Return the area sprayed by all flights, ha, as `hectares` and `hectares_at_least`.
 
-    It is `hectares_at_least` instead if a part of it is unknown.
+    The first is NaN if a part of the area is unknown, else the second.
     """
     whole = all(finite(f["hectares"]) or f["spraying_s"] == 0.0 for f in flights)
     known = sum(seasons.known_sum(flights, name) for name in ("hectares", "hectares_at_least"))

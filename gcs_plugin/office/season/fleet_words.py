@@ -164,7 +164,10 @@ def back_to_sound(entry: SeasonEntry) -> bool:
 
 
 def shared_sentence(name: str, value: float, error: float) -> str:
-    """Return the model error that all flights share, with its 95 % interval."""
+    """Return a sentence about a model error that all flights share.
+
+    `value` and its standard `error` are in the unit of the sums; the interval shown is 95 %.
+    """
     words = value_words(name)
     ends = (value - 1.96 * error, value + 1.96 * error)
     amount, interval = within(value, *ends, words.unit, factor=words.factor)

@@ -98,7 +98,7 @@ def ingest(
         season_model,
         stage_log,
     )
-    from thrustmargin.gcs_plugin.store.ingest_run import address, ingest_logs
+    from thrustmargin.gcs_plugin.store.ingest_run import ingest_logs, is_address
     from thrustmargin.gcs_plugin.store.season_store import SeasonStore, checked_aircraft
     from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 
@@ -108,7 +108,7 @@ def ingest(
     check_outputs([OutputFile("--json", json, endings=(".json",))], inputs=[model, airframe])
     check_range("--workers", workers, 1, 1024)
     reading_keywords(reading)
-    where = store if address(store) else str(Path(store).absolute())
+    where = store if is_address(store) else str(Path(store).absolute())
     settings = IngestSettings(
         store=where,
         model=None if model is None else str(model.absolute()),
@@ -202,13 +202,13 @@ def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, 
     import glob
 
     from thrustmargin.gcs_plugin.logs.read import log_endings
-    from thrustmargin.gcs_plugin.store.ingest_run import LogSource, address
+    from thrustmargin.gcs_plugin.store.ingest_run import LogSource, is_address
 
     endings = log_endings()
     found: dict[str, LogSource] = {}
     refused: list[tuple[str, str]] = []
     for word in words:
-        if address(word):
+        if is_address(word):
             sizes = _at_address(word, endings)
         else:
             path = Path(word)
@@ -229,7 +229,7 @@ def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, 
             name = f"{whole.parent.name}/{whole.name}" if live else whole.name
             if (
                 live
-                and not address(path)
+                and not is_address(path)
                 and time.time() - whole.stat().st_mtime < STILL_RECORDED_S
             ):
                 refused.append((name, "it is still being recorded; run ingest again afterwards"))

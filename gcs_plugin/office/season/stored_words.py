@@ -141,7 +141,7 @@ def stored_answer(
 
 
 def answer_columns(answer: StoredAnswer) -> dict[str, Any]:
-    """Return the columns of `schema.FLIGHTS` that contain an answer as data."""
+    """Return the columns of `schema.FLIGHTS` that contain an answer: as JSON, and by kinds."""
     advice, use = answer.advice, answer.advice.use
     kept: dict[str, Any] = {
         f.name: getattr(advice, f.name) for f in fields(advice) if f.name != "use"
@@ -186,25 +186,29 @@ def _advice(data: dict[str, Any]) -> Advice:
 
 
 def _stored(flight: Mapping[str, Any]) -> StoredAnswer | None:
+    """Return the answer in a row of `flights`; None in older rows and if it cannot be read."""
     stored = flight.get("answer")
     return None if stored is None else read_answer(stored)
 
 
-def dated(text: str) -> str:
-    """Return a text of an older row, marked as one."""
+def mark_old_text(text: str) -> str:
+    """Return a stored text, marked as the words of the day on which its log was taken in.
+
+    Empty for an empty text.
+    """
     return say("{words} (in the words of the day it was taken in)", words=text) if text else ""
 
 
 def flight_action(flight: Mapping[str, Any]) -> str:
     """Return what to do after a flight of the store; empty where its row does not say."""
     answer = _stored(flight)
-    return action(answer.advice) if answer else dated(flight["action"] or "")
+    return action(answer.advice) if answer else mark_old_text(flight["action"] or "")
 
 
 def flight_alarms(flight: Mapping[str, Any]) -> list[str]:
     """Return the words of each live alarm of rotors and motors in a flight of the store."""
     answer = _stored(flight)
-    return answer.alarms if answer else [dated(text) for text in flight["alarms"] or ()]
+    return answer.alarms if answer else [mark_old_text(text) for text in flight["alarms"] or ()]
 
 
 def flight_damage(flight: Mapping[str, Any]) -> str:
@@ -218,13 +222,13 @@ def flight_reason(flight: Mapping[str, Any]) -> str:
     answer = _stored(flight)
     if answer:
         return answer.reason_words
-    return dated(flight["verdict_reason"] or "") or say("not known why")
+    return mark_old_text(flight["verdict_reason"] or "") or say("not known why")
 
 
 def flight_doing(flight: Mapping[str, Any]) -> str:
     """Return what the aircraft was doing at the worst moment; empty where unknown."""
     answer = _stored(flight)
-    return answer.doing_words if answer else dated(flight["worst_doing"] or "")
+    return answer.doing_words if answer else mark_old_text(flight["worst_doing"] or "")
 
 
 def _column(words: Callable[[StoredAnswer], Any]) -> Callable[[str], Any]:

@@ -65,9 +65,9 @@ TEXT = "text/plain; version=0.0.4; charset=utf-8"
 
 
 class MetricsServer(SmallServer):
-    """A server of one collector's metrics until `close`; `port` 0 takes any free one.
+    """An HTTP server on this computer that answers Prometheus with a collector's metrics.
 
-    Raises LinkError when the port cannot be opened.
+    It runs until `close`. `port` 0 takes any free port. Raises LinkError if it cannot be opened.
     """
 
     def __init__(self, collector: Collector, port: int) -> None:

@@ -59,11 +59,12 @@ def job(tmp_path_factory) -> SimpleNamespace:
     field.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
     words = [word for pair in STATED.items() for word in pair]
     more = ["--weather-source", "station", "--rule", "nsw", "--rule", "us"]
-    out = folder / "out"
-    assert run(["record", str(LOG), "--out", str(out), "--field", str(field), *words, *more]) == 0
+    out, asked = folder / "out", ["--field", str(field), *words, *more]
+    assert run(["record", str(LOG), "--out", str(out), *asked]) == 0
     assert run(["report", str(LOG), "--json", str(folder / "r.json")]) == 0
     return SimpleNamespace(
         out=out,
+        asked=asked,
         record=json.loads((out / "record.json").read_text("utf-8")),
         flight=json.loads((folder / "r.json").read_text("utf-8"))["flights"][0]["flight"],
     )
@@ -82,6 +83,16 @@ def test_the_pump_is_summed_from_no_level_that_somebody_would_have_stated(job):
     kg = {one["by"]: one["kg"] for one in job.record["liquid"]["estimates"]}
     # The tank lost 6.155 kg in this flight.
     assert kg == pytest.approx(dict.fromkeys(("gauge", "pump", "thrust"), 6.155), abs=0.2)
+
+
+def test_the_record_is_the_same_in_every_language(job, tmp_path, monkeypatch):
+    """It is kept for years, and for an authority that need not read the user's language."""
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
+    assert run(["record", str(LOG), "--out", str(tmp_path), *job.asked]) == 0
+    made = json.loads((tmp_path / "record.json").read_text("utf-8"))
+    assert made | {"made_utc": ""} == job.record | {"made_utc": ""}
+    for name in ("record.csv", "applied.geojson"):
+        assert (tmp_path / name).read_bytes() == (job.out / name).read_bytes()
 
 
 def test_area_and_liquid_are_those_of_the_report(job):
