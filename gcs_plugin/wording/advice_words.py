@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from enum import StrEnum
 
 import numpy as np
 
@@ -231,56 +232,97 @@ def misfit_words(advice: Advice) -> str:
     return "; ".join(parts)
 
 
+class ActionKind(StrEnum):
+    """The kind of one step of what to do next."""
+
+    LAND = "land"
+    GROUND = "do_not_fly"
+    LOOK_AT_ROTORS = "look_at_rotors"
+    CHECK_ESC = "check_ESC"
+    TEST_BATTERY = "test_battery"
+    FIND_MOTORS = "find_motors"
+    CHECK_LOAD = "check_load"
+    NO_FILL = "fill_not_known"
+    DO_NOT_FILL = "do_not_fill"
+    FILL = "fill_at_most"
+    FLY_GENTLY = "fly_gently"
+    CARRY_LESS = "carry_less"
+    NOTHING = "nothing"
+    RECORD_WHOLE = "record_whole_flight"
+    SEE_END = "see_how_it_ended"
+    CHECK_WIND = "check_airspeed_sensor"
+
+
 def action(advice: Advice) -> str:
     """Return what to do next, the gravest first, for this flight's air and battery; empty if
     nothing is known."""
-    first = []
+    return "; ".join(words for _, words in action_steps(advice))
+
+
+def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
+    """Return each step of what to do next, its kind and its words, the gravest first."""
+    first: list[tuple[ActionKind, str]] = []
     land = advice.in_progress and advice.level in LAND_FIRST
     if land:
-        first.append(actions.LAND.text)
+        first.append((ActionKind.LAND, actions.LAND.text))
     if FlightLevel.LOST in advice.levels:
-        first.append(actions.GROUND_WRECK.text)
+        first.append((ActionKind.GROUND, actions.GROUND_WRECK.text))
     if FlightLevel.DAMAGED in advice.levels:
-        first.append(_bad_rotors(advice).action.text)
+        first.append((ActionKind.LOOK_AT_ROTORS, _bad_rotors(advice).action.text))
     elif advice.misread is not None:
-        first.append(actions.check_esc(advice.misread.rotor + 1).text)
+        first.append((ActionKind.CHECK_ESC, actions.check_esc(advice.misread.rotor + 1).text))
     elif FlightLevel.NO_THRUST in advice.levels and (rotor := _spent_alone(advice)):
-        first.append(actions.not_before_looked_at((rotor,)).text)
+        look = actions.not_before_looked_at((rotor,)).text
+        first.append((ActionKind.LOOK_AT_ROTORS, look))
     if FlightLevel.BATTERY in advice.levels:
-        first.append(actions.TEST_BATTERY.text)
+        first.append((ActionKind.TEST_BATTERY, actions.TEST_BATTERY.text))
     # No fill is advised before landing.
     if land or advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
-        return "; ".join(first)
+        return first
     if FlightLevel.DAMAGED not in advice.levels and not advice.rotor_names:
-        first.append(actions.WHICH_MOTOR.text)
+        first.append((ActionKind.FIND_MOTORS, actions.WHICH_MOTOR.text))
     within = FlightLevel.UNDER in advice.levels
     load = fill_advice(advice.fill, advice.limit, was_within=within)
     load = load[:1].lower() + load[1:]
     if advice.fill.beyond_gauge_kg > 0.0:
         more = number(advice.fill.beyond_gauge_kg, "kg")
         words = "{action}: thrust shows {more} more than was reported"
-        first.append(say(words, action=actions.CHECK_LOAD.text, more=more))
+        asked = say(words, action=actions.CHECK_LOAD.text, more=more)
+        first.append((ActionKind.CHECK_LOAD, asked))
     if FlightLevel.DAMAGED in advice.levels:
-        return "; ".join([*first, load])
+        return [*first, (_fill_kind(advice), load)]
+    then: list[tuple[ActionKind, str]] = []
     # If the fill cannot be reduced, only gentle flying helps.
     hard = {FlightLevel.OVER, FlightLevel.NEAR} if advice.fill.nothing_fits is not None else set()
     if not _spent_alone(advice):
         hard.add(FlightLevel.NO_THRUST)
     if not hard.isdisjoint(advice.levels):
-        load = f"{load}; {actions.FLY_GENTLY.text}"
+        then.append((ActionKind.FLY_GENTLY, actions.FLY_GENTLY.text))
     if advice.fill.nothing_fits == "tank" and advice.fill.start_kg > 0.0 and not within:
         carried = number(advice.fill.start_kg, "kg")
-        load = f"{load}; {say('carry less than the {kg} of this flight', kg=carried)}"
+        less = say("carry less than the {kg} of this flight", kg=carried)
+        then.append((ActionKind.CARRY_LESS, less))
     if not first:
+        kind = ActionKind.NOTHING if advice.complete else ActionKind.RECORD_WHOLE
         done = say("nothing" if advice.complete else "record the whole flight next time")
-        done = say("see how the flight ended") if advice.ends_in_flight else done
+        if advice.ends_in_flight:
+            kind, done = ActionKind.SEE_END, say("see how the flight ended")
         if advice.fill.kg <= 0.0 and advice.fill.nothing_fits is None:
             # It did fly below the limit with a load, so the wind that contradicts it is checked.
-            done = actions.CHECK_WIND.text
-        return f"{done}; {load}" if within else load
+            kind, done = ActionKind.CHECK_WIND, actions.CHECK_WIND.text
+        return [*([(kind, done)] if within else []), (_fill_kind(advice), load), *then]
     later = advice.fill.beyond_gauge_kg > 0.0
-    then = say("until then {load}" if later else "for the load: {load}", load=load)
-    return "; ".join([*first, then])
+    load = say("until then {load}" if later else "for the load: {load}", load=load)
+    return [*first, (_fill_kind(advice), load), *then]
+
+
+def _fill_kind(advice: Advice) -> ActionKind:
+    """Return which kind of step `fill_advice` words."""
+    fill = advice.fill
+    if fill.reason == "unsound" or not math.isfinite(fill.kg):
+        return ActionKind.NO_FILL
+    empty = fill.nothing_fits is not None or fill.kg <= 0.0
+    return ActionKind.DO_NOT_FILL if empty else ActionKind.FILL
 
 
 def _bad_rotors(advice: Advice) -> actions.RotorAnswer:

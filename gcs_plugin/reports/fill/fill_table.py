@@ -11,7 +11,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import report_words as words
-from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, how_sure
+from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, how_sure, safe_kg
 from thrustmargin.gcs_plugin.wording.language import number, say
 from thrustmargin.models.model.fill_limits import Fills, NextFill, before_take_off, largest_fills
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -153,15 +153,16 @@ def conditions(table: FillTable) -> list[str]:
 def json_text(table: FillTable) -> str:
     """The table as JSON; kg, and null where a fill is not known."""
     fill = table.fill
+    bad = fill.reason == "unsound"
     shape = (len(table.voltages), len(table.altitudes), len(table.temperatures_c))
     made = {
-        "schema": "thrustmargin.fill/1",
+        "schema": "thrustmargin.fill/2",
         "airframe": table.model.airframe.name,
         "model": table.model.description,
         "advice": table.advice,
         "recommended": {
-            "fill_kg": fill.kg,
-            "limit_kg": fill.limit_kg,
+            "fill_kg": safe_kg(fill),
+            "fill_limit_kg": fill.limit_kg,
             "interval90_kg": [fill.low_kg, fill.high_kg],
             "reason": fill.reason,
             "temperature_c": table.day.temperature_c,
@@ -175,11 +176,10 @@ def json_text(table: FillTable) -> str:
             "voltage": table.voltages,
             "altitude_m": table.altitudes,
             "temperature_c": table.temperatures_c,
-            "fill_kg": np.where(
-                table.fill.reason == "unsound", np.nan, np.maximum(table.around.sure, 0.0)
-            )
-            .reshape(shape)
-            .tolist(),
+            "fill_kg": [
+                [[math.nan if bad else safe_kg(NextFill(kg=kg)) for kg in row] for row in state]
+                for state in table.around.sure.reshape(shape).tolist()
+            ],
         },
         "conditions": conditions(table),
         "software": software_version(),

@@ -25,10 +25,11 @@ def test_the_fill_of_a_hot_day_is_printed_with_its_reason_conditions_and_table(t
     assert "For 35 °C, 400 m above the sea, battery at 51.8 V." in text
     assert "Guessed in the airframe file: ceiling_voltage" in text
     made = json.loads(numbers.read_text())
-    assert made["schema"] == "thrustmargin.fill/1"
-    assert made["recommended"]["limit_kg"] == pytest.approx(12.68, abs=0.01)
+    assert made["schema"] == "thrustmargin.fill/2"
+    assert made["recommended"]["fill_limit_kg"] == pytest.approx(12.68, abs=0.01)
     # The ceiling is guessed: 10 % of thrust, and 1.645 times that is kept back
-    assert made["recommended"]["fill_kg"] == pytest.approx(33.78 * 0.848 - 21.1, abs=0.4)
+    assert made["recommended"]["fill_kg"] == 7.5  # as its sentence says
+    assert pytest.approx(33.78 * 0.848 - 21.1, abs=0.4) == 7.5
     table = made["table"]["fill_kg"]
     assert len(table) == 3
     assert all(a >= b for row in table[1] for a, b in itertools.pairwise(row))
