@@ -33,7 +33,7 @@ _NOTHING_FITS: Mapping[Reason, str] = {
     "take-off mass": "empty it has the maker's maximum take-off mass already",
 }
 UNKNOWN_FILL = "No fill can be recommended: mass and rotors of the aircraft are not known"
-UNSOUND = "No fill can be recommended: a rotor or motor is bad, and the limits are of sound ones"
+UNSOUND = "No fill before the bad rotor or motor is repaired"
 UNPREDICTED = "No fill can be recommended: the model predicts nothing in these conditions"
 
 

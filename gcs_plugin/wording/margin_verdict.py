@@ -192,6 +192,24 @@ def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
     return (Fact("log", "; ".join(words)),) if words else ()
 
 
+def worst_words(moment: Moment) -> str:
+    """Return where the worst moment is and how sure its use: `Worst: rotor 1, front right, at 2:58,
+    66 % in use (61 to 71), measured`."""
+    place, use = place_words(moment.rotor_name), language.percent(moment.capacity_use)
+    if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
+        use = language.percent_within(
+            moment.capacity_use, moment.capacity_use_low, moment.capacity_use_high
+        )
+    rotor = say("rotor {rotor}", rotor=moment.rotor) + (f", {place}" if place else "")
+    return say(
+        "Worst: {rotor}, at {clock}: {use} in use, {basis}",
+        rotor=rotor,
+        clock=language.clock(moment.time_s),
+        use=use,
+        basis=say(moment.basis),
+    )
+
+
 def moment_words(moment: Moment) -> str:
     """Which, when and in what movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
     known = {"rotor": moment.rotor, "clock": language.clock(moment.time_s)}

@@ -279,6 +279,11 @@ def contact_facts(contact: FirstContact) -> tuple[Fact, ...]:
 
 #: Labels of commands to copy: one with capitals to replace, and one that asks questions.
 TO_COPY = ("to copy", "or be asked")
+#: Facts that stand open under the card: what limits its answer, and what was found at fault.
+CONDITIONS = (
+    *("alarm", "after the repair", "why", "what helps", "model", "ESC", "weak rotors", "thrust"),
+    *("rotor speeds", "battery voltage", "beyond the ceiling", "log", "load", *TO_COPY),
+)
 
 
 def _use_words(contact: FirstContact) -> str:

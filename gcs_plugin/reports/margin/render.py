@@ -7,20 +7,23 @@ from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+import numpy as np
 from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
-from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
-from thrustmargin.gcs_plugin.reports.margin.figures import figures
+from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, FlightReport, Report
+from thrustmargin.gcs_plugin.reports.margin.figures import airborne, figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure
 from thrustmargin.gcs_plugin.wording import alarm_words as faults
+from thrustmargin.gcs_plugin.wording import palette
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fill_words import amount
-from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
-from thrustmargin.gcs_plugin.wording.report_words import TO_COPY
+from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words, worst_words
+from thrustmargin.gcs_plugin.wording.report_words import CONDITIONS, TO_COPY
+from thrustmargin.models.model.analysis import worst_rotor
 from thrustmargin.models.whole_file import whole_file
 
 
@@ -117,6 +120,43 @@ def _drawn(report: Report) -> dict[str, Figure]:
     }
 
 
+BINS = 120  # of the strip
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """A flight as a strip of colours: (share of its length in %, CSS colour) in order, and where
+    the worst moment is, in %."""
+
+    parts: tuple[tuple[float, str], ...]
+    worst_at: float | None
+
+
+def strip_of(flight: FlightReport) -> Strip | None:
+    """Return the strip of a flight's thrust in use, in the colours of the replay; None where it is
+    not known.
+
+    Each of BINS parts has the colour of its largest use; neighbours of one colour are joined.
+    """
+    rows = airborne(flight.rows)
+    time_s, use = rows["time_s"], worst_rotor(rows["known_utilisation"])[0]
+    if not np.isfinite(use).any():
+        return None
+    whole_s = max(float(time_s[-1] - time_s[0]), 1e-9)
+    place = np.minimum((BINS * (time_s - time_s[0]) / whole_s).astype(int), BINS - 1)
+    most = np.full(BINS, -np.inf)
+    np.maximum.at(most, place, np.nan_to_num(use, nan=-np.inf))
+    scale = palette.moved(palette.LOAD, flight.verdict.limit)
+    colours = [palette.css(c) for c in scale.screen(np.where(most > -np.inf, most, np.nan))]
+    parts: list[tuple[float, str]] = []
+    for colour in colours:
+        share = 100.0 / BINS + (parts.pop()[0] if parts and parts[-1][1] == colour else 0.0)
+        parts.append((share, colour))
+    worst = flight.verdict.worst
+    at = None if worst is None else 100.0 * (worst.time_s - float(time_s[0])) / whole_s
+    return Strip(tuple(parts), None if at is None else min(max(at, 0.0), 100.0))
+
+
 def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) -> str:
     context = {
         "report": report,
@@ -125,6 +165,9 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
         "figures": drawn,
         "files": {"json": written.json.name, "csv": written.csv.name} if written else None,
         "to_copy": TO_COPY,
+        "conditions": CONDITIONS,
+        "strip_of": strip_of,
+        "worst_words": worst_words,
         "spins": faults.SPINS,
         "held": faults.HELD,
         "descended": faults.DESCENDED,

@@ -53,7 +53,7 @@ def text_of(node: HtmlElement) -> str:
 def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) -> bytes:
     """The page `html` as PDF; `figures` are drawn where the page has their places.
 
-    `brief` leaves out what is of class "detail", and lets one flight follow another on a page.
+    `brief` leaves out what is of class "more", and lets one flight follow another on a page.
     """
     paper = _Paper(figures, brief)
     paper.block(document_fromstring(_printable(html, paper.pdf)))
@@ -88,7 +88,7 @@ class _Paper:
     def block(self, node: HtmlElement) -> None:
         """Lay out one element and what is in it."""
         classes = node.classes
-        hidden = {"aside", "bar", *(("detail",) if self._brief else ())}
+        hidden = {"aside", "bar", "strip", *(("more",) if self._brief else ())}
         if node.tag in SILENT or hidden & set(classes):
             return
         if node.tag == "section" and "flight" in classes:
@@ -106,6 +106,7 @@ class _Paper:
                 self._words(f"• {text_of(item)}", 8) for item in node.iterdescendants("li")
             ],
             "summary": lambda: None,
+            "dl": lambda: self._named(node),
             "table": lambda: self._table(node),
             "figure": lambda: self._figure(node),
             "footer": lambda: self._words(text_of(node), 6.5),
@@ -128,6 +129,12 @@ class _Paper:
         self.pdf.multi_cell(
             self.pdf.epw, 0.46 * size, text, fill=fill, align="L", new_x="LMARGIN", new_y="NEXT"
         )
+
+    def _named(self, node: HtmlElement) -> None:
+        """Lay out a list of names and texts, a line each."""
+        for name, text in zip(node.iterdescendants("dt"), node.iterdescendants("dd"), strict=True):
+            self._words(f"{text_of(name)}: {text_of(text)}", 8)
+        self.pdf.ln(1.0)
 
     def _heading(self, text: str, size: float) -> None:
         # Never alone at the foot of a page.

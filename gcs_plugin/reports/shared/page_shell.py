@@ -16,6 +16,7 @@ import gzip
 import hashlib
 import io
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
@@ -24,7 +25,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from thrustmargin.gcs_plugin.wording import language as words
 from thrustmargin.gcs_plugin.wording.language import say, sentence, spoken
@@ -73,6 +74,7 @@ def _template(package: str, _language: str) -> jinja2.Template:
         lstrip_blocks=True,
     )
     environment.filters["unbroken"] = words.unbroken
+    environment.filters["with_heads"] = with_heads
     environment.filters["sentence"] = sentence
     environment.filters["spoken"] = environment.globals["say"] = say
     environment.globals["language"] = spoken
@@ -82,6 +84,22 @@ def _template(package: str, _language: str) -> jinja2.Template:
         if getattr(function, "__module__", "") == words.__name__ and not name.startswith("_")
     }
     return environment.get_template("page.html")
+
+
+def with_heads(rows: Markup, heads: Sequence[str]) -> Markup:
+    """Return rows of a table whose cells carry the heading of their column as `data-head`.
+
+    On a phone a row becomes a card, and each cell shows its heading. `heads` are those of the
+    macro `table`.
+    """
+    spoken_heads = [escape(say(head.removeprefix("words:"))) for head in heads]
+
+    def row(found: re.Match[str]) -> str:
+        """Return one row with its headings."""
+        of = iter(spoken_heads)
+        return re.sub(r"<td\b", lambda _: f'<td data-head="{next(of, "")}"', found[0])
+
+    return Markup(re.sub(r"<tr\b.*?</tr>", row, str(rows), flags=re.DOTALL))
 
 
 def packed(text: str) -> Markup:

@@ -181,7 +181,7 @@ def test_what_to_do_follows_the_same_order():
     said = action(with_fault(FlightLevel.CRITICAL, fill=unsound_fill(FILL)))
     assert said == (
         "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
-        "no fill can be recommended: a rotor or motor is bad, and the limits are of sound ones"
+        "no fill before the bad rotor or motor is repaired"
     )
     # While it flies it is to land, and the fill waits; without a damage nobody is asked to land.
     flying = action(with_fault(FlightLevel.CRITICAL, in_progress=True))

@@ -116,7 +116,7 @@ def test_once_a_rotor_is_found_bad_no_screen_says_what_one_more_lost_would_mean(
     shown = aircraft_figures(ShownRow(last.analysis, -1), 0.0)
     assert (shown["lost"]["code"], shown["lost"]["ratio"]) == ("bad_part", None)
     assert FillAdvice(0.5).text(last.analysis) == (
-        "No fill can be recommended: a rotor or motor is bad, and the limits are of sound ones."
+        "No fill before the bad rotor or motor is repaired."
     )
 
 

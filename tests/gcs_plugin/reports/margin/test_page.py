@@ -15,6 +15,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pypdf
 import pytest
+from markupsafe import Markup
 
 from tests.gcs_plugin.reports.margin.report_flight import HOSTILE, flight, log, without
 from tests.made_sources import sent
@@ -27,14 +28,15 @@ from thrustmargin.gcs_plugin.reports.margin.render import (
     html_text,
     json_text,
     pdf_bytes,
+    strip_of,
     write_report,
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-from thrustmargin.gcs_plugin.reports.shared.page_shell import packed
+from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, with_heads
 from thrustmargin.gcs_plugin.reports.shared.plot_style import keep_extremes, keep_worst, single
 from thrustmargin.gcs_plugin.reports.shared.route_map import plotly_scale
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, estimate
-from thrustmargin.gcs_plugin.wording.palette import LOAD, moved
+from thrustmargin.gcs_plugin.wording.palette import LOAD, css, moved
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
@@ -118,9 +120,9 @@ def test_page_json_and_csv_say_the_same_numbers(report, page):
     in_csv = float(row[f"utilisation_{worst['rotor']} [1]"])
     assert in_csv == pytest.approx(worst["capacity_use"], abs=1e-5)
     text = plain(page.text)
-    # One quantity in the first lines: thrust left, and not what is in use beside it.
-    assert f"{100 - worst['capacity_use'] * 100:.0f} %thrust left" in text.replace("% th", "%th")
-    assert f"{worst['margin'] * 100:.0f} %thrust left" in text.replace("% thrust", "%thrust")
+    # One quantity on the page: thrust in use, and not what is left beside it.
+    assert f"{worst['capacity_use'] * 100:.0f} %thrust in use" in text.replace("% th", "%th")
+    assert "thrust left" not in text
     rmse = one["accuracy"]["overall"]["rmse_rpm"]
     assert estimate(Estimate(**rmse), "", 1) in text
     assert f"{one['redundancy']['yaw_free_min']:.2f} × weight" in text
@@ -196,9 +198,40 @@ def test_an_alarm_of_the_flight_and_what_to_do_both_stand_under_the_verdict(repo
     changed = replace(one, verdict=replace(one.verdict, facts=facts))
     page = page_of(replace(report, flights=(changed,)), tmp_path)
     (do,) = (fact.text for fact in facts if fact.label == "what to do")
-    for said in ("Rotor 1 makes 8% less thrust.", f"{do[0].upper()}{do[1:]}."):
+    for said in ("rotor 1 makes 8% less thrust", f"{do[0].upper()}{do[1:]}."):
         assert plain(page.text).count(said) == 1
-    assert [a for _, a in page.elements].count({"class": "do"}) == 2
+    assert [a for _, a in page.elements].count({"class": "do"}) == 1
+    assert "conditions" in [a.get("class") for _, a in page.elements]
+
+
+def test_the_strip_has_the_colours_of_the_replay_and_the_worst_moment(report):
+    one = report.flights[0]
+    strip = strip_of(one)
+    assert strip is not None
+    assert sum(share for share, _ in strip.parts) == pytest.approx(100.0)
+    use = np.array([0.3, 0.3, 0.8, np.nan])
+    rows = {
+        "time_s": np.array([0.0, 50.0, 75.0, 100.0]),
+        "flying": np.ones(4),
+        "known_utilisation": use[:, None],
+    }
+    worst = replace(one.verdict.worst, time_s=75.0)
+    made = strip_of(replace(one, rows=rows, verdict=replace(one.verdict, worst=worst, limit=0.5)))
+    assert made is not None
+    assert made.worst_at == 75.0
+    colours = [colour for _, colour in made.parts]
+    low, high, none = (css(LOAD.screen(value)) for value in (0.3, 0.8, np.nan))
+    # 120 parts: the first, the one of 50 s, the one of 75 s; between them and at the end no data.
+    assert colours == [low, none, low, none, high, none]
+
+
+def test_a_cell_carries_its_heading_for_a_phone():
+    rows = Markup("<tr><td>1</td><td class='x'>&lt;td&gt;</td></tr>\n<tr><td>3</td></tr>")
+    made = with_heads(rows, ["rotor", "words:what <b>"])
+    assert made == (
+        '<tr><td data-head="rotor">1</td><td data-head="what &lt;b&gt;" class=\'x\'>&lt;td&gt;</td>'
+        '</tr>\n<tr><td data-head="rotor">3</td></tr>'
+    )
 
 
 def test_the_maps_have_outline_take_off_scale_and_wind(report):

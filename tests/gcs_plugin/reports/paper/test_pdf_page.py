@@ -32,8 +32,8 @@ def pdf(report: Report) -> PdfReader:
     return read(report)
 
 
-def test_a_flight_takes_three_or_four_pages_of_a4(pdf):
-    assert 3 <= len(pdf.pages) <= 4
+def test_a_flight_takes_three_to_five_pages_of_a4(pdf):
+    assert 3 <= len(pdf.pages) <= 5
     for page in pdf.pages:
         assert [round(float(side)) for side in page.mediabox[2:]] == [595, 842]
 
@@ -70,7 +70,7 @@ def test_of_several_flights_paper_has_what_was_decided_and_one_figure_each():
     pages = read(five).pages
     assert len(pages) <= 6  # the table of all, and five flights
     said = words(" ".join(page.extract_text() for page in pages))
-    assert said.count(words("Thrust in use over time, worst rotor and mean")) == 5
+    assert said.count(words("Thrust in use over time")) == 5
     assert said.count(words("Nothing; up to")) == 5
     assert said.count("tankwhilespraying") == 5
     assert words("Where each channel came from") not in said
@@ -80,6 +80,7 @@ def test_text_of_a_log_stays_text(report):
     evil = Fact("airframe", "<b>bold</b> <script>alert(1)</script> $x^2$ \u202e %d {}")
     one = report.flights[0]
     changed = replace(one, name="<i>a", verdict=replace(one.verdict, facts=(evil,)))
-    text = words(read(replace(report, flights=(changed,))).pages[0].extract_text())
+    pages = read(replace(report, flights=(changed,))).pages
+    text = words(" ".join(page.extract_text() for page in pages))
     assert words("<b>bold</b> <script>alert(1)</script> $x^2$") in text
     assert words("<i>a") in text
