@@ -66,6 +66,7 @@ def shown(browser: Browser, report: Report, folder: Path, width: int = 1280) -> 
 
 def draw_all(page: Page) -> None:
     """Scroll through the page as a reader does, so that every plot comes into view."""
+    page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true; })")
     boxes = page.locator("[data-figure]")
     for k in range(boxes.count()):
         boxes.nth(k).scroll_into_view_if_needed()
@@ -84,6 +85,33 @@ def test_the_verdict_is_above_the_fold_and_large(page):
     assert box is not None
     assert box["y"] + box["height"] < 900
     assert page.evaluate(LARGEST) > 100
+
+
+WORDS = "e => e.innerText.split(/\\s+/).filter(Boolean).length"
+
+
+@pytest.mark.parametrize("width", [390, 820, 1366])
+def test_a_card_and_three_figures_come_first_and_nothing_is_cut_off(browser, tmp_path, width):
+    """By hand: a card of 60 words, 250 words before the details, four screens of a phone."""
+    with shown(browser, build_report([flight()]), tmp_path, width) as page:
+        page.locator(".main-svg").first.wait_for()
+        assert page.locator(".flight .verdict").evaluate(WORDS) <= 60
+        plots = page.locator(".plot").evaluate_all(
+            f"all => all.map({WORDS}).reduce((a, b) => a + b)"
+        )
+        assert page.locator("main").evaluate(WORDS) - plots <= 250
+        wide = "document.documentElement.scrollWidth"
+        assert page.evaluate(wide) <= width
+        visible = (
+            "[...document.querySelectorAll('[data-figure]')].filter(e => e.offsetHeight).length"
+        )
+        assert page.evaluate(visible) == 3
+        assert page.evaluate("document.documentElement.scrollHeight") <= 4 * 900
+        page.locator("details.more > summary").click()
+        assert page.evaluate(wide) <= width
+        cut = "e => e.filter(one => one.scrollWidth > one.clientWidth + 1).length"
+        if width == 390:
+            assert page.locator(".scroll").evaluate_all(cut) == 0
 
 
 def test_every_plot_is_drawn_when_it_comes_into_view(page, tmp_path):
@@ -117,7 +145,7 @@ def test_the_buttons_switch_the_map_between_yaw_uncontrolled_and_controlled(page
 
 def test_printing_draws_every_plot_on_the_paper(page, tmp_path):
     paper = page.pdf(path=tmp_path / "report.pdf", prefer_css_page_size=True)
-    assert len(re.findall(rb"/Type\s*/Page\b", paper)) <= 4
+    assert len(re.findall(rb"/Type\s*/Page\b", paper)) <= 5
     assert (tmp_path / "report.pdf").stat().st_size > 50_000
     assert min(page.evaluate(DRAWN)) > 0
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
