@@ -43,6 +43,7 @@ MODULES = (
     *("forecast_words", "plan_words", "../office/season/fleet_words"),
     *("effect_amounts", "effect_sentences"),
     *("../workshop/identify/identify_words", "../workshop/identify/asked_words"),
+    "../workshop/learn/training_tables",
 )
 #: Pages that a pilot reads. That of `identify` is for engineers, and English.
 PAGES = (
@@ -59,6 +60,7 @@ NOT_SPOKEN = {
     *("in the air in this log", "in this log"),  # ends of sentences that are translated whole
     *("the start", "Home is taken where the first line starts; give --home for another."),
     "; the load that you state is taken for each of them",
+    "RMSE rpm",
     *(" of rotor ", " of {rotor}"),  # what is read, and behind the name of an effect without words
 }
 
