@@ -81,7 +81,8 @@ class LoadEvidence:
 
     @property
     def whole(self) -> dict[tuple[int, int], Floats]:
-        """Return the accepted sums together with those of the newest rows."""
+        """Return the accepted sums plus those of the newest rows: (leg, span) -> (6,), as in
+        `sums`."""
         return _add_sums(self.sums, self.newest)
 
     def before(self, span: int) -> LoadEvidence:
