@@ -61,7 +61,7 @@ NOT_SPOKEN = {
     *("the start", "Home is taken where the first line starts; give --home for another."),
     "; the load that you state is taken for each of them",
     "RMSE rpm",
-    *(" of rotor ", " of {rotor}"),  # what is read, and behind the name of an effect without words
+    " of {rotor}",  # behind the name of an effect without words
 }
 
 
