@@ -36,7 +36,7 @@ IDLE_SHARE = 0.5
 #: Output, or share of the thrust in cruise, at or below which motors idle: autopilots spin armed
 #: motors at up to a tenth, and the least output in hover that they accept is an eighth.
 IDLE_OUTPUT = 0.1
-#: s at idle after which an aircraft stands
+#: s at idle after which an aircraft is on the ground
 IDLE_S = 3.0
 #: s between two reports of the landed state
 HEARD_S = 3.0
@@ -116,7 +116,7 @@ def _airborne(
     if driven.any() and idle.sum() == driven.sum():
         return _grounded(clock_s, FlyingBy.IDLE_OUTPUTS)
     turning = on & (squares > 0.0)
-    if turning.any():  # whatever the landed state says: with a tenth of its thrust it falls
+    if turning.any():  # even against the landed state: with a tenth of its thrust it falls
         idle |= turning & (squares <= IDLE_OUTPUT * np.percentile(squares[turning], 75))
     on = on & ~_idle_throughout(on & ~idle, clock_s)
     landed = best(signals, "landed")
@@ -124,7 +124,7 @@ def _airborne(
         state = last_before(landed, clock_s)
         known = known_rows(landed.values)
         first, first_s = landed.values[known][:2], landed.time_s[known][:1]
-        # Just before its first report it was as that says, where a report is no event of a change.
+        # The state just before the first report equals it, unless reports are sent only on changes.
         if first.size == 2 and first[0] == first[1]:
             close = ~np.isfinite(state) & (first_s - clock_s <= HEARD_S)
             state = np.where(close, first[0], state)
@@ -234,7 +234,7 @@ class GroundContact:
     """The state of the last time on the ground, for the next batch of rows."""
 
     on_ground: bool = False  # the vehicle has been heard on the ground
-    height: float = NAN  # m, of the ground: the first height since it said that it flies
+    height: float = NAN  # m, of the ground: the first height after it reported to fly
     clear: bool = False  # it has been CLEAR above that
 
 

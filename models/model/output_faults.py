@@ -162,9 +162,11 @@ class OutputWitness:
     def assessed(
         self, faults: Iterable[RotorFault], known: Collection[RotorFault] = ()
     ) -> tuple[RotorFault, ...]:
-        """Return the faults without those of an ESC, each with what outputs say of its rotor.
+        """Return the faults with the motor outputs' evidence, without those that are an ESC's
+        misreading.
 
-        Those that are `known` before the flight stand as they are.
+        Faults in `known`, which the model had before the flight, and other kinds than "propeller"
+        are returned unchanged.
         """
         found = tuple(faults)
         asked = [f for f in found if f.kind == "propeller" and not f.rotors and f not in known]
@@ -180,10 +182,11 @@ class OutputWitness:
     def _assessed(
         self, fault: RotorFault, rows: Floats, whole: Deviations | None
     ) -> RotorFault | None:
-        """Assess a fault by the flight so far if it shows most of it, and it stood from the start.
+        """Return one fault with the evidence of the outputs; None if only its ESC misreads.
 
-        Else by the last LOOK_S if they show most of it, else by the rows since it was found. None
-        for an ESC's; without outputs it is not witnessed.
+        The rows compared are the whole flight if the fault was present from the start and the
+        flight shows most of it, else the last LOOK_S if they do, else the rows since it was found.
+        Without outputs the fault is returned as not `witnessed`.
         """
         if whole is None:
             return replace(fault, witnessed=False)
@@ -221,10 +224,10 @@ class OutputWitness:
 def undecided(
     faults: Iterable[RotorFault], open_pairs: Collection[tuple[int, int]]
 ) -> tuple[RotorFault, ...]:
-    """Return the faults, each of one of all rotors whose speeds may be swapped with its own.
+    """Return the faults, each extended to the rotors whose speeds may be swapped with its own.
 
-    `open_pairs` of rotors, from 0, are those that the flight's manoeuvres do not tell apart.
-    Outputs that rise with a speed tell it, whatever the manoeuvres.
+    `open_pairs` of rotors (0-based) are those that the flight's manoeuvres cannot distinguish. A
+    fault whose outputs rose with its speed is unchanged, because outputs do distinguish them.
     """
     found = []
     for fault in faults:
@@ -237,11 +240,12 @@ def undecided(
 
 
 def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed | None:
-    """Return the rotor whose ESC reads too high or low, by rows (N, 7 + 3 R) of `fault_signals`.
+    """Return the rotor whose ESC reads too high or too low, from rows (N, 7 + 3 R) of
+    `fault_signals`.
 
-    None where two or more look so: a load off the middle or the order of motors moves several.
-    Without outputs only one that reads low is found, for one that reads high is a fault already,
-    and only if good flights have `taught` the model how the rotors share the thrust.
+    None if two or more seem to: an off-centre load or a wrong motor order changes several. Without
+    outputs only a speed that reads low is found, because one that reads high counts as a fault;
+    this needs a model that was `taught` by good flights how the rotors share the thrust.
     """
     shown = Deviations.of(signals, rotors)
     if shown is None:

@@ -296,7 +296,7 @@ def accept_newest(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
     if not shown.newest or (rows[0] < LEAST_BLOCK and not shown.parted):
         return replace(shown, sums=_add_sums(shown.sums, shown.newest), newest={})
     if rows[0] < LEAST_BLOCK:
-        return shown  # too few to tell
+        return shown  # too few rows to compare
     leg, span = max(shown.newest)
     before = shown.parted if all(key[0] == leg for key in shown.parted) else {}
     fit = load_fit(shown.before(span), airframe)
