@@ -140,6 +140,25 @@ def test_no_sentence_of_an_alarm_or_advice_lacks_its_translation(language: str):
     assert len(asked_by_pages()) > 100
 
 
+def literals() -> set[str]:
+    """Texts that any module of the program hands to `say` where it is called."""
+    found: set[str] = set()
+    for file in WORDING.parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "say" and node.args:
+                first = node.args[0]
+                either = [first.body, first.orelse] if isinstance(first, ast.IfExp) else [first]
+                texts = (one.value for one in either if isinstance(one, ast.Constant))
+                found |= {text for text in texts if isinstance(text, str) and text}
+    return found
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_no_text_that_a_module_says_lacks_its_translation(language: str):
+    assert literals() - set(translations(language)) == set()
+    assert len(literals()) > 250
+
+
 @pytest.fixture(params=OTHERS)
 def language(request, monkeypatch) -> str:
     monkeypatch.setenv(VARIABLE, request.param)
