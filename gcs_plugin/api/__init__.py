@@ -1,4 +1,4 @@
-"""How much thrust a spraying multirotor has left, and why.
+"""Compute how much thrust a spraying multirotor has left, and why: the functions for programs.
 
     import thrustmargin as tm
 

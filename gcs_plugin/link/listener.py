@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import FrameCounts, FrameSplitter
 
-#: s that a thread waits for bytes before it looks whether it should stop.
+#: s that a thread waits for bytes before it checks whether it should stop.
 WAIT = 0.2
 #: Senders of datagrams whose unfinished frames are remembered, a link.
 SENDERS = 256

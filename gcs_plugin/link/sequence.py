@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from enum import Enum
 
-#: A frame so many numbers behind the last was overtaken on the way; further behind is a restart.
+#: Sequence numbers behind the last one, up to which a frame is late; further behind is a restart.
 LATE = 32
-#: The same bytes under the same number within so many frames of a sender are one frame, doubled.
+#: Frames of a sender within which equal bytes with an equal number are a copy of one frame.
 TWICE_WITHIN = 128
-#: Two senders take turns: so many returns to an unbroken count within so many frames.
+#: Returns to an unbroken count, within a number of frames, that show two alternating senders.
 RETURNS, RETURNS_WITHIN = 12, 128
-#: A thinned link breaks every count, so the clocks since boot count too. Two of one message belong
-#: together within so many s, link delays included; so many messages make one that is believed.
+#: A link that drops messages breaks every count, so boot clocks are compared too: boot times that
+#: differ by less than SAME_CLOCK s, link delays included, are equal; CLOCKED messages confirm one.
 SAME_CLOCK, CLOCKED = 2.0, 3
-#: A clock left for good is a restart, one come back to is another vehicle's: so often within s.
+#: A clock that never returns is a restart; one that returns so often within s is another vehicle.
 CLOCK_RETURNS, CLOCK_RETURNS_WITHIN = 2, 60.0
-#: Messages on end that each change the clock: two vehicles of one rate, and not a late message.
+#: Consecutive messages that each change the clock: two vehicles at one rate, not a late message.
 TURNS = 8
 
 
@@ -47,7 +47,7 @@ class BootClocks:
             self._run, self._turns = self._run + 1, 0
         else:
             self._left, self._run, self._turns = self._run, 1, self._turns + 1
-        # One message alone from the other clock is only late.
+        # A single message with the other clock is only late.
         back = (self._run == 2 and self._left > 1) or self._turns >= TURNS
         if back and min(count, self._lines[-1][1]) > CLOCKED:
             self._returns.append(stamp_s)

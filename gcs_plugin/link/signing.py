@@ -149,7 +149,7 @@ class SigningFilter:
         if last is not None and stamp <= last:
             return "replayed"
         if last is None:
-            # Once one was let in the vehicles say what time it is: the computer's may be set.
+            # After the first accepted stream the vehicles give the time: ours may be wrong.
             present = self._latest or (0 if self._clock is None else self._clock())
             if stamp + NEW_STREAM_LAG < present:
                 return "stale"

@@ -67,6 +67,12 @@ class Udp(Transport):
         return self._target is not None or bool(self._heard)
 
     def receive(self, timeout: float) -> list[Chunk]:
+        """Return up to AT_ONCE datagrams, waiting up to `timeout` s for the first one; empty if
+        none arrives.
+
+        With a target, only datagrams from it are returned; otherwise their senders become peers for
+        `send`.
+        """
         chunks: list[Chunk] = []
         try:
             self._socket.settimeout(timeout)

@@ -164,25 +164,35 @@ def _vehicles(log: FlightLog) -> list[Finding]:
     """Return a warning if the log contains several vehicles, of which one is read."""
     if len(log.vehicles) < 2:
         return []
-    there = ", ".join(map(str, log.vehicles))
-    words = f"{len(log.vehicles)} in the log ({there}), vehicle {log.vehicle} is read: --vehicle"
-    return [Finding("vehicles", Severity.WARNING, f"{words} chooses another")]
+    words = say(
+        "{count} in the log ({vehicles}), vehicle {vehicle} is read: --vehicle chooses another",
+        count=len(log.vehicles),
+        vehicles=", ".join(map(str, log.vehicles)),
+        vehicle=log.vehicle,
+    )
+    return [Finding("vehicles", Severity.WARNING, words)]
 
 
 def _whole(quality: LogQuality) -> Finding:
     if quality.damaged_places == 0:
-        words = f"{quality.frames} messages in {quality.bytes} bytes, none damaged"
+        words = "{messages} messages in {bytes} bytes, none damaged"
+        words = say(words, messages=quality.frames, bytes=quality.bytes)
         return Finding("file", Severity.OK, words)
     share = 100.0 * quality.bytes_skipped / max(quality.bytes, 1)
     worst = max(quality.damage, key=lambda place: place.length)
-    where = f"the longest {worst.length} bytes at byte {worst.byte}"
     tail = quality.damaged_places == 1 and worst.byte + worst.length == quality.bytes
-    words = (
-        f"{quality.bytes_skipped} bytes skipped ({share:.2g} %) in {quality.damaged_places} "
-        f"place(s), {where}; {quality.frames} messages kept"
+    words = say(
+        "{bytes} bytes skipped ({share} %) in {places} place(s), the longest {longest} bytes at "
+        "byte {byte}; {messages} messages kept",
+        bytes=quality.bytes_skipped,
+        share=f"{share:.2g}",
+        places=quality.damaged_places,
+        longest=worst.length,
+        byte=worst.byte,
+        messages=quality.frames,
     )
     if quality.bad_checksum:
-        words += f"; {quality.bad_checksum} with a wrong checksum"
+        words += say("; {count} with a wrong checksum", count=quality.bad_checksum)
     # A log that ends inside its last message was only switched off.
     small = tail and worst.length < 512
     # So much is no torn message: whatever happened in it is missing.
@@ -193,24 +203,30 @@ def _whole(quality: LogQuality) -> Finding:
 def _continuous(log: FlightLog) -> Finding:
     quality = log.quality
     if quality.clock_jumps:
-        words = f"time went backwards {len(quality.clock_jumps)} time(s): the vehicle restarted"
+        words = "time went backwards {count} time(s): the vehicle restarted"
+        words = say(words, count=len(quality.clock_jumps))
         return Finding("time", Severity.WARNING, words)
     if log.silences:
         start, length = max(log.silences, key=lambda gap: gap[1])
         total = sum(length for _, length in log.silences)
-        words = (
-            f"{len(log.silences)} pause(s) over 1 s without any message, {total:.1f} s in all, "
-            f"the longest {length:.1f} s at {start:.1f} s since boot"
+        words = say(
+            "{count} pause(s) over 1 s without any message, {total} s in all, the longest "
+            "{longest} s at {start} s since boot",
+            count=len(log.silences),
+            total=f"{total:.1f}",
+            longest=f"{length:.1f}",
+            start=f"{start:.1f}",
         )
         return Finding("time", Severity.WARNING if total > 5.0 else Severity.OK, words)
-    return Finding("time", Severity.OK, "no pause over 1 s, no restart")
+    return Finding("time", Severity.OK, say("no pause over 1 s, no restart"))
 
 
 def _order(order: MotorOrder) -> Finding:
     words = order.words
     if all(math.isfinite(c) for c in order.correlation):
-        roll, pitch, yaw = order.correlation
-        words += f" (correlation: roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f})"
+        named = zip(("roll", "pitch", "yaw"), order.correlation, strict=True)
+        parts = {name: f"{value:.2f}" for name, value in named}
+        words += say(" (correlation: roll {roll}, pitch {pitch}, yaw {yaw})", **parts)
     return Finding("motor order", _LEVELS.get(order.verdict, Severity.WARNING), words)
 
 
@@ -229,7 +245,8 @@ def _speed_readings(log: FlightLog) -> Finding:
     if log.unmeasured:
         level, words = Severity.WARNING, "; ".join(log.unmeasured)
     elif log.track.reports("rotor_speed_rpm"):
-        level, words = Severity.OK, "no reading is held, lone, or zero while thrust was asked"
+        words = say("no reading is held, lone, or zero while thrust was asked")
+        level = Severity.OK
         if reading_scatter(log.track).notable:
             level, words = Severity.WARNING, ""
         words = "; ".join(filter(None, (words, resolution_words(log.track))))
@@ -237,7 +254,7 @@ def _speed_readings(log: FlightLog) -> Finding:
         if rate < SLOWEST_HZ:
             level, words = Severity.WARNING, say(TOO_SELDOM, seconds=f"{1.0 / rate:.2g}")
     else:
-        level, words = Severity.UNKNOWN, "no readings"
+        level, words = Severity.UNKNOWN, say("no readings")
     return Finding("rotor speed sensors", level, words)
 
 
@@ -247,7 +264,11 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
         return []
     low, high = float(level.min()), float(level.max())
     good = low > -0.2 and high <= 1.05 * airframe.tank_capacity_kg
-    words = f"{low:.2f} to {high:.2f} kg, the tank holds {airframe.tank_capacity_kg:.1f} kg"
+    words = say(
+        "{levels} kg, the tank holds {full} kg",
+        levels=f"{low:.2f} to {high:.2f}",
+        full=f"{airframe.tank_capacity_kg:.1f}",
+    )
     if "tank_kg" in track.standard_errors:
         words += f": {track.source('tank_kg').words}"
     return [Finding("tank", Severity.OK if good else Severity.WARNING, words)]
@@ -259,9 +280,11 @@ def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
     least_l_s = LEAST_FLOW * airframe.pump_max_flow_l_min / 60.0
     if found is None or not found.most_kg < least_l_s * airframe.liquid_density * found.pump_s:
         return []
-    words = (
-        f"the pump ran {found.pump_s:.0f} s, and by thrust at most "
-        f"{max(found.most_kg, 0.0):.1f} kg left the aircraft: look at tank, pump and nozzles"
+    words = say(
+        "the pump ran {seconds} s, and by thrust at most {kg} kg left the aircraft: look at tank, "
+        "pump and nozzles",
+        seconds=f"{found.pump_s:.0f}",
+        kg=f"{max(found.most_kg, 0.0):.1f}",
     )
     return [Finding("pump", Severity.WARNING, words)]
 
@@ -274,24 +297,29 @@ def _sensor(track: FlightTrack) -> Finding:
     known = np.isfinite(track.specific_force_frd).all(axis=1)
     force = track.specific_force_frd[track.flying & known & ~turning]
     if force.size == 0:
-        words = "no accelerometer in steady flight"
+        words = say("no accelerometer in steady flight")
         return Finding("accelerometer", Severity.UNKNOWN, words)
     felt = float(np.linalg.norm(np.mean(force, axis=0)))
     shaking = float(np.linalg.norm(np.std(force, axis=0)))
     level = Severity.OK
-    words = f"{felt:.3g} m/s² on average in steady flight, gravity is {G0:.2f}"
+    words = say(
+        "{felt} m/s² on average in steady flight, gravity is {gravity}",
+        felt=f"{felt:.3g}",
+        gravity=f"{G0:.2f}",
+    )
     if not _STEADY_FORCE[0] <= felt <= _STEADY_FORCE[1]:
         level = Severity.WARNING
         if max(felt / G0, G0 / max(felt, 1e-9)) >= _OTHER_UNIT:
-            words += ": not in the unit it should be"
+            words += say(": not in the unit it should be")
         elif abs(felt - G0) > 3.0 * shaking / math.sqrt(len(force)):
-            words += ": off, in the right unit"
+            words += say(": off, in the right unit")
         else:
             level = Severity.UNKNOWN
-            words += f": too few readings for the way it shakes, {len(force)}"
+            words += say(": too few readings for the way it shakes, {count}", count=len(force))
     if shaking >= _STRONG_SHAKING and level is not Severity.WARNING:
         level = Severity.WARNING if level is Severity.OK else level
-        words += f"; strong vibration, {shaking:.3g} m/s² (standard deviation)"
+        strong = "; strong vibration, {shaking} m/s² (standard deviation)"
+        words += say(strong, shaking=f"{shaking:.3g}")
     return Finding("accelerometer", level, words)
 
 
@@ -303,21 +331,30 @@ def _gyro(track: FlightTrack) -> list[Finding]:
     if not seconds > 0.0:
         return []
     rates = track.angular_rate_frd[np.isfinite(track.angular_rate_frd).all(axis=1)]
-    words = (
-        f"the attitude turns for {seconds:.0f} s in which accelerometer and barometer stand still: "
-        "no attitude of the aircraft"
+    words = say(
+        "the attitude turns for {seconds} s in which accelerometer and barometer stand still: no "
+        "attitude of the aircraft",
+        seconds=f"{seconds:.0f}",
     )
     if len(rates):
-        roll, pitch, yaw = np.median(rates, axis=0)
-        words += f"; gyro {roll:.2f}, {pitch:.2f}, {yaw:.2f} rad/s in the middle: calibrate it"
+        named = zip(("roll", "pitch", "yaw"), np.median(rates, axis=0), strict=True)
+        parts = {name: f"{value:.2f}" for name, value in named}
+        words += say("; gyro {roll}, {pitch}, {yaw} rad/s in the middle: calibrate it", **parts)
     return [Finding("attitude", Severity.WARNING, words)]
 
 
 def instrument_offsets(log: FlightLog) -> list[str]:
     """List sentences on ESCs whose voltage differs from the others' by a constant."""
+    below = (
+        "the ESC of motor {motor} reads {volts} V below the others, loaded or not: an offset of "
+        "its instrument, not of its motor"
+    )
+    above = (
+        "the ESC of motor {motor} reads {volts} V above the others, loaded or not: an offset of "
+        "its instrument, not of its motor"
+    )
     return [
-        f"the ESC of motor {n + 1} reads {abs(off):.1f} V {'below' if off < 0 else 'above'} the "
-        "others, loaded or not: an offset of its instrument, not of its motor"
+        say(below if off < 0 else above, motor=n + 1, volts=f"{abs(off):.1f}")
         for n, off in enumerate(log.esc_voltage_offset_v)
         if math.isfinite(off)
     ]
@@ -327,7 +364,7 @@ def _airspeed(track: FlightTrack) -> list[Finding]:
     source = track.source("airspeed")
     if source.meaning is not Meaning.GROUND_SPEED:
         return []
-    words = f"{source.words}; in wind it is not the speed through the air"
+    words = f"{source.words}; {say('in wind it is not the speed through the air')}"
     return [Finding("airspeed", Severity.WARNING, words)]
 
 
@@ -340,7 +377,7 @@ def _absent(log: FlightLog) -> list[Finding]:
     }
     sources = {report.name: report.source for report in log.channels}
     return [
-        Finding(channel, Severity.WARNING, f"{sources[channel]}: {lost}")
+        Finding(channel, Severity.WARNING, f"{say(sources[channel])}: {say(lost)}")
         for channel, lost in needs.items()
         if not log.track.reports(channel)
     ]

@@ -128,7 +128,7 @@ def _airborne(
         state = last_before(landed, clock_s)
         known = known_rows(landed.values)
         first, first_s = landed.values[known][:2], landed.time_s[known][:1]
-        # Just before its first report it was as that says, where a report is no event of a change.
+        # The state just before the first report equals it, unless reports are sent only on changes.
         if first.size == 2 and first[0] == first[1]:
             close = ~np.isfinite(state) & (first_s - clock_s <= HEARD_S)
             state = np.where(close, first[0], state)
@@ -251,7 +251,7 @@ class GroundContact:
     """The state of the last time on the ground, for the next batch of rows."""
 
     on_ground: bool = False  # the vehicle has been heard on the ground
-    height: float = NAN  # m, of the ground: the first height since it said that it flies
+    height: float = NAN  # m, of the ground: the first height after it reported to fly
     clear: bool = False  # it has been CLEAR above that
 
 

@@ -119,7 +119,7 @@ class LogHeader:
     messages: tuple[tuple[float, str], ...] = ()  # (s, text)
     #: Texts of the same boot from before this sortie: frame and version hold until a restart.
     earlier_texts: tuple[str, ...] = ()
-    events: tuple[VehicleEvent, ...] = ()  # of a recording those that no text says
+    events: tuple[VehicleEvent, ...] = ()  # of a recording: those without a text
     vehicle: int = 1
     vehicles: tuple[int, ...] = (1,)  # system ids in the file; empty for a table, which has none
     autopilot: str = "unknown"  # or "ArduPilot", "PX4"
@@ -161,7 +161,7 @@ class FlightLog(LogHeader):
     other_units: tuple[str, ...] = ()  # of the notes, those on columns left out for their unit
     sortie: int = 1  # its number in the log, of `sorties` in all
     sorties: int = 1
-    unflown: tuple[str, ...] = ()  # what is said of the rest of the log
+    unflown: tuple[str, ...] = ()  # lines about the rest of the log
 
     @property
     def name(self) -> str:

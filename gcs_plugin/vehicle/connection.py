@@ -40,7 +40,7 @@ SECOND_VEHICLE = 1.3
 #: s without any answer after which a transfer is given up; MAVSDK's own retries are shorter.
 SILENCE = 15.0
 HEARTBEATS = 3.0  # s in which the heartbeat of a vehicle that is heard comes, even if one is lost
-POLL = 0.05  # s between two looks at what has come
+POLL = 0.05  # s between two checks for new events
 #: Kind of the listener's URL -> MAVSDK's scheme: its "tcp" connects.
 SCHEMES = {"udpin": "udpin", "udpout": "udpout", "tcp": "tcpout", "tcpin": "tcpin"}
 

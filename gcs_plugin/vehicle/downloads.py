@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 #: s to wait for a home position, which not every vehicle reports.
 HOME_WAIT = 2.0
-#: More items than autopilots hold (ArduPilot 718, on an SD card some thousands), and s for all of
-#: them: a vehicle or a fault that says 65,535 must not hold the link for hours.
+#: Limits of a mission: more items than autopilots store (ArduPilot 718, on an SD card thousands),
+#: and s for all of them, so that a faulty count of 65,535 does not block the link for hours.
 MOST_ITEMS, LONGEST = 10_000, 300.0
 REQUEST_MESSAGE, HOME_POSITION_ID = 512, 242
 
@@ -190,7 +190,7 @@ class VehicleLogs:
         events: Queue[tuple[Any, float]] = Queue()
         try:
             with whole_file(path) as draft:
-                draft.touch()  # says why it cannot be written, which MAVSDK does not
+                draft.touch()  # raises the reason if it cannot be written; MAVSDK reports none
                 draft.unlink()
                 self._files.download_log_file_async(
                     self._found[entry.number],
@@ -237,10 +237,10 @@ def choose_log(entries: tuple[LogEntry, ...], number: int | None, name: str) -> 
     )
 
 
-#: s without a parameter after which the missing ones are asked for by number, and how often.
+#: s without a parameter after which missing ones are requested by number, and how many times.
 _PAUSE = 1.5
 _ROUNDS = 5
-#: How many are asked for in one round: a radio's queue is short.
+#: Parameters requested in one round: a radio's queue is short.
 _AT_ONCE = 50
 _PX4_INTEGERS = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i"}  # MAV_PARAM_TYPE -> struct
 

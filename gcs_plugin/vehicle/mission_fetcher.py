@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from thrustmargin.mission.plan import MissionPlan
 
 
-#: s for which a mission must stay as it is before it is asked for: an upload has many messages
+#: s without a change of the mission before it is requested: an upload has many messages
 SETTLED = 2.0
-#: s until a vehicle that did not answer is asked again, twice as long each time
+#: first and longest delay, s, before an unanswered request is repeated; it doubles each time
 AGAIN, RAREST = 10.0, 300.0
 
 

@@ -1,1 +1,1 @@
-"""How numbers, effects and colours are put before people: one place for every screen."""
+"""Words, numbers, colours and actions for people: one place for every screen and language."""

@@ -173,7 +173,8 @@ def stretch_words(stretch: StretchBeside) -> str:
 def beside_words(
     off: Sequence[Off], stretches: Sequence[StretchBeside], *, left_at: int | None
 ) -> str:
-    """One sentence on what of a forecast did not come: `as forecast`, or what was off."""
+    """Return one sentence about a flight compared with its forecast: `as forecast`, or the
+    differences."""
     left = ""
     if left_at is not None:
         left = say("the plan was left on the way to item {item}", item=left_at)

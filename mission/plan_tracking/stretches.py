@@ -51,7 +51,11 @@ class PlanToFly:
 
     @classmethod
     def of(cls, plan: MissionPlan, parameters: Mapping[str, float], model: RotorModel) -> PlanToFly:
-        """Return the course of a plan; raise PlanError if the plan flies nowhere."""
+        """Return the plan with its course in time, by the vehicle's `parameters`, and the model to
+        simulate it.
+
+        Raise PlanError if the plan flies nowhere.
+        """
         limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
         legs = plan_legs(plan, plan_steps(plan, pump_output(parameters)), limits)
         return cls(course=course(legs, limits), model=model, home=plan.home)

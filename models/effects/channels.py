@@ -317,6 +317,11 @@ class _TrackChannels:
 
     @cached_property
     def load_factor(self) -> Floats:
+        """Return the load factor (T,) of the motion, along thrust; that of the IMU if velocity is
+        unknown.
+
+        With a model of forward flight, drag and lift are included.
+        """
         track, span = self._track, VELOCITY_SPAN * self._quick
         if self._forward_flight is None:
             load = _load_factor(track.time_s, track.velocity_ned, span)

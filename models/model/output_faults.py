@@ -1,24 +1,25 @@
-"""What motor outputs testify of a rotor whose speed is too high: propeller, ESC or another's speed.
+"""Find rotor faults from motor outputs: confirm one found by speeds, or find one without ESC
+telemetry.
 
-A weak propeller needs more speed, and its motor more output for it. Thrust is set by speed, so an
-ESC that reads 4 % high changes the reported speed alone: at an unchanged output it is the ESC. And
-where another rotor's output is raised instead, whose own speed is as it should be, the speeds of
-the two may be swapped: the fault is of one of them.
+A fault found by speeds may be a weak propeller, a misreading ESC, or another rotor's speed. A weak
+propeller needs more speed, and its motor more output for it. An ESC that reads 4 % high changes the
+reported speed alone, at an unchanged output. If instead the output of another rotor is raised,
+whose own speed is normal, the two speeds may be swapped: the fault is of one of them.
 
-All are shares of thrust against the median of the rotors: d = ln N² - ln N_p² with the predicted
-speed N_p, and o = ln f - ln N_p² with the thrust share f of the output by the autopilot's curve. A
-part has o = d; o/d is 0.6 to 1.5 by curves as builders set them (1.4 on the Quiver, 0.7 in the
-simulation).
+These tests use shares of thrust, relative to the median of the rotors: d = ln N² - ln N_p² with the
+predicted speed N_p, and o = ln f - ln N_p² with the thrust share f of the output by the autopilot's
+curve. A weak propeller has o = d in theory; in practice o/d is 0.6 to 1.5, depending on the set
+curve (1.4 on the Quiver, 0.7 in the simulation).
 
-A rotor that loses thrust in flight, where no ESC reports a speed: by the motor outputs.
+Without ESC telemetry, a loss of thrust in flight is found by the outputs. A constant difference
+between them shows little: a shifted centre of gravity or a tilted motor looks like a weak rotor,
+and motors of one make differ. A change within a flight, in all modes at once and in the proportions
+of one rotor's loss, shows one. So trims are treated as unknown, and only a sudden change is
+reported.
 
-How far outputs part says little: a centre of gravity off the middle or a motor that is not level
-looks like a weak rotor, and motors of one make differ. That they part within a flight, all modes at
-once and in the proportions of one rotor's loss, does. So the trims are taken as unknown, and only a
-sudden change names a rotor.
+Equivalent speeds (`inferred.output_speed`) follow the weight and reduce differences between rotors,
+so only their mean over the rotors is used:
 
-The outputs are read by their own thrust curve f. Equivalent speeds (`inferred.output_speed`) follow
-the weight and shrink what differs between rotors; only their mean over the rotors is kept:
     N_i² = mean(N²) f(x_i) / mean(f(x))
 """
 
@@ -35,22 +36,22 @@ from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.fault_test import MOST, FaultTest, RotorFault
 
-#: s of rows that testify: noise of 5 % at 3 Hz is then a hundredth
+#: s of rows whose medians are compared: noise of 5 % at 3 Hz is then 1 %
 LOOK_S = 30.0
-FEWEST = 10  # rows
-#: Rows of a whole flight that its medians are of; of a longer one every second, fourth, ... row.
+FEWEST = 10  # rows for a median
+#: Rows for the medians of a whole flight; of a longer one every second, fourth, ... row.
 MOST_ROWS = 600
 #: standard deviation of o from motor to motor of one make: 1.5 % of thrust on the Quiver
 MOTORS = 0.015
-#: of d: an output that has risen by as much belongs to a rotor that needs it
+#: Share of d by which an output must rise to be that of the weak rotor
 RISEN = 0.35
-LEAST_RATIO = 0.6  # of o to d of a weak propeller
+LEAST_RATIO = 0.6  # least o/d of a weak propeller
 MEDIAN = math.sqrt(math.pi / 2.0)  # standard error of a median over that of a mean
-FOUND_S = 2.0  # s that a fault lasts, or more, before it is found
-MOSTLY = 0.5  # of a fault's size, that rows show which it is in
+FOUND_S = 2.0  # s or more between the begin of a fault and its detection
+MOSTLY = 0.5  # share of a fault's size that rows must show to be counted as with the fault
 SURE = 2.0  # standard deviations by which an output is too low for a weak propeller
-APART = 1.5  # the same, by which the output of another rotor is raised
-LEAST_MISREAD = 0.04  # of thrust, 2 % of speed: less is no ESC that a pilot has to look at
+APART = 1.5  # standard deviations by which the output of another rotor is raised
+LEAST_MISREAD = 0.04  # share of thrust, 2 % of speed: a smaller misreading is not reported
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +118,8 @@ class _FlightRows:
         self._count, self._stride = 0, 1
 
     def add(self, row: Floats) -> None:
-        """Take the next row."""
+        """Keep every `_stride`-th row; drop every other kept row when there are more than
+        MOST_ROWS."""
         if self._count % self._stride == 0:
             self.kept.append(row)
             if len(self.kept) > MOST_ROWS:
@@ -160,9 +162,11 @@ class OutputWitness:
     def assessed(
         self, faults: Iterable[RotorFault], known: Collection[RotorFault] = ()
     ) -> tuple[RotorFault, ...]:
-        """Return the faults without those of an ESC, each with what outputs say of its rotor.
+        """Return the faults with the motor outputs' evidence, without those that are an ESC's
+        misreading.
 
-        Those that are `known` before the flight stand as they are.
+        Faults in `known`, which the model had before the flight, and other kinds than "propeller"
+        are returned unchanged.
         """
         found = tuple(faults)
         asked = [f for f in found if f.kind == "propeller" and not f.rotors and f not in known]
@@ -178,10 +182,11 @@ class OutputWitness:
     def _assessed(
         self, fault: RotorFault, rows: Floats, whole: Deviations | None
     ) -> RotorFault | None:
-        """Assess a fault by the flight so far if it shows most of it, and it stood from the start.
+        """Return one fault with the evidence of the outputs; None if only its ESC misreads.
 
-        Else by the last LOOK_S if they show most of it, else by the rows since it was found. None
-        for an ESC's; without outputs it is not witnessed.
+        The rows compared are the whole flight if the fault was present from the start and the
+        flight shows most of it, else the last LOOK_S if they do, else the rows since it was found.
+        Without outputs the fault is returned as not `witnessed`.
         """
         if whole is None:
             return replace(fault, witnessed=False)
@@ -219,10 +224,10 @@ class OutputWitness:
 def undecided(
     faults: Iterable[RotorFault], open_pairs: Collection[tuple[int, int]]
 ) -> tuple[RotorFault, ...]:
-    """Return the faults, each of one of all rotors whose speeds may be swapped with its own.
+    """Return the faults, each extended to the rotors whose speeds may be swapped with its own.
 
-    `open_pairs` of rotors, from 0, are those that the flight's manoeuvres do not tell apart.
-    Outputs that rise with a speed tell it, whatever the manoeuvres.
+    `open_pairs` of rotors (0-based) are those that the flight's manoeuvres cannot distinguish. A
+    fault whose outputs rose with its speed is unchanged, because outputs do distinguish them.
     """
     found = []
     for fault in faults:
@@ -235,11 +240,12 @@ def undecided(
 
 
 def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed | None:
-    """Return the rotor whose ESC reads too high or low, by rows (N, 7 + 3 R) of `fault_signals`.
+    """Return the rotor whose ESC reads too high or too low, from rows (N, 7 + 3 R) of
+    `fault_signals`.
 
-    None where two or more look so: a load off the middle or the order of motors moves several.
-    Without outputs only one that reads low is found, for one that reads high is a fault already,
-    and only if good flights have `taught` the model how the rotors share the thrust.
+    None if two or more seem to: an off-centre load or a wrong motor order changes several. Without
+    outputs only a speed that reads low is found, because one that reads high counts as a fault;
+    this needs a model that was `taught` by good flights how the rotors share the thrust.
     """
     shown = Deviations.of(signals, rotors)
     if shown is None:
@@ -289,8 +295,12 @@ def square_of_outputs(equivalent_rpm: Floats, share: Floats) -> Floats:
 
 
 def output_test(steps: Floats, widths: Floats, inputs: Floats) -> FaultTest:
-    """Return the test that reads outputs, by the steps (R, J, M) of a rotor's loss, +- `widths`,
-    and the standard deviations (M, P) of what turns add."""
+    """Return the test that finds a weak rotor from sudden changes of the motor outputs.
+
+    `steps` (R, J, M) are the changes of the M modes by a loss of size j of rotor r, `widths` (R, J,
+    M) their standard deviations, and `inputs` (M, P) the standard deviations of what P inputs, such
+    as turns, add to the modes; all in shares of thrust.
+    """
     modes = steps.shape[2]
     size = math.sqrt(modes)
     prior = Prior(

@@ -238,7 +238,7 @@ class RotorFaults:
         elif loaded:
             if may_find:
                 self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
-                # While a sudden change stands, a slow one cannot be distinguished.
+                # While a sudden change is present, a slow one cannot be distinguished from it.
                 if self._fade and not self._tests[0].current:
                     self._fade.add(float(rows[0, 0]), excess @ self._modes, coarse)
             found = self._current(self._tests[0])
@@ -256,7 +256,7 @@ class RotorFaults:
         return limit < (RowLimit.NO_SECOND_FAULT if self.current else RowLimit.NO_FAULT)
 
 
-@lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
+@lru_cache(maxsize=1)  # a replay needs it twice, which takes seconds for an hour of flight
 def fault_history(analysis: FlightAnalysis) -> FaultHistory:
     """List the times, s, and the faults present from then on, of a whole flight.
 
@@ -265,7 +265,7 @@ def fault_history(analysis: FlightAnalysis) -> FaultHistory:
     if analysis.withheld:
         return []
     found, track = RotorFaults(analysis.model), analysis.track
-    if not track.reports("rotor_speed_rpm"):  # as of a plan: what the model holds stands
+    if not track.reports("rotor_speed_rpm"):  # such as a plan: only faults in the model
         return [
             (float(at), found.current) for at in track.time_s[track.flying][:1] if found.current
         ]

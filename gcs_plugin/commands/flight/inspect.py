@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording.flight_words import several_words, sortie_words
-from thrustmargin.gcs_plugin.wording.language import known
+from thrustmargin.gcs_plugin.wording.language import Verbatim, known, say
 from thrustmargin.models.errors import LogError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 
@@ -117,7 +117,7 @@ def inspect(
         copy = anonymous_copy(path)
         with whole_file(anonymise) as draft:
             draft.write_bytes(copy)
-        console.print(f"wrote {anonymise}", soft_wrap=True)
+        console.print(say("wrote {file}", file=anonymise), soft_wrap=True)
     text = json_module.dumps(done, indent=2) + "\n"
     if json == STDOUT:
         sys.stdout.write(text)
@@ -127,7 +127,7 @@ def inspect(
                 draft.write_text(text, encoding="utf-8")
         except OSError as error:
             raise LogError(f"cannot write {json}: {error.strerror or error}") from error
-        console.print(f"wrote {json}", soft_wrap=True)
+        console.print(say("wrote {file}", file=json), soft_wrap=True)
     return 1 if failed else 0
 
 
@@ -163,15 +163,23 @@ def _print(console: Console, inspection: Inspection) -> None:
 
     log, track = inspection.log, inspection.log.track
     others = [str(v) for v in log.vehicles if v != log.vehicle]
-    console.print(
-        f"{log.name}: {log.format}, {log.autopilot}, vehicle {log.vehicle}"
-        + (f" (also in the log: {', '.join(others)})" if others else "")
-        + f", {track.duration:.1f} s of which {track.flying_s:.1f} s in flight, "
-        f"{track.time_s.size} rows; " + inspection.claim.words,
-        soft_wrap=True,
+    also = say(" (also in the log: {vehicles})", vehicles=", ".join(others)) if others else ""
+    first = say(
+        "{log}: {format}, {autopilot}, vehicle {vehicle}{also}, {long} s of which {flown} s in "
+        "flight, {count} rows",
+        log=Verbatim(log.name),
+        format=log.format,
+        autopilot=log.autopilot,
+        vehicle=log.vehicle,
+        also=also,
+        long=f"{track.duration:.1f}",
+        flown=f"{track.flying_s:.1f}",
+        count=track.time_s.size,
     )
-    console.print(f"vehicle: {log.facts.words}", soft_wrap=True)
-    by = not_flown(track) or f"in flight by: {track.source('flying').words}"
+    console.print(f"{first}; {inspection.claim.words}", soft_wrap=True)
+    console.print(say("vehicle: {words}", words=Verbatim(log.facts.words)), soft_wrap=True)
+    source = Verbatim(track.source("flying").words)
+    by = not_flown(track) or say("in flight by: {source}", source=source)
     console.print(by, soft_wrap=True)
     wide = console.width >= _WIDE
     console.print(_channels(log, wide=wide))
@@ -180,21 +188,22 @@ def _print(console: Console, inspection: Inspection) -> None:
     findings = Table(show_header=False, box=None, pad_edge=False)
     for finding in inspection.findings:
         mark, colour = MARK[finding.level]
-        findings.add_row(Text(mark, style=colour), Text(finding.check), Text(finding.words))
+        findings.add_row(Text(mark, style=colour), Text(say(finding.check)), Text(finding.words))
     console.print(findings)
     for note in track.notes:
-        console.print(Text(f"note: {note}"), soft_wrap=True)
+        console.print(Text(say("note: {note}", note=Verbatim(note))), soft_wrap=True)
     unknown = log.quality.unknown_ids
     if unknown:
         listed = ", ".join(f"{number} ({count})" for number, count in sorted(unknown.items()))
-        console.print(f"message ids not known, skipped: {listed}", soft_wrap=True)
+        console.print(say("message ids not known, skipped: {ids}", ids=listed), soft_wrap=True)
 
 
 def _channels(log: FlightLog, *, wide: bool) -> Table:
     """Return the table of channels, with their sources where the terminal is wide enough."""
     headings = ("Hz", "gaps", "pause s", "min", "median", "max")
+
     words = ("channel", "from") if wide else ("channel",)
-    heads = (*words, *headings, "unit")
+    heads = tuple(map(say, (*words, *headings, "unit")))
     table = grid(heads, left=(*range(len(words)), len(heads) - 1))
     for c in log.channels:
         cells = [""] * len(headings)
@@ -203,13 +212,14 @@ def _channels(log: FlightLog, *, wide: bool) -> Table:
             cells += [
                 f"{value:.4g}" if known(value) else "" for value in (c.minimum, c.median, c.maximum)
             ]
-        source = [Text(c.source)] if wide else []
+        source = [Text(say(c.source))] if wide else []
         table.add_row(c.name, *source, *cells, c.unit, style="" if c.samples else "dim")
     return table
 
 
 def _sources(log: FlightLog) -> Table:
+
     table = Table(show_header=False, box=None, pad_edge=False)
     for c in log.channels:
-        table.add_row(c.name, Text(c.source), style="" if c.samples else "dim")
+        table.add_row(c.name, Text(say(c.source)), style="" if c.samples else "dim")
     return table

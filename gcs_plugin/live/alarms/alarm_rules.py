@@ -48,6 +48,7 @@ from thrustmargin.models.physics.margin import ceiling
 
 
 def tank(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    """Check in each row whether the tank gauge and the pump agree on the liquid used."""
     texts = ["" if b is None else pump_verdict(b, s) for b in now.balances]
     known = [b is not None and math.isfinite(b.gauge - b.pump) for b in now.balances]
     return _tank_checks(texts, known, WARNING)

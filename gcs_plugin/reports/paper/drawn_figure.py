@@ -57,7 +57,11 @@ class PlotArea:
 
 
 def size(made: Figure) -> tuple[float, float]:
-    """Width and height in pixels; a map is half as wide as the page."""
+    """Return width and height of a figure on paper, in pixels.
+
+    A map is half as wide as the page. Room for buttons below the figure is removed, because paper
+    has none.
+    """
     layout = made.layout
     on_map = "scaleanchor" in layout["yaxis"]
     # Buttons, which need room below on the page, are none on paper.

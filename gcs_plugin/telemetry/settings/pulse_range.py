@@ -86,7 +86,7 @@ def _by_function(
 #: Values that are pulses in µs, 900 of a stopped motor among them; the largest of two protocols.
 _PULSES = (700.0, 2300.0)
 _DSHOT_FULL, _CAN_FULL = 1999.0, 8191.0
-#: PWM_MAIN_TIMn of a group of outputs that speaks DShot, from DShot1200 to DShot150.
+#: PWM_MAIN_TIMn of a group of DShot outputs, from DShot1200 to DShot150.
 _DSHOT = range(-5, -1)
 _TIMERS = 8
 #: Least and most of what was sent to motors.

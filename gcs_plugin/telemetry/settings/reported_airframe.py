@@ -33,7 +33,7 @@ from thrustmargin.models.vehicle_facts import StatedBattery, VehicleFacts, can_b
 CELL = 3.7
 #: Cells in series that batteries are sold with.
 _CELLS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 13, 14, 15, 16, 18, 20, 22, 24, 28)
-#: Chemistry -> V of one cell that each setting usually stands for, and at take-off.
+#: Chemistry -> V of one cell that each setting usually corresponds to, and at take-off.
 _CHEMISTRIES: Mapping[str, Mapping[str, float]] = {
     "LiPo": {"MAX": 4.2, "MIN": 3.3, "LOW": 3.6, "log": 4.1},
     "HV LiPo": {"MAX": 4.35, "MIN": 3.3, "LOW": 3.6, "log": 4.25},

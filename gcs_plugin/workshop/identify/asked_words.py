@@ -3,7 +3,6 @@ owner."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.wording import actions
@@ -19,11 +18,9 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import (
     unnamed_place,
 )
 from thrustmargin.gcs_plugin.wording.language import Verbatim, chance, number, say
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
 from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.certainty import COSTS
-from thrustmargin.models.identification.rows.candidates import Term
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +102,7 @@ def unexplained_words(found: Identification) -> str:
             action=actions.INSPECT.text,
             look=actions.UNSTEADY.text,
         )
-    closest = dict.fromkeys(_effect_name(w, names) for w in left.get("closest") or ())
+    closest = dict.fromkeys(effect_thing(term, names) for term in found.closest)
     close = ""
     if closest:
         close = say("; closest in the table: {effects}", effects=f" {say('or')} ".join(closest))
@@ -145,12 +142,3 @@ def unnamed_causes_words(found: Identification) -> str:
         return f"{seen}; {actions.LEAVE_OUT.text}"
     beyond = say(", held at its edge beyond that range, with twice the interval")
     return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond if curves else ''}"
-
-
-def _effect_name(words: str, names: Sequence[str]) -> str:
-    """Return the name of the effect that `words` (`Term.words`) describes, in the words of the
-    answer."""
-    name, _, rotor = words.partition(" of rotor ")
-    if name not in BY_KEY:
-        return words.replace("_", " ")
-    return effect_thing(Term(effect=BY_KEY[name], rotor=int(rotor) - 1 if rotor else None), names)

@@ -88,6 +88,7 @@ def identify(
 
     from thrustmargin.gcs_plugin.commands.shared.inputs import starting_model
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
+    from thrustmargin.gcs_plugin.wording.language import say
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import make_result
     from thrustmargin.models.identification.loop import identify_checked
     from thrustmargin.models.identification.rows.usable_flights import require_distinct
@@ -109,7 +110,8 @@ def identify(
     )
     for option, given in (("--surrogates", surrogates), ("--seed", seed)):
         if given is not None:
-            errors.print(f"{option} is not needed any more: chance is worked out, not drawn")
+            words = "{option} is not needed any more: chance is worked out, not drawn"
+            errors.print(say(words, option=option))
     start, model_name = starting_model(to_fit)
     not_used: list[UnusedLog] = []
     with TemporaryDirectory(prefix="thrustmargin-") as folder:
@@ -135,7 +137,7 @@ def identify(
     if json != STDOUT:
         show(result, written)
     if next_flight is not None and next_flight not in written:
-        errors.print(f"no {next_flight}: no flight would tell more")
+        errors.print(say("no {file}: no flight would tell more", file=next_flight))
     return 1 if result.not_used else 0
 
 
@@ -235,6 +237,7 @@ def show(result: Result, written: Sequence[Path]) -> None:
     """Print the answer, then the tables, the unused logs, the notes on the new model and the files
     written."""
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+    from thrustmargin.gcs_plugin.wording.language import Verbatim, say
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import printed_tables
 
     console = Terminal()
@@ -243,9 +246,10 @@ def show(result: Result, written: Sequence[Path]) -> None:
     for table in printed_tables(result):
         console.print(table)
     for one in result.not_used:
-        console.print(f"not used: {one.name}: {one.reason}", soft_wrap=True)
+        words = say("not used: {log}: {reason}", log=Verbatim(one.name), reason=say(one.reason))
+        console.print(words, soft_wrap=True)
     if result.model_out:
         for note in result.update.notes:
-            console.print(f"new model: {note}", soft_wrap=True)
+            console.print(say("new model: {note}", note=Verbatim(note)), soft_wrap=True)
     for path in written:
-        console.print(f"wrote {path}", soft_wrap=True)
+        console.print(say("wrote {file}", file=path), soft_wrap=True)

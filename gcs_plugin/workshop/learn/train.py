@@ -83,6 +83,7 @@ def train(
         require_logs,
     )
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+    from thrustmargin.gcs_plugin.wording.language import Verbatim, say
     from thrustmargin.gcs_plugin.workshop.learn.model_figures import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.workshop.learn.training_tables import training_tables
     from thrustmargin.models.model.model_file import save_model
@@ -123,9 +124,10 @@ def train(
     for part in training_tables(made):
         console.print(part)
     for one in (*unread, *_logs_without_rows(tracks)):
-        console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)
+        words = say("left out: {log}: {reason}", log=Verbatim(one.name), reason=say(one.reason))
+        console.print(words, soft_wrap=True)
     for path in written:
-        console.print(f"wrote {path}", soft_wrap=True)
+        console.print(say("wrote {file}", file=path), soft_wrap=True)
     return 1 if unread else 0
 
 

@@ -13,6 +13,7 @@ from scipy.special import stdtrit
 
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.language import Verbatim, decimal, percent, say
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.training import PAPER_BEST_EPOCH, PAPER_LOWEST_LOSS, PAPER_R2
@@ -38,18 +39,22 @@ def training_tables(model: RotorModel) -> list[RenderableType]:
     shown = model.good_flights
     parts: list[RenderableType] = [] if shown is None else [fitness_sentence(shown, model)]
     parts += [
-        f"{model.description}; "
-        f"airspeed {domain.airspeed[0]:.1f} to {domain.airspeed[1]:.1f} m/s, "
-        f"tank {domain.tank_kg[0]:.1f} to {domain.tank_kg[1]:.1f} kg",
+        say(
+            "{model}; airspeed {airspeed} m/s, tank {tank} kg",
+            model=Verbatim(model.description),
+            airspeed=f"{domain.airspeed[0]:.1f} to {domain.airspeed[1]:.1f}",
+            tank=f"{domain.tank_kg[0]:.1f} to {domain.tank_kg[1]:.1f}",
+        ),
         *effect_lines(model),
         *thermometer_lines(model),
         interval_sentence(interval),
     ]
     if shown is not None:
         parts += outlier_sentences(shown)
-        parts.append(_held_out_table(shown.errors, "The model on flights left out in turn"))
+        title = say("The model on flights left out in turn")
+        parts.append(_held_out_table(shown.errors, title))
     if record is not None:
-        title = "The network alone on flights left out in turn; it learns nothing of yaw turns"
+        title = say("The network alone on flights left out in turn; it learns nothing of yaw turns")
         parts.append(_held_out_table(record.left_out, title))
         parts += [_split_table(record)] if record.splits else []
     return parts
@@ -66,7 +71,9 @@ def effect_lines(model: RotorModel) -> list[str]:
                 low, high = found.ci95
                 unit = "" if p.unit == "1" else f" {p.unit}"
                 values.append(f"{p.name} {found.value:.3g}{unit} ({low:.3g} to {high:.3g})")
-        lines.append(f"with {placed.effect.key}: {', '.join(values)}")
+        lines.append(
+            say("with {effect}: {values}", effect=placed.effect.key, values=", ".join(values))
+        )
     return lines
 
 
@@ -76,35 +83,46 @@ def thermometer_lines(model: RotorModel) -> list[str]:
     if one is None:
         return []
     return [
-        f"air by the logs' thermometer less {one.warmer_k:.1f} K: so these flights agree better "
-        f"than in standard air ({one.error_k:.1f} K from flight to flight)"
+        say(
+            "air by the logs' thermometer less {warmer} K: so these flights agree better than in "
+            "standard air ({error} K from flight to flight)",
+            warmer=f"{one.warmer_k:.1f}",
+            error=f"{one.error_k:.1f}",
+        )
     ]
+
+
+_SPLIT_CAPTION = (
+    "The paper's are of its own flights, which are not public. It prints its split as "
+    "0.75 : 0.15 : 0.15, which adds up to 1.05. Split by samples: rows at random, so the test "
+    "has the neighbours of learnt rows; by flights: the test is on flights not seen. Loss: the "
+    "lowest on validation"
+)
 
 
 def _split_table(record: records.TrainingRecord) -> Table:
     """Return the table of R² and loss for each split, with the paper's values in the first row."""
     table = grid(
-        ("", "training", "validation", "test", "loss", "epoch"),
-        title="R² of rotor speed, one network a split (0.70 : 0.15 : 0.15)",
-        caption="The paper's are of its own flights, which are not public. It prints its split as "
-        "0.75 : 0.15 : 0.15, which adds up to 1.05. Split by samples: rows at random, so the test "
-        "has the neighbours of learnt rows; by flights: the test is on flights not seen. Loss: the "
-        "lowest on validation",
+        ("", *map(say, ("training", "validation", "test", "loss", "epoch"))),
+        title=say("R² of rotor speed, one network a split (0.70 : 0.15 : 0.15)"),
+        caption=say(_SPLIT_CAPTION),
     )
-    paper = (f"{value:.3f}" for value in PAPER_R2)
-    table.add_row("the paper", *paper, f"{PAPER_LOWEST_LOSS}", str(PAPER_BEST_EPOCH))
+    paper = (decimal(f"{value:.3f}") for value in PAPER_R2)
+    lowest = decimal(f"{PAPER_LOWEST_LOSS}")
+    table.add_row(say("the paper"), *paper, lowest, str(PAPER_BEST_EPOCH))
     for split in record.splits:
         sets = (split.training, split.validation, split.test)
         table.add_section()
         table.add_row(
-            SPLIT_WORDS[split.split],
-            *(f"{part.r2:.3f}" for part in sets),
-            f"{split.lowest_loss:.3f}",
-            f"{split.best_epoch} of {split.epochs}",
+            say(SPLIT_WORDS[split.split]),
+            *(decimal(f"{part.r2:.3f}") for part in sets),
+            decimal(f"{split.lowest_loss:.3f}"),
+            say("{epoch} of {all}", epoch=split.best_epoch, all=split.epochs),
         )
         for i, values in enumerate(zip(*(part.r2_per_rotor for part in sets), strict=True), 1):
-            table.add_row(f"  rotor {i}", *(f"{value:.3f}" for value in values))
-        table.add_row("  flights", *(str(part.flights) for part in sets))
+            shown = (decimal(f"{value:.3f}") for value in values)
+            table.add_row(f"  {say('rotor {number}', number=i)}", *shown)
+        table.add_row(f"  {say('flights')}", *(str(part.flights) for part in sets))
     return table
 
 
@@ -112,9 +130,9 @@ def _held_out_table(conditions: tuple[records.ConditionScore, ...], title: str) 
     """Return the table of R² and RMSE on held-out flights, a row for each condition."""
     rows = [
         (
-            one.condition,
+            say(one.condition),
             str(one.score.rows),
-            f"{one.score.r2:.3f}",
+            decimal(f"{one.score.r2:.3f}"),
             _pair_text(*one.score.r2_ci95),
             _pair_text(min(one.score.r2_per_rotor), max(one.score.r2_per_rotor)),
             f"{one.score.rmse_rpm:.0f}",
@@ -122,41 +140,49 @@ def _held_out_table(conditions: tuple[records.ConditionScore, ...], title: str) 
         for one in conditions
     ]
     return grid(
-        ("", "rows", "R²", "95 %", "rotors", "RMSE rpm"),
+        ("", say("rows"), "R²", "95 %", say("rotors"), "RMSE rpm"),
         rows,
         title=title,
-        caption="R² is the mean over rotors, its 95 % interval over flights drawn anew. In yaw "
-        "turns: more than 5 deg/s within a second",
+        caption=say(
+            "R² is the mean over rotors, its 95 % interval over flights drawn anew. In yaw turns: "
+            "more than 5 deg/s within a second"
+        ),
     )
 
 
 def _pair_text(low: float, high: float) -> str:
     """Return two numbers for a narrow column; below 0 with two decimals, because it is a failure
     anyway."""
-    return ", ".join(f"{value:.{2 if value < 0.0 else 3}f}" for value in (low, high))
+    ends = (f"{value:.{2 if value < 0.0 else 3}f}" for value in (low, high))
+    return say("{low}, {high}", **dict(zip(("low", "high"), ends, strict=True)))
 
 
 def interval_sentence(interval: Interval) -> str:
     """Return the sentence about the interval's nominal and measured coverage, or about why there is
     none."""
     if interval.flights < FEWEST_FLIGHTS:
-        return f"No interval: it needs at least {FEWEST_FLIGHTS} flights."
+        return say("No interval: it needs at least {count} flights.", count=FEWEST_FLIGHTS)
     few = interval.flights < flights_needed(interval.coverage)
-    how = f", by Student's t from {interval.flights} flights" if few else ""
-    measured = interval.measured
+    how = say(", by Student's t from {count} flights", count=interval.flights) if few else ""
+    measured, share = interval.measured, percent(interval.coverage)
     if measured is None:
-        return (
-            f"Interval for {100 * interval.coverage:.0f} % of the rows of a new flight{how}; its "
-            "coverage "
-            f"could not be measured, which needs {interval.flights + 1} flights."
+        return say(
+            "Interval for {share} of the rows of a new flight{how}; its coverage could not be "
+            "measured, which needs {count} flights.",
+            share=share,
+            how=how,
+            count=interval.flights + 1,
         )
-    below = sum(share < interval.coverage for share in measured.per_flight)
-    return (
-        f"Interval for {100 * interval.coverage:.0f} % of the rows of a new flight{how}: on "
-        f"flights left out it held {100 * measured.mean:.1f} % "
-        f"(worst flight {100 * min(measured.per_flight):.0f} %, "
-        f"{below} of {len(measured.per_flight)} flights below {100 * interval.coverage:.0f} %); "
-        f"mean width {measured.width_rpm:.0f} rpm."
+    return say(
+        "Interval for {share} of the rows of a new flight{how}: on flights left out it held {held} "
+        "(worst flight {worst}, {below} of {all} flights below {share}); mean width {width}.",
+        share=share,
+        how=how,
+        held=percent(measured.mean, 1),
+        worst=percent(min(measured.per_flight)),
+        below=sum(one < interval.coverage for one in measured.per_flight),
+        all=len(measured.per_flight),
+        width=f"{measured.width_rpm:.0f} rpm",
     )
 
 
@@ -169,11 +195,12 @@ FEWEST_OTHERS = 3  # flights from which a scatter can be estimated
 
 #: Mode in which flights differ most -> what to check.
 CAUSES = {
-    "collective": actions.STATE_LOAD.text,
-    "roll": actions.SAME_PLACE.text,
-    "pitch": actions.SAME_PLACE.text,
-    "yaw": actions.LEVEL_OR_LEAVE_OUT.text,
+    "collective": actions.STATE_LOAD,
+    "roll": actions.SAME_PLACE,
+    "pitch": actions.SAME_PLACE,
+    "yaw": actions.LEVEL_OR_LEAVE_OUT,
 }
+OTHER_CAUSE = "leave out flights of an aircraft that was not in order"
 
 
 def fitness_sentence(shown: records.GoodFlights, model: RotorModel) -> str:
@@ -185,17 +212,20 @@ def fitness_sentence(shown: records.GoodFlights, model: RotorModel) -> str:
     )
     most = straight if straight is not None else whole
     assert most is not None
-    reach = f"rotor speed to {_percent(most)}" + ("" if turning is None else " outside turns")
-    tested = f"RMS on {shown.flights} flights, each predicted by a model made without it"
+    words = "rotor speed to {share}" if turning is None else "rotor speed to {share} outside turns"
+    reach = say(words, share=_percent(most))
+    words = "RMS on {count} flights, each predicted by a model made without it"
+    known = {"tested": say(words, count=shown.flights)}
     if most > USABLE:
-        return f"not usable: {reach} ({tested}), because {main_error_words(shown, model)}"
+        words = "not usable: {reach} ({tested}), because {why}"
+        return say(words, reach=reach, why=Verbatim(main_error_words(shown, model)), **known)
     if turning is None:
-        return f"usable: {reach} ({tested})"
-    reach += f", {_percent(turning)} in turns"
+        return say("usable: {reach} ({tested})", reach=reach, **known)
+    reach = say("{reach}, {share} in turns", reach=reach, share=_percent(turning))
     if turning > USABLE:
-        because = main_error_words(shown, model)
-        return f"usable outside turns only: {reach} ({tested}), because {because}"
-    return f"usable: {reach} ({tested})"
+        words = "usable outside turns only: {reach} ({tested}), because {why}"
+        return say(words, reach=reach, why=Verbatim(main_error_words(shown, model)), **known)
+    return say("usable: {reach} ({tested})", reach=reach, **known)
 
 
 def main_error_words(shown: records.GoodFlights, model: RotorModel) -> str:
@@ -204,15 +234,17 @@ def main_error_words(shown: records.GoodFlights, model: RotorModel) -> str:
     worst = max(squares, key=lambda name: squares[name])
     if squares[worst] > 0.5 * sum(squares.values()):
         off = _percent(shown.flight_rmse_rpm[worst] / shown.mean_speed_rpm)
-        return f"{worst} alone is off by {off}: leave it out, or give more flights like it"
+        words = "{log} alone is off by {off}: leave it out, or give more flights like it"
+        return say(words, log=Verbatim(worst), off=off)
     between = np.square(shown.mode_scatter_rpm) / model.airframe.rotor_count
     if between.sum() > 0.5 * np.mean(list(squares.values())):
         mode = modes(model.airframe).names[int(np.argmax(between))]
-        cause = CAUSES.get(mode, "leave out flights of an aircraft that was not in order")
-        return f"flights differ from each other, most in {mode}: {cause}"
+        cause = CAUSES[mode].text if mode in CAUSES else say(OTHER_CAUSE)
+        words = "flights differ from each other, most in {mode}: {cause}"
+        return say(words, mode=say(mode), cause=cause)
     if not any(record.name == "manoeuvre_moment" for record in model.effects):
-        return "what turning takes is not known: give logs with turn rates (ATTITUDE at 4 Hz)"
-    return "the channels do not say what changes: thrustmargin identify LOG... --model FILE"
+        return say("what turning takes is not known: give logs with turn rates (ATTITUDE at 4 Hz)")
+    return say("the channels do not say what changes: thrustmargin identify LOG... --model FILE")
 
 
 def outlier_sentences(shown: records.GoodFlights) -> list[str]:
@@ -232,10 +264,11 @@ def outlier_sentences(shown: records.GoodFlights) -> list[str]:
         limit = stdtrit(rest.size - 1, 1.0 - ODD / logs.size) * spread
         if logs[k] - rest.mean() > limit:
             off, usual = (_percent(v / shown.mean_speed_rpm) for v in (rmse, np.exp(rest.mean())))
-            sentences.append(
-                f"look at {name}: off by {off}, the others by {usual}; if the aircraft was not in "
+            words = (
+                "look at {log}: off by {off}, the others by {usual}; if the aircraft was not in "
                 "order, train without it"
             )
+            sentences.append(say(words, log=Verbatim(name), off=off, usual=usual))
     return sentences
 
 
@@ -249,4 +282,4 @@ def _relative_error(shown: records.GoodFlights, condition: str) -> float | None:
 
 def _percent(share: float) -> str:
     """Return a share as a percentage with two significant digits."""
-    return f"{100 * share:.2g} %"
+    return decimal(f"{100 * share:.2g} %")

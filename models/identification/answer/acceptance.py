@@ -478,7 +478,12 @@ def needs_inspection(probability: float, without_rpm: float, with_rpm: float) ->
 
 
 def open_cause(found: Found, answer: Posterior) -> OpenCause:
-    """Describe an unnamed term of the new model, with the channels that would fit about as well."""
+    """Describe an unnamed term of the new model: the RMS change of rotor speed, rpm, that it
+    predicts.
+
+    Also list the channels of other unnamed causes that could replace it with a probability above
+    DOUBT; none if it is an effect of the catalogue.
+    """
     search = answer.search
     candidates = search.candidates
     own = next(c for c, one in enumerate(candidates) if one.key == found.term.key)

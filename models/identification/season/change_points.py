@@ -150,7 +150,11 @@ class _ConstantOrLine:
 
 
 def recount_flights(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
-    """Return an entry of the flights at indices `where`, with flights numbered over all flights."""
+    """Return an entry found among the flights `where`, with its flight numbers counted over all
+    flights.
+
+    `where` has the index over all flights of each flight that the entry was searched in.
+    """
     after = [*where.tolist(), int(where[-1]) + 1]
     counted = ("flight", "earliest", "latest", "until")
     return replace(entry, **{k: after[min(getattr(entry, k), where.size)] for k in counted})

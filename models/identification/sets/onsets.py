@@ -62,8 +62,10 @@ def drop_rotor_effects(search: Search, key: Key) -> Key:
 
 
 def onset_candidates(search: Search, about: EffectSet) -> list[Candidate]:
-    """Return candidate steps that gain enough about the set `about` without its bad rotors, best
-    first."""
+    """Return step changes of rotors that raise the likelihood enough, best first.
+
+    Each is added to the set `about` without its rotor effects.
+    """
     sound = drop_rotor_effects(search, about.key)
     near = about.effects
     fitted = search.fitted.get(sound) or search.fit_near(sound, near)

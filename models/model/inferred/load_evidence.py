@@ -81,7 +81,8 @@ class LoadEvidence:
 
     @property
     def whole(self) -> dict[tuple[int, int], Floats]:
-        """Return the accepted sums together with those of the newest rows."""
+        """Return the accepted sums plus those of the newest rows: (leg, span) -> (6,), as in
+        `sums`."""
         return _add_sums(self.sums, self.newest)
 
     def before(self, span: int) -> LoadEvidence:
@@ -295,7 +296,7 @@ def accept_newest(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
     if not shown.newest or (rows[0] < LEAST_BLOCK and not shown.parted):
         return replace(shown, sums=_add_sums(shown.sums, shown.newest), newest={})
     if rows[0] < LEAST_BLOCK:
-        return shown  # too few to tell
+        return shown  # too few rows to compare
     leg, span = max(shown.newest)
     before = shown.parted if all(key[0] == leg for key in shown.parted) else {}
     fit = load_fit(shown.before(span), airframe)

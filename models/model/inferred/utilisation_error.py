@@ -29,7 +29,7 @@ from thrustmargin.models.provenance import Meaning
 #: Standard errors on either side of the 90 % interval that every screen shows.
 INTERVAL = 1.645
 #: Share of thrust by which a guessed quantity may be off: makers' thrusts of one power class, and
-#: hover masses of one frame size, differ by about so much (one standard deviation).
+#: hover masses of one frame size, differ by this standard deviation.
 GUESS = 0.1
 #: Share by which a battery of unknown voltage may be off its nominal one: 3.4 to 4.2 V a cell.
 VOLTAGE_ERROR = 0.05

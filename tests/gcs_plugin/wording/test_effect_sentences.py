@@ -365,3 +365,24 @@ def test_a_repaired_rotor_is_of_the_flights_in_a_row_by_their_clock(whole):
 def test_a_cause_without_a_name_is_told_from_another_by_where_it_acts(place, rotor, thing):
     term = Term(effect=UNNAMED[place], rotor=rotor)
     assert effect_thing(term, ("front", "rear")) == f"a cause without a name in {thing}"
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.key)
+def test_every_effect_has_its_sentence_in_german(whole, effect, monkeypatch):
+    sizes = [p.start + p.scale for p in effect.parameters]
+    rotor = 1 if effect.of_one_rotor else None
+    one = found(effect, [sizes] * 3, [[0.1 * abs(s) for s in sizes]] * 3, rotor=rotor)
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
+    words = effect_sentence(one, whole).replace("made_", "")
+    assert not {"the", "is", "of", "and", "thrust", "to", "rotor"} & set(words.split())
+    assert " bis " in words
+    assert ("Rotor 2 (hinten links)" in words) == effect.of_one_rotor
+
+
+def test_the_name_of_a_log_has_no_decimal_comma(whole, monkeypatch):
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
+    problem = replace(whole.problem, names=("v2_q1.5.tlog", "b.tlog", "c.tlog"))
+    began = found("rotor_degradation:onset", [[0.12, 143.0, 0.5]] * 3, [[0.01, 1.0, 0.1]] * 3)
+    words = effect_sentence(began, replace(whole, problem=problem))
+    assert words.startswith("Rotor 1 (vorn rechts) verlor 12 % seines Schubs (11 bis 13), im Flug,")
+    assert "2:23 nach Beginn von v2_q1.5.tlog und in 2 weiteren von 3 Flügen" in words

@@ -43,6 +43,7 @@ MODULES = (
     *("forecast_words", "plan_words", "../office/season/fleet_words"),
     *("effect_amounts", "effect_sentences"),
     *("../workshop/identify/identify_words", "../workshop/identify/asked_words"),
+    "../workshop/learn/training_tables",
 )
 #: Pages that a pilot reads. That of `identify` is for engineers, and English.
 PAGES = (
@@ -59,7 +60,8 @@ NOT_SPOKEN = {
     *("in the air in this log", "in this log"),  # ends of sentences that are translated whole
     *("the start", "Home is taken where the first line starts; give --home for another."),
     "; the load that you state is taken for each of them",
-    *(" of rotor ", " of {rotor}"),  # what is read, and behind the name of an effect without words
+    "RMSE rpm",
+    " of {rotor}",  # behind the name of an effect without words
 }
 
 
@@ -136,6 +138,25 @@ def test_no_sentence_of_an_alarm_or_advice_lacks_its_translation(language: str):
         assert other.strip()
     assert len(asked_for()) > 300
     assert len(asked_by_pages()) > 100
+
+
+def literals() -> set[str]:
+    """Texts that any module of the program hands to `say` where it is called."""
+    found: set[str] = set()
+    for file in WORDING.parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "say" and node.args:
+                first = node.args[0]
+                either = [first.body, first.orelse] if isinstance(first, ast.IfExp) else [first]
+                texts = (one.value for one in either if isinstance(one, ast.Constant))
+                found |= {text for text in texts if isinstance(text, str) and text}
+    return found
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_no_text_that_a_module_says_lacks_its_translation(language: str):
+    assert literals() - set(translations(language)) == set()
+    assert len(literals()) > 250
 
 
 @pytest.fixture(params=OTHERS)

@@ -265,12 +265,16 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
     )
     little = _Left(sound, fraction_of_variance=0.004)
     assert "in pitch, under 1 % of what is left, that" in unexplained_words(little)  # type: ignore[arg-type]
-    close = _Left(sound, closest=["cg_offset", "rotor_degradation of rotor 2", "new_thing"])
-    things = "a shifted centre of gravity or a weak rotor 2 (rear left) or new thing"
+    balance = Term(effect=BY_KEY["cg_offset"])
+    close = _Left(replace(sound, closest=(balance, weak(1))))
+    things = "a shifted centre of gravity or a weak rotor 2 (rear left)"
     assert f"tank level; closest in the table: {things}: " in unexplained_words(close)  # type: ignore[arg-type]
-    twice = _Left(sound, closest=["cg_offset", "extra_mass", "cg_offset:tank"])
+    twice = _Left(replace(sound, closest=(balance, MASS, Term(effect=BY_KEY["cg_offset:tank"]))))
     things = "a shifted centre of gravity or hidden mass"
     assert f"closest in the table: {things}: " in unexplained_words(twice)  # type: ignore[arg-type]
+    # The lag of rotor speeds is a variant of an effect whose name alone is that of the airspeed's.
+    late = _Left(replace(sound, closest=(Term(effect=BY_KEY["sensor_lag:rotor speed"]),)))
+    assert "closest in the table: late rotor speeds: " in unexplained_words(late)  # type: ignore[arg-type]
     either = _Left(sound, channels=["tank_kg", "voltage"])
     assert "that goes with tank level or battery voltage: " in unexplained_words(either)  # type: ignore[arg-type]
     slow = _Left(sound, channel="time_s", wanders=True)
@@ -386,7 +390,7 @@ def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
             Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05)), NAMES, 3
         ),
         nothing_missing_words(replace(sound, excluded=limits)),
-        unexplained_words(_Left(sound, closest=["cg_offset"])),  # type: ignore[arg-type]
+        unexplained_words(_Left(replace(sound, closest=(Term(effect=BY_KEY["cg_offset"]),)))),  # type: ignore[arg-type]
         next_flight_words(following, NAMES, "next.plan"),
     ):
         assert f"| {sentence} |" in shown
