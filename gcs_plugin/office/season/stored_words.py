@@ -177,12 +177,14 @@ def read_answer(stored: str) -> StoredAnswer | None:
 def _advice(data: dict[str, Any]) -> Advice:
     """Return an Advice from its JSON values. Raises ValueError, KeyError or TypeError."""
     kinds, of_use = get_type_hints(Advice), get_type_hints(ThrustUse)
-    use = {
+    use: dict[str, Any] = {
         name: np.array([value]) if name in _FLAGS else from_json_values(of_use[name], value, name)
         for name, value in data.pop("use").items()
     }
-    made = ThrustUse(**use, **{name: np.empty(0) for name in _ROWS})
-    return Advice(use=made, **{n: from_json_values(kinds[n], one, n) for n, one in data.items()})
+    use |= {name: np.empty(0) for name in _ROWS}
+    return Advice(
+        use=ThrustUse(**use), **{n: from_json_values(kinds[n], one, n) for n, one in data.items()}
+    )
 
 
 def _stored(flight: Mapping[str, Any]) -> StoredAnswer | None:
