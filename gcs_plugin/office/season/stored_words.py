@@ -18,6 +18,7 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.moments import Activity, activities
+from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.advice_words import (
     PREDICTED_ALONE,
     action,
@@ -201,10 +202,16 @@ def mark_old_text(text: str) -> str:
     return say("{words} (in the words of the day it was taken in)", words=text) if text else ""
 
 
-def flight_action(flight: Mapping[str, Any]) -> str:
-    """Return what to do after a flight of the store; empty where its row does not say."""
-    answer = _stored(flight)
-    return action(answer.advice) if answer else mark_old_text(flight["action"] or "")
+def flight_action(flight: Mapping[str, Any], by_kind: Action | None = None) -> str:
+    """Return what to do after a flight of the store; empty if neither its row nor `by_kind` has it.
+
+    `by_kind` is the action for the flight's verdict. It stands before the text of an older row,
+    which may be in another language, and replaces an action that is missing or cannot be read.
+    """
+    answer, kind = _stored(flight), by_kind.text if by_kind else ""
+    if answer:
+        return action(answer.advice) or kind
+    return "; ".join(filter(None, (kind, mark_old_text(flight["action"] or ""))))
 
 
 def flight_alarms(flight: Mapping[str, Any]) -> list[str]:

@@ -244,8 +244,10 @@ def test_aircraft_are_in_the_order_of_what_is_wrong_with_what_their_reports_say(
     order = rank_aircraft("season", made).aircraft
     assert [one.name for one in order] == [*grave_first, "under"]
     day = "(in the words of the day it was taken in)"
-    asked = [one.findings[0].action for one in order[:7]]
-    assert asked == [f"do {v} {day}" for v in grave_first[:7]]
+    for one, verdict in zip(order[:7], grave_first, strict=False):
+        first, *_, last = one.findings[0].action.split("; ")
+        assert first.startswith(("do not fly it", "fill less"))  # in the reader's language
+        assert last == f"do {verdict} {day}"
 
 
 def test_flights_above_the_limit_and_without_verdict_are_reasons():
