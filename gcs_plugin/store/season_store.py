@@ -142,8 +142,9 @@ def safe_fill(fill_kg: Any, fill_limit_kg: Any, fill_low_kg: Any) -> Any:
     Versions before `fill_limit_kg` stored the fill at the limit as `fill_kg`. Such a row has a
     `fill_low_kg` and no `fill_limit_kg`; its safe fill is unknown.
     """
-    import pyarrow.compute as pc
+    import pyarrow.compute
 
+    pc: Any = pyarrow.compute  # its functions are made when it is imported
     older = pc.and_(pc.is_null(fill_limit_kg), pc.is_valid(fill_low_kg))
     return pc.if_else(older, None, fill_kg)
 
@@ -158,16 +159,14 @@ def _create_flights(
 
     duckdb calls these functions only for columns that a query names.
     """
-    connection.create_function(
-        *("safe_fill", safe_fill, ["DOUBLE"] * len(FILL_COLUMNS), "DOUBLE"),
-        type="arrow",  # pyright: ignore[reportArgumentType]
-        null_handling="special",  # pyright: ignore[reportArgumentType]
-    )
+    create: Any = connection.create_function  # it takes names of types, too
+    numbers = ["DOUBLE"] * len(FILL_COLUMNS)
+    create("safe_fill", safe_fill, numbers, "DOUBLE", type="arrow", null_handling="special")
     made = ["safe_fill(fill_kg, fill_limit_kg, fill_low_kg) as fill_kg"]
     kinds = {"text": "VARCHAR", "words": "VARCHAR[]"}
     for column in (c for c in FLIGHTS if c.name in words):
         function, result = words[column.name], kinds[column.kind]
-        connection.create_function(f"words_of_{column.name}", function, ["VARCHAR"], result)
+        create(f"words_of_{column.name}", function, ["VARCHAR"], result)
         made.append(f"coalesce(words_of_{column.name}(answer), {column.name}) as {column.name}")
     connection.execute(
         f"create view flights as select * replace ({', '.join(made)}) from stored_flights"

@@ -314,7 +314,7 @@ def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 level=FIRST,
                 weight=GRAVE - gravity,
                 sentence=words.grounding_sentence(verdict, len(bad), len(recent), bad[-1]),
-                action=flight_action(bad[-1]) or action.text,
+                action=flight_action(bad[-1], action),
                 verdict=verdict,
             )
     for gravity, verdict in enumerate(("critical", "over", "near"), start=1):
@@ -325,7 +325,7 @@ def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 level=LOAD,
                 weight=GRAVE / gravity + len(heavy),
                 sentence=words.margin_sentence(verdict, len(heavy), len(recent), worst),
-                action=flight_action(worst) or actions.FILL_LESS.text,
+                action=flight_action(worst, actions.FILL_LESS),
                 verdict=verdict,
             )
     if season.without_verdict and len(season.without_verdict) * 2 > count:

@@ -18,7 +18,7 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.moments import Activity, activities
-from thrustmargin.gcs_plugin.wording.actions import Phase
+from thrustmargin.gcs_plugin.wording.actions import Action, Phase
 from thrustmargin.gcs_plugin.wording.advice_words import (
     PREDICTED_ALONE,
     action,
@@ -178,12 +178,14 @@ def read_answer(stored: str) -> StoredAnswer | None:
 def _advice(data: dict[str, Any]) -> Advice:
     """Return an Advice from its JSON values. Raises ValueError, KeyError or TypeError."""
     kinds, of_use = get_type_hints(Advice), get_type_hints(ThrustUse)
-    use = {
+    use: dict[str, Any] = {
         name: np.array([value]) if name in _FLAGS else from_json_values(of_use[name], value, name)
         for name, value in data.pop("use").items()
     }
-    made = ThrustUse(**use, **{name: np.empty(0) for name in _ROWS})
-    return Advice(use=made, **{n: from_json_values(kinds[n], one, n) for n, one in data.items()})
+    use |= {name: np.empty(0) for name in _ROWS}
+    return Advice(
+        use=ThrustUse(**use), **{n: from_json_values(kinds[n], one, n) for n, one in data.items()}
+    )
 
 
 def _stored(flight: Mapping[str, Any]) -> StoredAnswer | None:
@@ -200,10 +202,16 @@ def mark_old_text(text: str) -> str:
     return say("{words} (in the words of the day it was taken in)", words=text) if text else ""
 
 
-def flight_action(flight: Mapping[str, Any]) -> str:
-    """Return what to do after a flight of the store; empty where its row does not say."""
-    answer = _stored(flight)
-    return action(answer.advice) if answer else mark_old_text(flight["action"] or "")
+def flight_action(flight: Mapping[str, Any], by_kind: Action | None = None) -> str:
+    """Return what to do after a flight of the store; empty if neither its row nor `by_kind` has it.
+
+    `by_kind` is the action for the flight's verdict. It stands before the text of an older row,
+    which may be in another language, and replaces an action that is missing or cannot be read.
+    """
+    answer, kind = _stored(flight), by_kind.text if by_kind else ""
+    if answer:
+        return action(answer.advice) or kind
+    return "; ".join(filter(None, (kind, mark_old_text(flight["action"] or ""))))
 
 
 def flight_alarms(flight: Mapping[str, Any]) -> list[str]:

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.office.season.part_history import with_parts
 from thrustmargin.gcs_plugin.office.season.parts import Part
 from thrustmargin.gcs_plugin.office.season.same_aircraft import group_by_frame
 from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.models.identification.season.change_points import SeasonEntry
 
 RNG = np.random.default_rng
 
@@ -243,8 +244,10 @@ def test_aircraft_are_in_the_order_of_what_is_wrong_with_what_their_reports_say(
     order = rank_aircraft("season", made).aircraft
     assert [one.name for one in order] == [*grave_first, "under"]
     day = "(in the words of the day it was taken in)"
-    asked = [one.findings[0].action for one in order[:7]]
-    assert asked == [f"do {v} {day}" for v in grave_first[:7]]
+    for one, verdict in zip(order[:7], grave_first, strict=False):
+        first, *_, last = one.findings[0].action.split("; ")
+        assert first.startswith(("do not fly it", "fill less"))  # in the reader's language
+        assert last == f"do {verdict} {day}"
 
 
 def test_flights_above_the_limit_and_without_verdict_are_reasons():
@@ -384,6 +387,26 @@ def test_amounts_before_and_after_a_change_differ_in_their_unit():
     assert words.value_words("drag_moment.roll").amounts(0.01, 0.03) == ("10 mm", "30 mm")
     assert words.value_words("climb_inflow.slope").amounts(1.2, 1.3) == ("1.200", "1.300")
     assert words.value_words("yaw_trim.moment").amounts(1.0, 1.0) == ("1.0000 N m",) * 2
+
+
+def test_a_change_of_less_than_a_shown_digit_is_shown_with_more_digits():
+    step = SeasonEntry(
+        ramp=False,
+        flight=30,
+        earliest=30,
+        latest=30,
+        until=60,
+        before=0.0011,
+        after=0.0013,
+        size_error=1e-5,
+        per_flight=0.0,
+        per_flight_error=0.0,
+        score=20.0,
+    )
+    said = words.entry_sentence("cg_offset:tank.x_full", step, "flight 31", False)
+    assert said == (
+        "centre of gravity forward with a full tank: from 1.1 mm to 1.3 mm at flight 31"
+    )
 
 
 def test_one_autopilot_flies_once_at_a_time_and_two_are_two_aircraft():
