@@ -6,7 +6,6 @@ questions of a report and of `airframe new` are these, in this order.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -140,19 +139,6 @@ def not_measured(basis: str) -> str:
 
 def no_error(why: str) -> str:
     return say("No prediction error: {why}.", why=say(why))
-
-
-def day_words(temperature_c: float, altitude: float, voltage: float, airspeed: float) -> str:
-    """Conditions of a fill: °C, m AMSL, V under load, m/s into the wind, left out where NaN."""
-    air = say(
-        "{celsius}, {altitude} above the sea, battery at {volts}",
-        celsius=number(temperature_c, "°C", 0),
-        altitude=number(altitude, "m", 0),
-        volts=number(voltage, "V"),
-    )
-    if math.isnan(airspeed):
-        return air
-    return say("{air}, {airspeed} through the air", air=air, airspeed=number(airspeed, "m/s"))
 
 
 def fill_line(limit: float) -> str:

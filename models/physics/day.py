@@ -125,6 +125,7 @@ class Day:
         ).source.assumed
 
 
+UNKNOWN_DAY = Day()
 #: Fields of which one says what the other would: the one from the better source is kept.
 _INSTEAD = (("pressure", "height"), ("loaded_voltage", "battery_voltage"))
 

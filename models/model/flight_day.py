@@ -1,0 +1,105 @@
+"""Read the day of a flight from its analysis: air, wind and battery, each with its source.
+
+The air is that in which the analysis saw the flight. Where no thermometer was there, that is the
+standard atmosphere, which counts as assumed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.rotor_model import temperature_offset
+from thrustmargin.models.physics.atmosphere import PLAUSIBLE_PRESSURE, track_air
+from thrustmargin.models.physics.day import UNKNOWN_DAY, UNKNOWN_VALUE, Day, DaySource, DayValue
+from thrustmargin.models.provenance import Meaning, SourceKind
+
+REST_S = 10.0  # s before take-off in which the battery is looked at
+IDLE = 0.05  # motor output below which a motor draws next to nothing
+FEWEST_AT_REST = 3  # rows of voltage at rest that count
+
+
+def flight_day(
+    analysis: FlightAnalysis, row: int, *, heard: DaySource = DaySource.LOG, voltage: float | None
+) -> Day:
+    """Return the day of a flight with the air and the battery of one `row`.
+
+    `heard` is the source of what was measured. `voltage` is the V under load in that row that the
+    fill is computed with; None: the day has no battery. It counts as assumed where the row reports
+    none. The wind is the median of the flight; unknown where none is reported.
+    """
+    track = analysis.track
+    at_s = float(track.time_s[row])
+    day = replace(_air(analysis, row, heard), wind=_wind(track, heard))
+    if voltage is None:
+        return day
+    shown = track.voltage[row] > 0.0
+    loaded = DayValue(float(voltage), heard if shown else DaySource.DEFAULT, at_s)
+    return replace(day, loaded_voltage=loaded)
+
+
+def day_before_take_off(analysis: FlightAnalysis, *, heard: DaySource = DaySource.LOG) -> Day:
+    """Return the day of a flight as known before it takes off: air, and the battery at rest.
+
+    Air that is the standard atmosphere's is left out, because nobody measured it. Voltage and air
+    are unknown where the log begins in flight or reports none. The wind is left out: an aircraft on
+    the ground does not know it.
+    """
+    track = analysis.track
+    flying = np.flatnonzero(track.flying)
+    first = int(flying[0]) if flying.size else track.time_s.size - 1
+    if track.time_s.size == 0:
+        return UNKNOWN_DAY
+    air = _air(analysis, max(first - 1, 0), heard)
+    if air.air_temperature.source.assumed:
+        air = replace(air, air_temperature=UNKNOWN_VALUE)
+    return replace(air, battery_voltage=_rest_voltage(track, first, heard))
+
+
+def _air(analysis: FlightAnalysis, row: int, heard: DaySource) -> Day:
+    """Return the air of a row: temperature, and pressure or else height."""
+    track = analysis.track
+    if analysis.density_given:
+        return UNKNOWN_DAY
+    air = track_air(track, temperature_offset(analysis.model))
+    source = track.source("temperature")
+    measured = "temperature" in track.standard_errors or (
+        source.meaning is Meaning.BOARD_TEMPERATURE
+    )
+    found = DaySource.STANDARD
+    if measured and track.reports("temperature"):
+        found = DaySource.OPTION if source.kind is SourceKind.STATED else heard
+    warm = DayValue(float(air.temperature[row]), found)
+    low, high = PLAUSIBLE_PRESSURE
+    if low <= track.pressure[row] <= high:
+        return Day(air_temperature=warm, pressure=DayValue(float(track.pressure[row]), heard))
+    if np.isfinite(track.altitude[row]):
+        return Day(air_temperature=warm, height=DayValue(float(track.altitude[row]), heard))
+    return Day(air_temperature=warm)
+
+
+def _wind(track: FlightTrack, heard: DaySource) -> DayValue:
+    """Return the median speed of the wind in flight; unknown where none is reported."""
+    speed = np.hypot(track.wind_ned[:, 0], track.wind_ned[:, 1])[track.flying]
+    speed = speed[np.isfinite(speed)]
+    return DayValue(float(np.median(speed)), heard) if speed.size else UNKNOWN_VALUE
+
+
+def _rest_voltage(track: FlightTrack, first: int, heard: DaySource) -> DayValue:
+    """Return the median voltage of the last REST_S s at rest before row `first`, of take-off.
+
+    A row is at rest while no motor output or rotor speed shows a turning motor. Unknown with fewer
+    than FEWEST_AT_REST such rows.
+    """
+    rows = slice(0, first)
+    output, speed = track.throttle[rows], track.rotor_speed_rpm[rows]
+    with np.errstate(invalid="ignore"):
+        idle = ~np.any(output > IDLE, axis=1) & ~np.any(speed > 0.0, axis=1)
+    known = np.flatnonzero(idle & (track.voltage[rows] > 0.0))
+    if known.size < FEWEST_AT_REST:
+        return UNKNOWN_VALUE
+    last = known[track.time_s[known] >= track.time_s[known[-1]] - REST_S]
+    return DayValue(float(np.median(track.voltage[last])), heard, float(track.time_s[last[-1]]))
