@@ -50,6 +50,8 @@ def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
     try:
         content = json.loads(regular(path).read_text("utf-8"))
         known = dict(content["conditions"])
+        if "tank_start_kg" in known:  # `fill_kg` in thrustmargin.forecast/1
+            known["fill_kg"] = known.pop("tank_start_kg")
         battery = FlightBattery(**_numbers(known.pop("battery")))
         north, east, down = (float(axis) for axis in known.pop("wind_ned"))
         made = PlanConditions(battery=battery, wind_ned=(north, east, down), **_numbers(known))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from thrustmargin.gcs_plugin.wording.fill_words import (
     amount,
     fill_advice,
     how_sure,
+    safe_kg,
 )
 from thrustmargin.gcs_plugin.wording.language import number, say
 from thrustmargin.mission import SPRAY_SPEED
@@ -164,18 +166,19 @@ def conditions(table: FillTable) -> list[str]:
 def json_text(table: FillTable) -> str:
     """The table as JSON; kg, and null where a fill is not known."""
     fill, ask = table.fill, table.sensitive
+    bad = fill.reason == "unsound"
     shape = (len(table.voltages), len(table.altitudes), len(table.temperatures_c))
     made = {
-        "schema": "thrustmargin.fill/1",
+        "schema": "thrustmargin.fill/2",
         "airframe": table.model.airframe.name,
         "model": table.model.description,
         "advice": table.advice,
         "recommended": {
-            "fill_kg": fill.kg,
-            "limit_kg": fill.limit_kg,
+            "fill_kg": safe_kg(fill),
+            "fill_limit_kg": fill.limit_kg,
             "interval90_kg": [fill.low_kg, fill.high_kg],
             "reason": fill.reason,
-            "full_battery_kg": fill.fresh_kg,
+            "fill_full_battery_kg": safe_kg(replace(fill, kg=fill.fresh_kg)),
             "voltage_under_load": table.found.voltage,
             "airspeed": table.found.airspeed,
         },
@@ -190,11 +193,10 @@ def json_text(table: FillTable) -> str:
             "voltage": table.voltages,
             "altitude_m": table.altitudes,
             "temperature_c": table.temperatures_c,
-            "fill_kg": np.where(
-                table.fill.reason == "unsound", np.nan, np.maximum(table.around.sure, 0.0)
-            )
-            .reshape(shape)
-            .tolist(),
+            "fill_kg": [
+                [[math.nan if bad else safe_kg(NextFill(kg=kg)) for kg in row] for row in state]
+                for state in table.around.sure.reshape(shape).tolist()
+            ],
         },
         "conditions": conditions(table),
         "software": software_version(),

@@ -1,4 +1,4 @@
-"""A plan's forecast as JSON, schema thrustmargin.forecast/1, and row by row as CSV: ten a second.
+"""A plan's forecast as JSON, schema thrustmargin.forecast/2, and row by row as CSV: ten a second.
 
 Null in the one and empty in the other where a number is not known.
 
@@ -17,8 +17,9 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from importlib import resources
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 import numpy as np
@@ -29,6 +30,7 @@ from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text, software_version
 from thrustmargin.gcs_plugin.wording import forecast_words as words
+from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.forecast_words import (
     assumed_words,
     gate_limit,
@@ -42,7 +44,7 @@ from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import worst_rotor
-from thrustmargin.models.model.fill_limits import largest_fills, steady_flight
+from thrustmargin.models.model.fill_limits import NextFill, largest_fills, steady_flight
 from thrustmargin.models.model.rotor_model import identified_airframe
 from thrustmargin.models.physics.atmosphere import (
     air_density,
@@ -51,15 +53,27 @@ from thrustmargin.models.physics.atmosphere import (
     pressure_altitude,
 )
 
+if TYPE_CHECKING:
+    from thrustmargin.mission.forecast.plan_flight import PlanConditions
+
+
+def conditions_json(given: PlanConditions) -> dict[str, Any]:
+    """Return the conditions of a forecast by their names in files, where `fill_kg` is a safe fill.
+
+    The liquid on board at take-off is `tank_start_kg`, as in reports and in the store.
+    """
+    named = {f.name: getattr(given, f.name) for f in fields(given)}
+    return {"tank_start_kg": named.pop("fill_kg"), **named}
+
 
 def json_text(made: PlanForecast) -> str:
     """The forecast; kg, s, Wh and shares of thrust."""
     use, weakest = made.advised.advice.use, made.weakest
     sorties = () if made.needs.short_of else made.needs.sorties  # no split is possible
     content = {
-        "schema": "thrustmargin.forecast/1",
+        "schema": "thrustmargin.forecast/2",
         "verdict": {"level": made.level, "words": verdict(made), "caveats": made.caveats},
-        "conditions": made.given,  # `report --assumed` reads them
+        "conditions": conditions_json(made.given),  # `report --assumed` reads them
         "flight_s": made.flight_s,
         "tank_end_kg": float(made.flight.track.tank_kg[-1]),
         "energy_wh": sum(s.energy_wh for s in made.needs.sorties),
@@ -69,7 +83,7 @@ def json_text(made: PlanForecast) -> str:
             "peak_interval": weakest and weakest.interval,
         },
         "weakest": weakest and {"what": weakest.kind, **asdict(weakest)},
-        "largest_fill_kg": made.largest_fill_kg,
+        "fill_kg": safe_kg(NextFill(kg=made.largest_fill_kg)),
         "rotor_loss_survivable_below_kg": made.survivable_below_kg,
         "sorties": [
             {

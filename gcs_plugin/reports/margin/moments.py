@@ -224,7 +224,7 @@ def plan_beside(
             for o in off
         ],
         "assumed": {
-            "fill_kg": given.fill_kg,
+            "tank_start_kg": given.fill_kg,
             "density": given.density,
             "wind": math.hypot(*given.wind_ned),
             "limits": list(to_fly.course.limits.assumed),

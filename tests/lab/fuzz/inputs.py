@@ -68,7 +68,7 @@ COLUMNS = b'time_s = "t"\nvoltage = { column = "V", unit = "mV", offset = 1 }\na
 CONDITIONS = json.dumps(
     {
         "conditions": {
-            "fill_kg": 8.0,
+            "tank_start_kg": 8.0,
             "density": 1.2,
             "wind_ned": [0.0, 1.0, 0.0],
             "battery": {"voltage": 50.0, "capacity_ah": 16.0},

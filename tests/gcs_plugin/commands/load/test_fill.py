@@ -32,10 +32,11 @@ def test_the_fill_of_a_hot_day_is_printed_with_its_reason_conditions_and_table(t
     assert "Say " not in text  # all that moves it is stated: no voltage lowers this ceiling
     assert "Guessed in the airframe file: ceiling_voltage" in text
     made = json.loads(numbers.read_text())
-    assert made["schema"] == "thrustmargin.fill/1"
-    assert made["recommended"]["limit_kg"] == pytest.approx(12.68, abs=0.01)
+    assert made["schema"] == "thrustmargin.fill/2"
+    assert made["recommended"]["fill_limit_kg"] == pytest.approx(12.68, abs=0.01)
     # The ceiling is guessed: 10 % of thrust, and 1.645 times that is kept back
-    assert made["recommended"]["fill_kg"] == pytest.approx(33.78 * 0.848 - 21.1, abs=0.4)
+    assert made["recommended"]["fill_kg"] == 7.5  # as its sentence says
+    assert pytest.approx(33.78 * 0.848 - 21.1, abs=0.4) == 7.5
     assert made["level"] == "fill"
     assert made["day"]["air_temperature_c"] == {"value": 35.0, "source": "option"}
     assert made["day"]["loaded_voltage"] == {"value": 51.8, "source": "default"}
@@ -67,7 +68,7 @@ def test_no_degree_is_a_cliff(capsys, monkeypatch, tmp_path):
     for celsius in range(14, 26):
         monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / str(celsius)))
         asked = ("--air-temperature", str(celsius), "--voltage", "58")
-        kg.append(fills(capsys, *asked)["recommended"]["fill_kg"])
+        kg.append(fills(capsys, *asked)["recommended"]["interval90_kg"][0])
     steps = [a - b for a, b in itertools.pairwise(kg)]
     assert min(steps) > -0.05
     assert max(steps) < 0.3
@@ -101,8 +102,8 @@ def test_a_file_states_the_day_and_an_option_beats_it(capsys, tmp_path):
 def test_the_fill_asks_for_the_value_that_moves_it_most(capsys):
     ask = fills(capsys)["ask"]
     assert ask["option"] == "--voltage"
-    by_volt = fills(capsys, "--voltage", "57")["recommended"]["limit_kg"]
-    less = fills(capsys, "--voltage", "56")["recommended"]["limit_kg"]
+    by_volt = fills(capsys, "--voltage", "57")["recommended"]["fill_limit_kg"]
+    less = fills(capsys, "--voltage", "56")["recommended"]["fill_limit_kg"]
     assert ask["moves_kg"] == pytest.approx(by_volt - less, rel=0.15)
     assert fills(capsys, "--voltage", "57")["ask"]["option"] == "--air-temperature"
     known = ("--voltage", "57", "--air-temperature", "20", "--altitude", "300", "--wind", "2")

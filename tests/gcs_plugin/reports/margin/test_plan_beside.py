@@ -2,6 +2,7 @@
 
 # pyright: reportArgumentType=false
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -78,7 +79,13 @@ def test_what_was_assumed_wrongly_before_the_job_is_named(tmp_path, changed, wha
     day = TakeOff(**{"fill_kg": 10.0, "flow": 2.5 / 60.0, "battery": battery, **changed})
     file = tmp_path / "forecast.json"
     file.write_text(json_text(forecast(plan, analysis.model, day, parameters=log.parameters)))
-    made = plan_beside(analysis, log, plan, read_assumed(file, beside=LOG))
+    assumed = read_assumed(file, beside=LOG)
+    made = plan_beside(analysis, log, plan, assumed)
+    assert made["assumed"]["tank_start_kg"] == assumed.fill_kg
+    older = json.loads(file.read_text())  # thrustmargin.forecast/1 called it fill_kg
+    older["conditions"]["fill_kg"] = older["conditions"].pop("tank_start_kg")
+    file.write_text(json.dumps(older))
+    assert read_assumed(file, beside=LOG) == assumed
     causes = [o["what"] for o in made["off"]]
     assert what in causes
     assert words in made["words"]
