@@ -17,6 +17,7 @@ SOURCES: Mapping[DaySource, str] = {
     DaySource.FILE: "by the file of the day",
     DaySource.LOG: "by the log",
     DaySource.LINK: "by the vehicle",
+    DaySource.PLAN: "by the plan",
     DaySource.REMEMBERED: "as given at {time}",
     DaySource.DEFAULT: "assumed",
     DaySource.STANDARD: "of the standard atmosphere",

@@ -70,7 +70,7 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
         return say(UNKNOWN_FILL)
     assert fill.reason is not None
     more, empty = (say(words, limit=percent(limit)) for words in _BECAUSE[fill.reason])
-    day = _with_day(fill.day)
+    day = with_day(fill.day)
     if fill.nothing_fits is not None:
         why = say(_NOTHING_FITS[fill.nothing_fits])
         if level is FillLevel.WEIGH:
@@ -88,7 +88,7 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
     return say(first, amount=amount(fill.kg, fill.liquid_density), day=day, more=more)
 
 
-def _with_day(day: Day) -> str:
+def with_day(day: Day) -> str:
     """` with a full battery, 15 °C, no wind`; empty where nothing of the day is known."""
     words = day_briefly(day)
     return say(" with {day}", day=words) if words else ""

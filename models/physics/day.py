@@ -9,6 +9,7 @@ Each value comes from the first of these that has it:
     file        the user stated it in the file of --day
     log         the log that the command works on
     link        the vehicle that is heard now
+    plan        the plan that the command works on
     remembered  stated by the user for an earlier command of the day
     default     nobody knows: one cautious set for all commands, `default_day`
 
@@ -45,6 +46,7 @@ class DaySource(StrEnum):
     FILE = "file"  # of --day
     LOG = "log"
     LINK = "link"
+    PLAN = "plan"
     REMEMBERED = "remembered"
     DEFAULT = "default"
     STANDARD = "standard"  # the standard atmosphere, in which a flight without thermometer is seen

@@ -19,7 +19,7 @@ def celsius(value: float, source: DaySource) -> Day:
     return Day(air_temperature=DayValue(value + 273.15, source))
 
 
-ORDER = ("option", "file", "log", "link", "remembered", "default", "standard")
+ORDER = ("option", "file", "log", "link", "plan", "remembered", "default", "standard")
 
 
 @pytest.mark.parametrize("first", range(len(ORDER) - 1))
