@@ -53,14 +53,6 @@ def wind_words(speed: float) -> str:
     return f"wind {speed:.1f} m/s"
 
 
-def fill_rests_on(density: float, basis: str, voltage: float, airspeed: float) -> str:
-    """What an advice before take-off holds for: kg/m³ and its basis, V, m/s."""
-    return (
-        f"in air of {density:.2f} kg/m³ ({basis}), battery at {voltage:.1f} V under load, "
-        f"{airspeed:.0f} m/s through the air; thrustmargin fill has other conditions"
-    )
-
-
 def margin_ahead(share: float) -> str:
     """What lasts; turns and climbs take more for moments, and gusts are not in it."""
     return f"rest of the route: {margin_or_beyond(share)} that lasts, less for moments in turns"

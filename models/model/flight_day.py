@@ -48,15 +48,29 @@ def day_before_take_off(analysis: FlightAnalysis, *, heard: DaySource = DaySourc
     are unknown where the log begins in flight or reports none. The wind is left out: an aircraft on
     the ground does not know it.
     """
-    track = analysis.track
-    flying = np.flatnonzero(track.flying)
-    first = int(flying[0]) if flying.size else track.time_s.size - 1
-    if track.time_s.size == 0:
+    flying = np.flatnonzero(analysis.track.flying)
+    first = int(flying[0]) if flying.size else analysis.track.time_s.size
+    return _day_at_rest(analysis, slice(0, first), heard)
+
+
+def day_on_ground(analysis: FlightAnalysis, *, heard: DaySource = DaySource.LINK) -> Day:
+    """Return the day of an aircraft that stands on the ground now: air, and the battery at rest.
+
+    Values are unknown and left out as in `day_before_take_off`.
+    """
+    flying = np.flatnonzero(analysis.track.flying)
+    since = int(flying[-1]) + 1 if flying.size else 0
+    return _day_at_rest(analysis, slice(since, analysis.track.time_s.size), heard)
+
+
+def _day_at_rest(analysis: FlightAnalysis, rows: slice, heard: DaySource) -> Day:
+    """Return the day of `rows` on the ground: the air of the last, and the battery at rest."""
+    if analysis.track.time_s.size == 0:
         return UNKNOWN_DAY
-    air = _air(analysis, max(first - 1, 0), heard)
+    air = _air(analysis, max(rows.stop - 1, 0), heard)
     if air.air_temperature.source.assumed:
         air = replace(air, air_temperature=UNKNOWN_VALUE)
-    return replace(air, battery_voltage=_rest_voltage(track, first, heard))
+    return replace(air, battery_voltage=_rest_voltage(analysis.track, rows, heard))
 
 
 def _air(analysis: FlightAnalysis, row: int, heard: DaySource) -> Day:
@@ -88,18 +102,18 @@ def _wind(track: FlightTrack, heard: DaySource) -> DayValue:
     return DayValue(float(np.median(speed)), heard) if speed.size else UNKNOWN_VALUE
 
 
-def _rest_voltage(track: FlightTrack, first: int, heard: DaySource) -> DayValue:
-    """Return the median voltage of the last REST_S s at rest before row `first`, of take-off.
+def _rest_voltage(track: FlightTrack, rows: slice, heard: DaySource) -> DayValue:
+    """Return the median voltage of the last REST_S s at rest in `rows`.
 
     A row is at rest while no motor output or rotor speed shows a turning motor. Unknown with fewer
     than FEWEST_AT_REST such rows.
     """
-    rows = slice(0, first)
     output, speed = track.throttle[rows], track.rotor_speed_rpm[rows]
     with np.errstate(invalid="ignore"):
         idle = ~np.any(output > IDLE, axis=1) & ~np.any(speed > 0.0, axis=1)
     known = np.flatnonzero(idle & (track.voltage[rows] > 0.0))
     if known.size < FEWEST_AT_REST:
         return UNKNOWN_VALUE
-    last = known[track.time_s[known] >= track.time_s[known[-1]] - REST_S]
-    return DayValue(float(np.median(track.voltage[last])), heard, float(track.time_s[last[-1]]))
+    time_s, volts = track.time_s[rows], track.voltage[rows]
+    last = known[time_s[known] >= time_s[known[-1]] - REST_S]
+    return DayValue(float(np.median(volts[last])), heard, float(time_s[last[-1]]))
