@@ -117,7 +117,7 @@ def verdict(made: PlanForecast) -> str:
         return no + say("lasting use of thrust {lasting}, above the {limit} limit", **known)
     why = say("lasting use of thrust {lasting}, limit {limit}", **known)
     if level is FlightLevel.NEAR:
-        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}: {why}"
+        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}{_as_far(made)}: {why}"
     if level is FlightLevel.UNDER:
         return f"{say('MAY TAKE OFF{fill}', fill=fill)}{_as_far(made)}: {why}"
     return no + damage_words(advice)

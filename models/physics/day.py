@@ -21,6 +21,7 @@ voltage under load.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 
@@ -223,19 +224,23 @@ DAY_FIELDS = {
 }
 
 
-def day_json(day: Day) -> dict[str, dict[str, float | str | None] | None]:
+#: Key of a value -> the value as people write it with its source; None where it is unknown.
+DayJson = Mapping[str, Mapping[str, float | str] | None]
+
+
+def day_json(day: Day) -> DayJson:
     """Return the day for JSON: each known value with its source, null where unknown.
 
     `at_s` is the second of the flight at which it was measured, `given_at` the local time at which
     it was stated; both only where there is one.
     """
-    made: dict[str, dict[str, float | str | None] | None] = {}
+    made: dict[str, dict[str, float | str] | None] = {}
     for name, how in DAY_FIELDS.items():
         value: DayValue = getattr(day, name)
         if not value.known:
             made[how.key] = None
             continue
-        entry: dict[str, float | str | None] = {
+        entry: dict[str, float | str] = {
             "value": round(how.written(value.value), 3),
             "source": value.source.value,
         }
