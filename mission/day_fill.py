@@ -108,6 +108,7 @@ def _in_steady_flight(
             airspeed=airspeed,
             max_utilisation=limit,
             rotor_lost=rotor_lost,
+            density_error=day.density_error,
         )
         return found, volts
 

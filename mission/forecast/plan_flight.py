@@ -151,6 +151,7 @@ def conditions(
     made = PlanConditions(
         fill_kg=given.fill_kg,
         density=day.density,
+        density_error=day.density_error,
         flow=given.flow if given.flow > 0.0 else 0.0,
         flow_per_metre=given.flow_per_metre,
         wind_ned=wind_ned(windy, given.wind_from_deg if windy > 0.0 else 0.0),
@@ -188,6 +189,7 @@ class PlanConditions:
 
     fill_kg: float
     density: float  # kg/m³ at home
+    density_error: float = 0.0  # its standard error, as a share
     flow: float = 0.0  # kg/s with the pump on at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of way sprayed, instead of `flow`
     most_flow: float = math.inf  # kg/s that the pump gives at its most

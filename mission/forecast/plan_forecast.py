@@ -58,7 +58,7 @@ from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_o
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
-from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.analysis import analyse, with_density_error
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import Basis, RotorModel, identified_airframe
@@ -218,8 +218,9 @@ def forecast(
             f"{flight.track.duration / 60.0:.0f}",
             f"{taken.time_s[-1] / 60.0:.0f}",
         )
-    analysis = analyse(
-        flight.track, model, flight.density, claim=replace(PLANNED, other_order=other_order)
+    claim = replace(PLANNED, other_order=other_order)
+    analysis = with_density_error(
+        analyse(flight.track, model, flight.density, claim=claim), given.density_error
     )
     advised = advise(analysis, limit=limit, planned=True, history=faults)
     if limits.assumed:
@@ -254,7 +255,7 @@ def forecast(
             advised,
             given,
             limit,
-            lambda g: _advise(fly(way, g, parts.anew), model, limit),
+            lambda g: _advise(fly(way, g, parts.anew), model, limit, g.density_error),
         ),
         survivable_below_kg=survivable_below(advised.analysis),
         needs=needed,
@@ -308,9 +309,10 @@ def _within(timed: Sequence[TimedLeg], seconds: float, whole_s: float) -> int:
     return len(timed) if ends[-1] <= whole_s else bisect.bisect(ends, seconds) + 1
 
 
-def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
-    """Return the answer for a simulated flight."""
+def _advise(flight: PlanFlight, model: RotorModel, limit: float, density_error: float) -> Advised:
+    """Return the answer for a simulated flight; `density_error` is a share of its air's density."""
     made = analyse(flight.track, model, flight.density, claim=PLANNED)
+    made = with_density_error(made, density_error)
     return advise(made, limit=limit, planned=True)
 
 

@@ -92,11 +92,13 @@ def largest_fills(
     airspeed: float,
     max_utilisation: float = 0.5,
     rotor_lost: bool = True,
+    density_error: float = 0.0,
 ) -> Fills:
     """Compute the largest fills in air of `density` (C,) kg/m³ at battery voltages `voltage` (C,)
     V.
 
-    `airspeed` is in m/s, in flight into the wind. With `rotor_lost` the loss of one rotor must be
+    `airspeed` is in m/s, in flight into the wind; `density_error` is the standard error of ln
+    density. With `rotor_lost` the loss of one rotor must be
     survivable with yaw uncontrolled. Raises AirframeError where the model has no rotors.
     """
     density, voltage = np.broadcast_arrays(
@@ -110,7 +112,7 @@ def largest_fills(
         fill = largest_fill(
             airframe, ceiling(airframe, density, voltage), criterion="yaw uncontrolled"
         )
-        error = np.sqrt(guessed_variance(airframe, *RESTS_ON))
+        error = np.sqrt(guessed_variance(airframe, *RESTS_ON) + density_error**2)
         mass = airframe.empty_mass + fill
         rows[1] = [mass * np.exp(k * INTERVAL * error) - airframe.empty_mass for k in (0, -1, 1)]
     rows[2] = airframe.max_takeoff_mass - airframe.empty_mass
@@ -281,21 +283,8 @@ def next_fill(
     lowest = int(begun[np.argmin(free[begun])])
     volts = _volts(track, lowest, craft)
     speeds = track.airspeed[begun][np.isfinite(track.airspeed[begun])]
-    found = largest_fills(
-        analysis.model,
-        analysis.density[lowest],
-        volts,
-        airspeed=float(np.median(speeds)) if speeds.size else 0.0,
-        max_utilisation=limit,
-    )
-    middles, lows, highs = (x[:, 0] for x in (found.by_reason, found.low, found.high))
-    # A flight's air is an estimate, while the density given to `largest_fills` counts as exact.
-    error, beyond = np.nan_to_num(analysis.redundancy_error[lowest]), analysis.redundancy_beyond
-    by_use, lost = REASONS.index("utilisation"), REASONS.index("one rotor lost")
-    up = np.exp(INTERVAL * (error - beyond))
-    lows[by_use] = (empty + lows[by_use]) / np.exp(INTERVAL * beyond) - empty
-    lows[lost] = min(lows[lost], (empty + middles[lost]) / np.exp(INTERVAL * error) - empty)
-    highs[lost] = max(highs[lost], (empty + middles[lost]) * up - empty)
+    airspeed = float(np.median(speeds)) if speeds.size else 0.0
+    middles, lows, highs = _ends(analysis, lowest, volts, airspeed, limit)
     # Thrust beyond the gauge may be liquid, a hidden mass or a weak rotor: assume it stays.
     kg = float(np.min(lows)) - analysis.beyond_gauge_kg
     reason = REASONS[int(np.argmin(lows))]
@@ -305,18 +294,23 @@ def next_fill(
     above = flown[np.isfinite(flown)]
     if above.size and above.min() < kg:
         kg, reason = float(above.min()), "as flown"
+    by_use, lost = REASONS.index("utilisation"), REASONS.index("one rotor lost")
     start = begun[: max(1, round(START_SHARE * begun.size))]
     most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - empty)
     loads = track.tank_kg[start][np.isfinite(track.tank_kg[start])]
     middle = int(start[np.argsort(free[start])[start.size // 2]])
+    volts_then = _volts(track, middle, craft)
+    fresh = float(np.min(_ends(analysis, middle, volts_then, airspeed, limit)[1]))
+    if reason == "as flown":
+        fresh = min(fresh, float((empty + kg) * free[middle] / free[lowest] - empty))
     made = NextFill(
         kg=kg,
         day=flight_day(analysis, lowest, heard=heard, voltage=volts),
-        fresh_day=flight_day(analysis, middle, heard=heard, voltage=_volts(track, middle, craft)),
+        fresh_day=flight_day(analysis, middle, heard=heard, voltage=volts_then),
         limit_kg=float(np.min(middles)),
         low_kg=min(float(np.min(lows)) - analysis.beyond_gauge_kg, kg),
         high_kg=float(np.min(highs)),
-        fresh_kg=min(float((empty + kg) * np.median(free[start]) / free[lowest] - empty), most),
+        fresh_kg=min(fresh - analysis.beyond_gauge_kg, most),
         reason=reason,
         nothing_fits=no_fill_reason(craft),
         start_kg=float(np.median(loads)) if loads.size else NAN,
@@ -325,6 +319,34 @@ def next_fill(
     )
     limits = ((empty + middles[k]) * free / free[lowest] - empty for k in (by_use, lost))
     return made, *limits
+
+
+def _ends(
+    analysis: FlightAnalysis, row: int, volts: float, airspeed: float, limit: float
+) -> tuple[Floats, Floats, Floats]:
+    """Return the fills (4,) kg by each of REASONS in the air of a row at `volts` V, and the low and
+    high ends (4,) of their intervals.
+
+    The intervals include what the flight leaves open: its air, and thrust that outputs show beyond
+    the reported load.
+    """
+    empty = identified_airframe(analysis.model).empty_mass
+    found = largest_fills(
+        analysis.model,
+        analysis.density[row],
+        volts,
+        airspeed=airspeed,
+        max_utilisation=limit,
+    )
+    middles, lows, highs = (x[:, 0] for x in (found.by_reason, found.low, found.high))
+    # A flight's air is an estimate, while the density given to `largest_fills` counts as exact.
+    error, beyond = np.nan_to_num(analysis.redundancy_error[row]), analysis.redundancy_beyond
+    by_use, lost = REASONS.index("utilisation"), REASONS.index("one rotor lost")
+    up = np.exp(INTERVAL * (error - beyond))
+    lows[by_use] = (empty + lows[by_use]) / np.exp(INTERVAL * beyond) - empty
+    lows[lost] = min(lows[lost], (empty + middles[lost]) / np.exp(INTERVAL * error) - empty)
+    highs[lost] = max(highs[lost], (empty + middles[lost]) * up - empty)
+    return middles, lows, highs
 
 
 def _volts(track: FlightTrack, row: int, craft: Airframe) -> float:

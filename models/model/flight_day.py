@@ -13,12 +13,21 @@ import numpy as np
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.rotor_model import temperature_offset
-from thrustmargin.models.physics.atmosphere import PLAUSIBLE_PRESSURE, track_air
+from thrustmargin.models.physics.atmosphere import (
+    G0,
+    GAS_CONSTANT,
+    PLAUSIBLE_PRESSURE,
+    SENSOR_ERROR,
+    WEATHER_ERROR,
+    track_air,
+)
 from thrustmargin.models.physics.day import UNKNOWN_DAY, UNKNOWN_VALUE, Day, DaySource, DayValue
+from thrustmargin.models.physics.resistance import battery_resistance
 from thrustmargin.models.provenance import Meaning, SourceKind
 
 REST_S = 10.0  # s before take-off in which the battery is looked at
 IDLE = 0.05  # motor output below which a motor draws next to nothing
+MOST_UNSURE = 0.3  # standard error of a resistance as a share, with which it still counts
 FEWEST_AT_REST = 3  # rows of voltage at rest that count
 
 
@@ -37,7 +46,7 @@ def flight_day(
     if voltage is None:
         return day
     shown = track.voltage[row] > 0.0
-    loaded = DayValue(float(voltage), heard if shown else DaySource.DEFAULT, at_s)
+    loaded = DayValue(float(voltage), heard if shown else DaySource.DEFAULT, at_s=at_s)
     return replace(day, loaded_voltage=loaded)
 
 
@@ -46,11 +55,12 @@ def day_before_take_off(analysis: FlightAnalysis, *, heard: DaySource = DaySourc
 
     Air that is the standard atmosphere's is left out, because nobody measured it. Voltage and air
     are unknown where the log begins in flight or reports none. The wind is left out: an aircraft on
-    the ground does not know it.
+    the ground does not know it. The resistance of the battery is that which the flight shows.
     """
     flying = np.flatnonzero(analysis.track.flying)
     first = int(flying[0]) if flying.size else analysis.track.time_s.size
-    return _day_at_rest(analysis, slice(0, first), heard)
+    day = _day_at_rest(analysis, slice(0, first), heard)
+    return replace(day, battery_resistance=_resistance(analysis.track, heard))
 
 
 def day_on_ground(analysis: FlightAnalysis, *, heard: DaySource = DaySource.LINK) -> Day:
@@ -86,13 +96,20 @@ def _air(analysis: FlightAnalysis, row: int, heard: DaySource) -> Day:
     found = DaySource.STANDARD
     if measured and track.reports("temperature"):
         found = DaySource.OPTION if source.kind is SourceKind.STATED else heard
-    warm = DayValue(float(air.temperature[row]), found)
     low, high = PLAUSIBLE_PRESSURE
-    if low <= track.pressure[row] <= high:
-        return Day(air_temperature=warm, pressure=DayValue(float(track.pressure[row]), heard))
-    if np.isfinite(track.altitude[row]):
-        return Day(air_temperature=warm, height=DayValue(float(track.altitude[row]), heard))
-    return Day(air_temperature=warm)
+    pressure, height = float(track.pressure[row]), float(track.altitude[row])
+    by_pressure = low <= pressure <= high
+    of_pressure = SENSOR_ERROR if by_pressure else WEATHER_ERROR
+    kelvin, share = float(air.temperature[row]), float(air.density_error[row] / air.density[row])
+    error = kelvin * float(np.sqrt(max(share**2 - of_pressure**2, 0.0)))
+    day = Day(air_temperature=DayValue(kelvin, found, error))
+    if by_pressure:
+        return replace(day, pressure=DayValue(pressure, heard, of_pressure * pressure))
+    if np.isfinite(height):
+        # As pressure falls with height: by g/(R T) a metre.
+        metres = of_pressure * GAS_CONSTANT * kelvin / G0
+        return replace(day, height=DayValue(height, heard, metres))
+    return day
 
 
 def _wind(track: FlightTrack, heard: DaySource) -> DayValue:
@@ -100,6 +117,15 @@ def _wind(track: FlightTrack, heard: DaySource) -> DayValue:
     speed = np.hypot(track.wind_ned[:, 0], track.wind_ned[:, 1])[track.flying]
     speed = speed[np.isfinite(speed)]
     return DayValue(float(np.median(speed)), heard) if speed.size else UNKNOWN_VALUE
+
+
+def _resistance(track: FlightTrack, heard: DaySource) -> DayValue:
+    """Return the resistance of the battery as the flight shows it; unknown where it is unsure by
+    MOST_UNSURE or more."""
+    ohm, error = battery_resistance(track.time_s, track.voltage, track.current, track.flying)
+    if not (ohm > 0.0 and error < MOST_UNSURE * ohm):
+        return UNKNOWN_VALUE
+    return DayValue(ohm, heard, error)
 
 
 def _rest_voltage(track: FlightTrack, rows: slice, heard: DaySource) -> DayValue:
@@ -116,4 +142,4 @@ def _rest_voltage(track: FlightTrack, rows: slice, heard: DaySource) -> DayValue
         return UNKNOWN_VALUE
     time_s, volts = track.time_s[rows], track.voltage[rows]
     last = known[time_s[known] >= time_s[known[-1]] - REST_S]
-    return DayValue(float(np.median(volts[last])), heard, float(time_s[last[-1]]))
+    return DayValue(float(np.median(volts[last])), heard, at_s=float(time_s[last[-1]]))

@@ -26,6 +26,8 @@ from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 
 from thrustmargin.models.physics.atmosphere import (
+    G0,
+    GAS_CONSTANT,
     air_density,
     isa_pressure,
     pressure_altitude,
@@ -74,6 +76,7 @@ class DayValue:
 
     value: float = NAN
     source: DaySource = DaySource.DEFAULT
+    error: float = 0.0  # standard error, in the unit of the value
     at_s: float = NAN  # s of the flight at which it was measured
     given_at: str = ""  # local time, such as 09:12, at which a remembered value was stated
 
@@ -105,6 +108,15 @@ class Day:
     def density(self) -> float:
         """Return the density of the air at the field, kg/m³; NaN where unknown."""
         return float(air_density(self.air_pressure, self.air_temperature.value))
+
+    @property
+    def density_error(self) -> float:
+        """Return the standard error of the air density as a share of it, by the values' errors."""
+        warm = self.air_temperature
+        of_pressure = self.height.error * G0 / (GAS_CONSTANT * warm.value)
+        if self.pressure.known:
+            of_pressure = self.pressure.error / self.pressure.value
+        return math.hypot(warm.error / warm.value, of_pressure)
 
     @property
     def air_pressure(self) -> float:
@@ -231,8 +243,8 @@ DayJson = Mapping[str, Mapping[str, float | str] | None]
 def day_json(day: Day) -> DayJson:
     """Return the day for JSON: each known value with its source, null where unknown.
 
-    `at_s` is the second of the flight at which it was measured, `given_at` the local time at which
-    it was stated; both only where there is one.
+    `error` is its standard error, `at_s` the second of the flight at which it was measured,
+    `given_at` the local time at which it was stated; each only where there is one.
     """
     made: dict[str, dict[str, float | str] | None] = {}
     for name, how in DAY_FIELDS.items():
@@ -244,6 +256,8 @@ def day_json(day: Day) -> DayJson:
             "value": round(how.written(value.value), 3),
             "source": value.source.value,
         }
+        if value.error > 0.0:
+            entry["error"] = round(value.error / how.factor, 3)
         if math.isfinite(value.at_s):
             entry["at_s"] = round(value.at_s, 1)
         if value.given_at:
