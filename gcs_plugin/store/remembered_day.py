@@ -22,7 +22,7 @@ from typing import Any
 
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
-from thrustmargin.models.physics.day import DAY_FIELDS, Day, DaySource, DayValue
+from thrustmargin.models.physics.day import DAY_FIELDS, Day, DaySource, DayValue, stated_value
 from thrustmargin.models.whole_file import regular, whole_file
 
 KEPT_S = 12.0 * 3600.0
@@ -86,7 +86,8 @@ def read_day(path: Path) -> Day:
         name = KEYS.get(key)
         if name is None:
             raise DataError(f"{path} has an unknown {key!r}; a day has {', '.join(KEYS)}")
-        found[name] = DayValue(_in_si(name, written, f"{path}: {key}"), DaySource.FILE)
+        value = _in_si(name, written, f"{path}: {key}")
+        found[name] = stated_value(name, value, DaySource.FILE)
     if not found:
         raise DataError(f"{path} has no value; a day has {', '.join(KEYS)}")
     return Day(**found)
@@ -117,7 +118,7 @@ def remembered_day(now_s: float | None = None) -> Day:
             name = KEYS[key]
             at = time.strftime("%H:%M", time.localtime(kept.stated_s))
             value = DAY_FIELDS[name].to_si(kept.value)
-            found[name] = DayValue(value, DaySource.REMEMBERED, given_at=at)
+            found[name] = stated_value(name, value, DaySource.REMEMBERED, given_at=at)
     return Day(**found)
 
 

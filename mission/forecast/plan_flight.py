@@ -40,6 +40,7 @@ from thrustmargin.models.physics.day import (
     DaySource,
     DayValue,
     complete_day,
+    stated_value,
 )
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, utilisation
@@ -81,7 +82,7 @@ class TakeOff:
     def day(self, nominal_voltage: float, plan_height: float = math.nan) -> Day:
         """Return the complete day; `plan_height` is of the home in the plan, m AMSL or NaN."""
         stated = Day(
-            air_temperature=DayValue(self.air_temperature, DaySource.OPTION),
+            air_temperature=stated_value("air_temperature", self.air_temperature),
             pressure=DayValue(self.pressure, DaySource.OPTION),
             height=DayValue(self.altitude, DaySource.OPTION),
             wind=DayValue(self.wind, DaySource.OPTION),

@@ -28,6 +28,7 @@ from enum import StrEnum
 from thrustmargin.models.physics.atmosphere import (
     G0,
     GAS_CONSTANT,
+    STATED_TEMPERATURE_ERROR,
     air_density,
     isa_pressure,
     pressure_altitude,
@@ -87,6 +88,17 @@ class DayValue:
 
 
 UNKNOWN_VALUE = DayValue()
+
+
+def stated_value(
+    name: str, value: float, source: DaySource = DaySource.OPTION, *, given_at: str = ""
+) -> DayValue:
+    """Return the value in SI that a person states for the field `name` of a day.
+
+    An air temperature has the same standard error as one that is stated for a log.
+    """
+    error = STATED_TEMPERATURE_ERROR if name == "air_temperature" else 0.0
+    return DayValue(value, source, error, given_at=given_at)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,10 +12,10 @@ from thrustmargin.models.physics.day import (
     DAY_FIELDS,
     UNKNOWN_DAY,
     Day,
-    DaySource,
     DayValue,
     complete_day,
     merged,
+    stated_value,
 )
 
 
@@ -30,7 +30,7 @@ def stated_day(file: Path | None, **options: float | None) -> Day:
         how = DAY_FIELDS[name]
         check_range(how.option, written, how.low, how.high, how.unit)
         if written is not None:
-            found[name] = DayValue(how.to_si(written), DaySource.OPTION)
+            found[name] = stated_value(name, how.to_si(written))
     return merged(Day(**found), UNKNOWN_DAY if file is None else read_day(file))
 
 

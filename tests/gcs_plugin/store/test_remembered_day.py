@@ -71,7 +71,7 @@ def test_a_day_is_read_from_toml_and_json(tmp_path: Path):
     )
     assert read_day(toml) == read_day(other)
     day = read_day(toml)
-    assert day.air_temperature == DayValue(304.15, DaySource.FILE)
+    assert day.air_temperature == DayValue(304.15, DaySource.FILE, error=2.0)
     assert day.battery_resistance.value == pytest.approx(0.02)
 
 

@@ -38,7 +38,7 @@ def test_the_fill_of_a_hot_day_is_printed_with_its_reason_conditions_and_table(t
     assert made["recommended"]["fill_kg"] == 7.5  # as its sentence says
     assert pytest.approx(33.78 * 0.848 - 21.1, abs=0.4) == 7.5
     assert made["level"] == "fill"
-    assert made["day"]["air_temperature_c"] == {"value": 35.0, "source": "option"}
+    assert made["day"]["air_temperature_c"] == {"value": 35.0, "source": "option", "error": 2.0}
     assert made["day"]["loaded_voltage"] == {"value": 51.8, "source": "default"}
     table = made["table"]["fill_kg"]
     assert len(table) == 3
@@ -86,6 +86,7 @@ def test_what_was_stated_is_remembered_and_said_but_the_battery_is_not(capsys):
     assert fills(capsys, "--air-temperature", "25")["day"]["air_temperature_c"] == {
         "value": 25.0,
         "source": "option",
+        "error": 2.0,
     }
 
 
@@ -93,7 +94,7 @@ def test_a_file_states_the_day_and_an_option_beats_it(capsys, tmp_path):
     day = tmp_path / "today.toml"
     day.write_text("air_temperature_c = 31\npressure_hpa = 950\n", encoding="utf-8")
     made = fills(capsys, "--day", str(day), "--air-temperature", "12")
-    assert made["day"]["air_temperature_c"] == {"value": 12.0, "source": "option"}
+    assert made["day"]["air_temperature_c"] == {"value": 12.0, "source": "option", "error": 2.0}
     assert made["day"]["pressure_hpa"] == {"value": 950.0, "source": "file"}
     assert made["day"]["altitude"] is None
     assert "950 hPa" in made["advice"]

@@ -38,8 +38,8 @@ def test_the_page_and_the_command_advise_the_same():
     day = complete_day(
         51.8,
         Day(
-            air_temperature=DayValue(CELSIUS + 273.15, link),
-            pressure=DayValue(100.0 * HECTOPASCAL, link),
+            air_temperature=DayValue(CELSIUS + 273.15, link, error=0.5),
+            pressure=DayValue(100.0 * HECTOPASCAL, link, error=0.5 * HECTOPASCAL),
             battery_voltage=DayValue(VOLTS, link),
         ),
     )
