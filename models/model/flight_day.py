@@ -38,11 +38,11 @@ def flight_day(
 
     `heard` is the source of what was measured. `voltage` is the V under load in that row that the
     fill is computed with; None: the day has no battery. It counts as assumed where the row reports
-    none. The wind is the median of the flight; unknown where none is reported.
+    none. The wind is the mean of the flight; unknown where none is reported.
     """
     track = analysis.track
     at_s = float(track.time_s[row])
-    day = replace(_air(analysis, row, heard), wind=_wind(track, heard))
+    day = replace(_air(analysis, row, heard), wind=flight_wind(track, heard=heard)[0])
     if voltage is None:
         return day
     shown = track.voltage[row] > 0.0
@@ -83,6 +83,21 @@ def _day_at_rest(analysis: FlightAnalysis, rows: slice, heard: DaySource) -> Day
     return replace(air, battery_voltage=_rest_voltage(analysis.track, rows, heard))
 
 
+def flight_wind(track: FlightTrack, *, heard: DaySource = DaySource.LOG) -> tuple[DayValue, float]:
+    """Return the wind of a flight, m/s, and where it comes from, degrees from north.
+
+    It is the mean of the velocities (T, 3) in flight; both are unknown (NaN) where none is
+    reported.
+    """
+    winds = track.wind_ned[track.flying, :2]
+    winds = winds[np.isfinite(winds).all(axis=1)]
+    if not len(winds):
+        return UNKNOWN_VALUE, float("nan")
+    north, east = winds.mean(axis=0)
+    from_deg = float(np.degrees(np.arctan2(-east, -north))) % 360.0
+    return DayValue(float(np.hypot(north, east)), heard), from_deg
+
+
 def _air(analysis: FlightAnalysis, row: int, heard: DaySource) -> Day:
     """Return the air of a row: temperature, and pressure or else height."""
     track = analysis.track
@@ -110,13 +125,6 @@ def _air(analysis: FlightAnalysis, row: int, heard: DaySource) -> Day:
         metres = of_pressure * GAS_CONSTANT * kelvin / G0
         return replace(day, height=DayValue(height, heard, metres))
     return day
-
-
-def _wind(track: FlightTrack, heard: DaySource) -> DayValue:
-    """Return the median speed of the wind in flight; unknown where none is reported."""
-    speed = np.hypot(track.wind_ned[:, 0], track.wind_ned[:, 1])[track.flying]
-    speed = speed[np.isfinite(speed)]
-    return DayValue(float(np.median(speed)), heard) if speed.size else UNKNOWN_VALUE
 
 
 def _resistance(track: FlightTrack, heard: DaySource) -> DayValue:

@@ -93,8 +93,9 @@ def forecast(
         altitude: m of the field above the sea; without it that of the plan's home.
         pressure: hPa of the air at the field, not reduced to sea level; without it the standard of
             the altitude.
-        wind: m/s of wind; where nothing says it 0.
-        wind_from: ° where the wind comes from, 0 is north; without it the worst of all directions.
+        wind: m/s of wind; without it that of the log, and where nothing says it 0.
+        wind_from: ° where the wind comes from, 0 is north; without it the worst of all directions,
+            or with the wind of a log that of the log.
         gusts: m/s of wind in gusts; they are named, and not flown.
         flow: L/min with the pump on, at the speed of the line.
         rate: L/ha, instead of --flow; needs --swath.
@@ -182,12 +183,15 @@ def forecast(
     by_plan = Day(height=DayValue(found.home[2], DaySource.PLAN))
     logged = () if before.day is None else (before.day,)
     holds_for = day_of_command(craft, stated, console, *logged, by_parameters, by_plan)
+    windward = _or_nan(wind_from)
+    if wind_from is None and holds_for.wind.source is DaySource.LOG:
+        windward = before.wind_from_deg
     made = plan_forecast.forecast(
         found,
         rotor_model,
         plan_forecast.TakeOff(
             fill_kg=kg,
-            wind_from_deg=_or_nan(wind_from),
+            wind_from_deg=windward,
             flow=_or_nan(flow) * liquid / 60.0,
             flow_per_metre=_or_nan(rate) * liquid * _or_nan(swath) / 1e4,
             swath=_or_nan(swath),
@@ -301,7 +305,8 @@ class _FlightBefore:
     #: Why it was no flight of this aircraft; empty where it was one, None without a flight.
     unlike: tuple[str, ...] | None = None
     caveats: tuple[Caveat, ...] = ()
-    day: Day | None = None  # as known before it took off
+    day: Day | None = None  # its air and its battery before it took off, and its wind
+    wind_from_deg: float = math.nan  # where that wind came from
     beyond_gauge_kg: float = 0.0  # that hover thrust showed beyond the reported load
 
 
@@ -311,14 +316,14 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.logs.log_answer import answer_log
     from thrustmargin.models.model.analysis import analyse
-    from thrustmargin.models.model.flight_day import day_before_take_off
+    from thrustmargin.models.model.flight_day import day_before_take_off, flight_wind
 
     try:
         log, claim = read_flights(plan, model, given=given)[-1]
     except LogError:
         return _FlightBefore()  # it still holds its mission; the defaults are listed
     answer = answer_log(log, analyse(log.track, model, claim=claim), 0.5).made
-    advice = answer.advice
+    advice, (wind, from_deg) = answer.advice, flight_wind(answer.whole.track)
     other_order = not advice.rotor_names  # which rotor it was is not known
     which = tuple(range(advice.rotor_count)) if other_order else ()
     found = tuple(replace(e.fault, rotors=which or e.fault.rotors) for e in advice.faults)
@@ -328,6 +333,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         other_order=other_order,
         unlike=(claim.unlike,) if claim.unlike else claim.withheld,
         caveats=advice.caveats,
-        day=day_before_take_off(answer.whole),
+        day=replace(day_before_take_off(answer.whole), wind=wind),
+        wind_from_deg=from_deg,
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
     )
