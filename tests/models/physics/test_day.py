@@ -1,9 +1,11 @@
 """A day takes each value from the best source that has it, and says which that was."""
 
+import json
 import math
 
 import pytest
 
+from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.physics.day import (
     Day,
     DaySource,
@@ -13,6 +15,9 @@ from thrustmargin.models.physics.day import (
     default_day,
     merged,
 )
+
+
+FILE = DaySource.FILE
 
 
 def celsius(value: float, source: DaySource) -> Day:
@@ -100,3 +105,13 @@ def test_json_has_value_and_source_as_people_write_them():
     assert made["pressure_hpa"] == {"value": 950.0, "source": "log"}
     assert made["loaded_voltage"] == {"value": 49.25, "source": "log", "at_s": 200.0}
     assert made["wind"] is None
+
+
+def test_a_day_survives_json_whole_as_a_store_keeps_it():
+    day = complete_day(
+        51.8, Day(wind=DayValue(3.0, DaySource.LOG, error=0.5, at_s=12.0)), celsius(20.0, FILE)
+    )
+    kept = from_json_values(Day, json.loads(json.dumps(to_json_values(day))), "day")
+    assert to_json_values(kept) == to_json_values(day)
+    assert kept.wind.source is DaySource.LOG
+    assert not kept.battery_voltage.known
