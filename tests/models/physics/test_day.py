@@ -16,7 +16,6 @@ from thrustmargin.models.physics.day import (
     merged,
 )
 
-
 FILE = DaySource.FILE
 
 
