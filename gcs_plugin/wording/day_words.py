@@ -9,7 +9,13 @@ import math
 from collections.abc import Mapping
 
 from thrustmargin.gcs_plugin.wording.language import clock, number, say
-from thrustmargin.models.physics.day import DAY_FIELDS, Day, DaySource, DayValue
+from thrustmargin.models.physics.day import (
+    DAY_FIELDS,
+    ZERO_CELSIUS,
+    Day,
+    DaySource,
+    DayValue,
+)
 
 #: Where a value is from, behind it in brackets.
 SOURCES: Mapping[DaySource, str] = {
@@ -34,18 +40,24 @@ LEAST_WIND = 0.5  # m/s that is worth a word
 
 
 def day_briefly(day: Day) -> str:
-    """`a half used battery, 30 °C, at sea level, no wind`: the day in few words; empty if unknown.
+    """Return the day in few words; empty where nothing of it is known.
 
-    Of a flight only the battery is named, with the time: its air is that flight's own.
+    `a half used battery, 30 °C, at sea level, no wind`. Of a flight only the battery is named, with
+    its time, because the air is that flight's own.
     """
     battery = battery_words(day)
     if math.isfinite(day.loaded_voltage.at_s):
         return battery
-    return ", ".join(filter(None, (battery, _air(day), _height(day), _wind(day))))
+    parts = (_temperature(day), _place(day), _wind(day), _gusts(day))
+    named = [_given(*part) for part in parts if part]
+    return ", ".join([battery, *named] if battery else named)
 
 
 def battery_words(day: Day) -> str:
-    """`the battery at 3:20 of this flight`, `a full battery`, `a battery of 56.5 V at rest`."""
+    """Return the words of a day's battery, to follow "with"; empty where none is known.
+
+    `the battery at 3:20 of this flight`, `a full battery`, `a battery of 56.5 V at rest`.
+    """
     loaded, rest = day.loaded_voltage, day.battery_voltage
     if math.isfinite(loaded.at_s) and not loaded.source.assumed:
         return say("the battery at {clock} of this flight", clock=clock(loaded.at_s))
@@ -65,82 +77,90 @@ def battery_words(day: Day) -> str:
     return say("a battery of {volts} at rest", volts=volts)
 
 
-def _air(day: Day) -> str:
+#: Words of one value, and the value for its source; None where it is unknown.
+_Part = tuple[str, DayValue] | None
+
+
+def _temperature(day: Day) -> _Part:
+    """Return the air temperature in words."""
     value = day.air_temperature
-    if not value.known:
-        return ""
-    return _given(number(value.value - 273.15, "°C", 0), value)
+    return (number(value.value - ZERO_CELSIUS, "°C", 0), value) if value.known else None
 
 
-def _height(day: Day) -> str:
+def _place(day: Day) -> _Part:
+    """Return the pressure at the field in words, else its height."""
     if day.pressure.known:
-        return _given(number(day.pressure.value / 100.0, "hPa", 0), day.pressure)
+        return number(day.pressure.value / 100.0, "hPa", 0), day.pressure
     if not day.height.known:
-        return ""
+        return None
     if round(day.height.value) == 0:
-        return _given(say("at sea level"), day.height)
-    return _given(
-        say("{height} above the sea", height=number(day.height.value, "m", 0)), day.height
-    )
+        return say("at sea level"), day.height
+    height = number(day.height.value, "m", 0)
+    return say("{height} above the sea", height=height), day.height
 
 
-def _wind(day: Day) -> str:
-    wind, gusts = day.wind, day.gusts
-    if not wind.known and not gusts.known:
-        return ""
-    steady = say("no wind")
-    if wind.value >= LEAST_WIND:
-        steady = say("wind {speed}", speed=number(wind.value, "m/s"))
-    words = _given(steady, wind)
-    if gusts.value > max(wind.value, LEAST_WIND):
-        words = f"{words}, {_given(say('gusts {speed}', speed=number(gusts.value, 'm/s')), gusts)}"
-    return words
+def _wind(day: Day) -> _Part:
+    """Return the wind in words."""
+    if not day.wind.known:
+        return None
+    if day.wind.value < LEAST_WIND:
+        return say("no wind"), day.wind
+    return say("wind {speed}", speed=number(day.wind.value, "m/s")), day.wind
+
+
+def _gusts(day: Day) -> _Part:
+    """Return the gusts in words; None where they are no more than the wind."""
+    steady = day.wind.value if day.wind.known else 0.0
+    if not day.gusts.value > max(steady, LEAST_WIND):
+        return None
+    return say("gusts {speed}", speed=number(day.gusts.value, "m/s")), day.gusts
 
 
 def _given(words: str, value: DayValue) -> str:
-    """The words with the time at which a remembered value was stated."""
+    """Add the time at which a remembered value was stated; return other words unchanged."""
     if value.source is not DaySource.REMEMBERED:
         return words
     return f"{words} {say(SOURCES[value.source], time=value.given_at)}"
 
 
 def _with_source(words: str, value: DayValue) -> str:
+    """Add the source of a value in brackets."""
     return f"{words} ({say(SOURCES[value.source], time=value.given_at)})"
 
 
 def day_line(day: Day, voltage: float = math.nan) -> str:
-    """`For 30 °C (assumed), at sea level (assumed), ...`: every value with its source.
+    """Return a sentence with every known value of a day and its source.
 
-    `voltage` is V under load that the battery has in it; NaN: that of the day, if it has one.
+    `For 30 °C (assumed), at sea level (assumed), ...`. `voltage` is the V under load that a fill
+    was computed with, if the day states the voltage at rest; NaN: not named.
     """
-    parts = [
-        _with_source(number(day.air_temperature.value - 273.15, "°C", 0), day.air_temperature)
-        if day.air_temperature.known
-        else "",
-        _with_source(number(day.pressure.value / 100.0, "hPa", 0), day.pressure)
-        if day.pressure.known
-        else "",
-        _with_source(_height(Day(height=day.height)), day.height)
-        if day.height.known and not day.pressure.known
-        else "",
-        _with_source(_wind(Day(wind=day.wind)), day.wind) if day.wind.known else "",
-    ]
-    if day.gusts.value > 0.0:
-        parts.append(_with_source(_wind(Day(gusts=day.gusts)), day.gusts))
     loaded, rest = day.loaded_voltage, day.battery_voltage
+    parts = [part for part in (_temperature(day), _place(day), _wind(day), _gusts(day)) if part]
     if rest.known:
-        parts.append(
-            _with_source(say("battery {volts} at rest", volts=number(rest.value, "V")), rest)
-        )
-    under = loaded.value if loaded.known else voltage
-    if math.isfinite(under):
-        words = say("{volts} under load", volts=number(under, "V"))
-        parts.append(words if rest.known else _with_source(f"{say('battery')} {words}", loaded))
-    return say("For {day}.", day=", ".join(filter(None, parts)))
+        words = say("battery {volts} at rest", volts=number(rest.value, "V"))
+        parts.append((words, rest))
+    named = [_with_source(*part) for part in parts]
+    under = say("{volts} under load", volts=number(voltage, "V"))
+    if loaded.known:
+        under = say("{volts} under load", volts=number(loaded.value, "V"))
+        named.append(_with_source(f"{say('battery')} {under}", loaded))
+    elif math.isfinite(voltage):
+        named.append(under)
+    for value, unit, factor, decimals in (
+        (day.battery_capacity_ah, "Ah", 1.0, 1),
+        (day.battery_resistance, "mOhm", 1e3, 0),
+    ):
+        if value.known:
+            named.append(_with_source(number(factor * value.value, unit, decimals), value))
+    return say("For {day}.", day=", ".join(named))
 
 
 def ask_words(name: str, step: float, kg: float) -> str:
-    """`Say the air temperature with --air-temperature: it moves the fill by 1.0 kg per 10 °C.`"""
+    """Return what the user is asked to state, and by how many kg the fill moves over a step.
+
+    `name` is a field of `Day`, `step` in the unit in which people write it: `Say the air
+    temperature with --air-temperature: it moves the fill by 1.0 kg per 10 °C.`
+    """
     how = DAY_FIELDS[name]
     unit = f"{step:g} {how.unit}" if step != 1.0 else how.unit
     return say(

@@ -56,10 +56,11 @@ FLIGHT_LEVELS: Mapping[FillLevel, FlightLevel] = {
 
 
 def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> str:
-    """`Fill at most 9.1 kg (9.1 L) with a full battery, 15 °C: with more it would descend ...`
+    """Return how much to fill, for which day, and why not more.
 
-    The day that the fill holds for is named. `limit` is the share of a rotor's largest thrust that
-    may last. Where a flight `was_within` the limits nothing must change: `Up to 9.1 kg ...`.
+    `Fill at most 9.1 kg (9.1 L) with a full battery, 15 °C: with more it would descend ...`.
+    `limit` is the share of a rotor's largest thrust that may last. Where a flight `was_within` the
+    limits nothing must change: `Up to 9.1 kg ...`.
     """
     level = fill.level
     if level is FillLevel.UNSOUND:
@@ -89,7 +90,7 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
 
 
 def with_day(day: Day) -> str:
-    """` with a full battery, 15 °C, no wind`; empty where nothing of the day is known."""
+    """Return ` with a full battery, 15 °C, no wind`; empty where nothing of the day is known."""
     words = day_briefly(day)
     return say(" with {day}", day=words) if words else ""
 

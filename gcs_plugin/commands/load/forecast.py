@@ -179,7 +179,8 @@ def forecast(
 
         known = read_parameters(parameters)
     console = Terminal(soft_wrap=True, quiet=json == STDOUT)
-    by_parameters = Day(battery_capacity_ah=DayValue(stated_capacity(known), DaySource.LOG))
+    heard = DaySource.LOG if parameters is None else DaySource.OPTION
+    by_parameters = Day(battery_capacity_ah=DayValue(stated_capacity(known), heard))
     by_plan = Day(height=DayValue(found.home[2], DaySource.PLAN))
     logged = () if before.day is None else (before.day,)
     holds_for = day_of_command(craft, stated, console, *logged, by_parameters, by_plan)
